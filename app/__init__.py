@@ -1,0 +1,1 @@
+"""The desktop application: document, views, panels, jobs. Thin over nvsim; nvsim never imports it."""

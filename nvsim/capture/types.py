@@ -1,0 +1,90 @@
+"""A capture: the frames of a walk, their lenses and poses, perhaps a cloud. Everything in the aligned frame
+(right-handed, z up, metres); `alignment` says how that frame came from the one in the files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.geometry.lens import Lens
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """points (N, 3) float32, metres, world; colors (N, 3) uint8 RGB or None; kind "lidar" (dense, metric) or "sfm"."""
+
+    points: NDArray[np.float32]
+    colors: NDArray[np.uint8] | None = None
+    kind: str = "lidar"
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One image with its pose.
+
+    name             unique in the capture, the path the source gave it, with forward slashes
+    image_path       absolute path of the image, which stays where it is
+    lens             the camera model of the image as stored (with distortion)
+    camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, metres
+    sensor           the camera's id in the source
+    timestamp        the source's own unit, or the running number where it has none
+    """
+
+    name: str
+    image_path: Path
+    lens: Lens
+    camera_to_world: NDArray[np.float64]
+    sensor: str = "camera"
+    timestamp: float = 0.0
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The pinhole of the undistorted image."""
+        return self.lens.pinhole
+
+    @property
+    def camera(self) -> Camera:
+        return Camera(self.intrinsics, self.camera_to_world)
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """aligned = scale * (rotation @ source): a rotation about the origin and a scale, kept apart.
+
+    rotation      (3, 3) float64, the identity for a capture whose up was within 2 degrees of z
+    scale         metres per source unit
+    scale_known   False while nobody has said what a unit is
+    """
+
+    rotation: NDArray[np.float64]
+    scale: float = 1.0
+    scale_known: bool = True
+
+    @staticmethod
+    def identity() -> Alignment:
+        return Alignment(np.eye(3))
+
+    @property
+    def is_identity(self) -> bool:
+        return bool(self.scale == 1.0 and np.array_equal(self.rotation, np.eye(3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A posed walk. `source` is the folder or file it was read from, `format` its name ("nerfstudio", ...)."""
+
+    source: Path
+    format: str
+    frames: tuple[Frame, ...]
+    cloud: Cloud | None
+    alignment: Alignment
+
+    @cached_property
+    def positions(self) -> NDArray[np.float64]:
+        """(N, 3) camera positions, metres, aligned frame, in frame order."""
+        return np.array([f.camera_to_world[:3, 3] for f in self.frames]).reshape(-1, 3)

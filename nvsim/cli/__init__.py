@@ -1,0 +1,1 @@
+"""Arguments -> library -> progress and tables. Thin: nothing here computes."""

@@ -1,0 +1,101 @@
+"""Events as frozen dataclasses and their form as JSON lines: {"event": "progress", "stage": "train", ...}."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Progress:
+    """`done` of `total` units of `stage` (an identifier like "train"); `detail` names the part in hand."""
+
+    stage: str
+    done: int
+    total: int
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One measured number at a step: name like "psnr", value, the step it belongs to, the submap or -1."""
+
+    stage: str
+    name: str
+    value: float
+    step: int = 0
+    submap: int = -1
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A picture written to `path`, to be shown while the stage runs."""
+
+    stage: str
+    path: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Log:
+    """A sentence for whoever watches."""
+
+    text: str
+    stage: str = ""
+
+
+@dataclass(frozen=True)
+class Warning:
+    """A sentence that the result will suffer from: what, where, what it causes."""
+
+    text: str
+    stage: str = ""
+
+
+@dataclass(frozen=True)
+class Done:
+    """The stage ended well; `summary` is one sentence, `results` are JSON-able figures."""
+
+    stage: str
+    summary: str = ""
+    results: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The stage ended badly; `message` is one sentence, `code` the exit code (2 their mistake, 1 ours)."""
+
+    stage: str
+    message: str
+    code: int = 1
+
+
+Event = Progress | Metric | Preview | Log | Warning | Done | Failed
+Listener = Callable[[Event], None]
+
+_KINDS: dict[str, type] = {k.__name__.lower(): k for k in (Progress, Metric, Preview, Log, Warning, Done, Failed)}
+
+
+def silent(event: Event) -> None:
+    """A listener that does nothing."""
+
+
+def to_json(event: Event) -> str:
+    """One line of JSON without a line end."""
+    return json.dumps({"event": type(event).__name__.lower(), **dataclasses.asdict(event)})
+
+
+def from_json(line: str) -> Event:
+    """The event of one line. Raises ValueError when the line is not an event."""
+    data = json.loads(line)
+    if not isinstance(data, dict) or data.get("event") not in _KINDS:
+        raise ValueError(f"not an event: {line[:80]!r}")
+    kind = _KINDS[data.pop("event")]
+    try:
+        event: Event = kind(**data)
+    except TypeError as error:
+        raise ValueError(f"not an event: {error}") from error
+    return event

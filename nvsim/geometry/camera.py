@@ -1,0 +1,101 @@
+"""A pinhole camera in the world: OpenCV axes (x right, y down, z forward), world in metres with z up.
+
+Pixel (0.5, 0.5) is the centre of the first pixel, so a principal point in the image centre is (width/2, height/2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """An undistorted pinhole: focal lengths and principal point in pixels."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def scaled(self, width: int, height: int) -> Intrinsics:
+        """The same view sampled at another size (pixels)."""
+        sx, sy = width / self.width, height / self.height
+        return Intrinsics(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy)
+
+    def within(self, longest_side: int) -> Intrinsics:
+        """The same view, shrunk so that neither side exceeds `longest_side` pixels; never enlarged."""
+        factor = min(1.0, longest_side / max(self.width, self.height))
+        return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
+
+    @staticmethod
+    def from_fov(width: int, height: int, horizontal_fov: float) -> Intrinsics:
+        """Square pixels, centred principal point, `horizontal_fov` in radians."""
+        focal = width / 2 / np.tan(horizontal_fov / 2)
+        return Intrinsics(width, height, focal, focal, width / 2, height / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole at a pose. `camera_to_world` is (4, 4) float64, rigid, metres."""
+
+    intrinsics: Intrinsics
+    camera_to_world: NDArray[np.float64]
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,) metres, world."""
+        return self.camera_to_world[:3, 3]
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """(3, 3), columns are the camera's right, down and forward axes in the world."""
+        return self.camera_to_world[:3, :3]
+
+    @cached_property
+    def world_to_camera(self) -> NDArray[np.float64]:
+        """(4, 4), the inverse of the pose."""
+        inverse = np.eye(4)
+        inverse[:3, :3] = self.rotation.T
+        inverse[:3, 3] = -self.rotation.T @ self.position
+        return inverse
+
+    def scaled(self, width: int, height: int) -> Camera:
+        return replace(self, intrinsics=self.intrinsics.scaled(width, height))
+
+    def rays(self) -> NDArray[np.float32]:
+        """(H, W, 3) float32 unit directions in the world through the pixel centres."""
+        k = self.intrinsics
+        u = (np.arange(k.width) + 0.5 - k.cx) / k.fx
+        v = (np.arange(k.height) + 0.5 - k.cy) / k.fy
+        local = np.empty((k.height, k.width, 3))
+        local[..., 0], local[..., 1], local[..., 2] = u[None, :], v[:, None], 1.0
+        local /= np.linalg.norm(local, axis=-1, keepdims=True)
+        return (local @ self.rotation.T).astype(np.float32)
+
+    def project(self, points: FloatArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pixels (..., 2) and depths (...) along the optical axis of world points (..., 3); depth <= 0 is behind."""
+        local = points @ self.world_to_camera[:3, :3].T + self.world_to_camera[:3, 3]
+        depth = local[..., 2]
+        safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
+        k = self.intrinsics
+        pixels = np.stack([k.fx * local[..., 0] / safe + k.cx, k.fy * local[..., 1] / safe + k.cy], axis=-1)
+        return pixels, depth
+
+
+def look(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArray[np.float64]:
+    """A level camera-to-world pose (4, 4): heading in radians, 0 is +y, positive turns right (clockwise seen from
+    above), elevation in radians, positive looks up. The convention is Matterport3DSimulator's."""
+    sh, ch, se, ce = np.sin(heading), np.cos(heading), np.sin(elevation), np.cos(elevation)
+    forward = np.array([sh * ce, ch * ce, se])
+    right = np.array([ch, -sh, 0.0])
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(forward, right), forward, position
+    return pose

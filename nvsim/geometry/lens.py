@@ -1,0 +1,113 @@
+"""Camera models of images as stored, and the way to the pinhole that everything else uses.
+
+Names and parameter order are COLMAP's (colmap.github.io/cameras.html), which kapture shares; nerfstudio's OPENCV and
+OPENCV_FISHEYE map onto them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Intrinsics
+
+PARAMETER_COUNTS = {
+    "SIMPLE_PINHOLE": 3,
+    "PINHOLE": 4,
+    "SIMPLE_RADIAL": 4,
+    "RADIAL": 5,
+    "OPENCV": 8,
+    "OPENCV_FISHEYE": 8,
+    "FULL_OPENCV": 12,
+    "SIMPLE_RADIAL_FISHEYE": 4,
+    "RADIAL_FISHEYE": 5,
+}
+_ONE_FOCAL = {"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"}
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera model: name from PARAMETER_COUNTS, image size in pixels, parameters in COLMAP's order.
+
+    Raises ValueError for an unknown model, a wrong parameter count, or parameters that are not finite.
+    """
+
+    model: str
+    width: int
+    height: int
+    params: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if self.model not in PARAMETER_COUNTS:
+            known = ", ".join(PARAMETER_COUNTS)
+            raise ValueError(f"camera model {self.model!r} is not supported (supported: {known})")
+        if len(self.params) != PARAMETER_COUNTS[self.model]:
+            raise ValueError(
+                f"camera model {self.model} takes {PARAMETER_COUNTS[self.model]} parameters, got {len(self.params)}"
+            )
+        if self.width <= 0 or self.height <= 0:
+            raise ValueError(f"image size {self.width}x{self.height} is not positive")
+        if not np.isfinite(self.params).all() or self.focal[0] <= 0 or self.focal[1] <= 0:
+            raise ValueError(f"camera parameters {self.params} are not finite with positive focal lengths")
+
+    @property
+    def focal(self) -> tuple[float, float]:
+        return (self.params[0], self.params[0]) if self.model in _ONE_FOCAL else (self.params[0], self.params[1])
+
+    @property
+    def principal_point(self) -> tuple[float, float]:
+        start = 1 if self.model in _ONE_FOCAL else 2
+        return self.params[start], self.params[start + 1]
+
+    @property
+    def distortion(self) -> tuple[float, ...]:
+        return self.params[3:] if self.model in _ONE_FOCAL else self.params[4:]
+
+    @property
+    def is_fisheye(self) -> bool:
+        return "FISHEYE" in self.model
+
+    @property
+    def is_distorted(self) -> bool:
+        return self.is_fisheye or any(abs(k) > 1e-12 for k in self.distortion)
+
+    @cached_property
+    def pinhole(self) -> Intrinsics:
+        """The pinhole of the undistorted image: same size, focal lengths and principal point."""
+        (fx, fy), (cx, cy) = self.focal, self.principal_point
+        return Intrinsics(self.width, self.height, fx, fy, cx, cy)
+
+    def distort(self, normalized: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixels (..., 2) in the stored image of undistorted normalized coordinates (..., 2)."""
+        x, y = normalized[..., 0], normalized[..., 1]
+        k = self.distortion
+        if self.is_fisheye:
+            r = np.hypot(x, y)
+            theta = np.arctan(r)
+            t2 = theta * theta
+            series = 1.0 + sum((c * t2 ** (i + 1) for i, c in enumerate(k)), np.zeros_like(t2))
+            scale = np.where(r > 1e-9, theta * series / np.maximum(r, 1e-9), 1.0)
+            xd, yd = x * scale, y * scale
+        else:
+            r2 = x * x + y * y
+            k1 = k[0] if len(k) > 0 else 0.0
+            k2 = k[1] if len(k) > 1 else 0.0
+            p1, p2 = (k[2], k[3]) if len(k) >= 4 else (0.0, 0.0)
+            radial = 1 + k1 * r2 + k2 * r2**2
+            if len(k) == 8:
+                radial = (radial + k[4] * r2**3) / (1 + k[5] * r2 + k[6] * r2**2 + k[7] * r2**3)
+            xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+            yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        (fx, fy), (cx, cy) = self.focal, self.principal_point
+        return np.stack([fx * xd + cx, fy * yd + cy], axis=-1)
+
+    def undistort_map(self, target: Intrinsics) -> NDArray[np.float32]:
+        """(H, W, 2) float32: for each pixel of `target`, where to sample the stored image, in OpenCV's remap
+        convention (pixel centres at integers)."""
+        u = (np.arange(target.width) + 0.5 - target.cx) / target.fx
+        v = (np.arange(target.height) + 0.5 - target.cy) / target.fy
+        grid = np.stack(np.meshgrid(u, v), axis=-1)
+        return (self.distort(grid) - 0.5).astype(np.float32)

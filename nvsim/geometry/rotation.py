@@ -1,0 +1,43 @@
+"""Rotations: quaternions (w x y z), rigidity, and the smallest rotation between two directions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def matrix_from_quaternion(quaternion: ArrayLike) -> NDArray[np.float64]:
+    """(..., 4) w x y z, any positive length -> (..., 3, 3) rotation matrices."""
+    q = np.asarray(quaternion, dtype=np.float64)
+    w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def is_rigid(pose: NDArray[np.float64], tolerance: float = 1e-3) -> bool:
+    """Whether a (4, 4) matrix is a finite rotation (determinant +1) and translation with last row 0 0 0 1."""
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        return False
+    rotation = pose[:3, :3]
+    orthonormal = np.allclose(rotation @ rotation.T, np.eye(3), atol=tolerance)
+    return bool(orthonormal and np.linalg.det(rotation) > 0 and np.allclose(pose[3], [0, 0, 0, 1], atol=1e-6))
+
+
+def smallest_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64]:
+    """(3, 3), the rotation about the origin by the least angle that turns direction `source` (3,) into `target` (3,)."""
+    a = np.asarray(source, dtype=np.float64)
+    b = np.asarray(target, dtype=np.float64)
+    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+    cosine = float(a @ b)
+    if cosine < -1 + 1e-12:
+        helper = np.eye(3)[np.argmin(np.abs(a))]
+        axis = np.cross(a, helper)
+        axis /= np.linalg.norm(axis)
+        return 2 * np.outer(axis, axis) - np.eye(3)
+    v = np.cross(a, b)
+    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.eye(3) + cross + cross @ cross / (1 + cosine)

@@ -1,0 +1,120 @@
+"""The navigation graph as a value: viewpoints, undirected edges, and the evidence behind every decision.
+
+Nothing here is ever changed in place: an edit is a function graph -> graph. Identity is the viewpoint id.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """id        unique in the graph, without "/" (our builder: 32 lower-case hex digits, as in Matterport3D)
+    position  (x, y, z) metres, world, of the camera
+    height    metres of the camera above the floor
+    submap    index of the submap that renders it, -1 where there is none
+    included  False keeps the entry in files but out of navigation (R2R "included")
+    origin    "start", "step", "person" or "file": who put it there
+    """
+
+    id: str
+    position: tuple[float, float, float]
+    height: float = 1.5
+    submap: int = -1
+    included: bool = True
+    origin: str = "step"
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An undirected navigable segment; a < b as strings. origin: "step" (a corridor of length tau_dist was checked),
+    "merge" (the corridor to an existing viewpoint was checked), "person", "file"."""
+
+    a: str
+    b: str
+    origin: str = "step"
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return (self.a, self.b)
+
+
+def edge(a: str, b: str, origin: str = "step") -> Edge:
+    """The edge between two ids in either order. Raises ValueError when they are the same."""
+    if a == b:
+        raise ValueError(f"an edge from viewpoint {a} to itself")
+    return Edge(min(a, b), max(a, b), origin)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What was measured from one viewpoint along one corridor, enough to decide again without rendering.
+
+    viewpoint   id it was measured from
+    direction   0 to 7 for the lattice directions; 8 and up for corridors to an existing viewpoint (a merge)
+    heading     radians, 0 is +y, positive turns right
+    length      metres from the viewpoint to the place the step leads to
+    alpha       (rows, cells) uint8, accumulated alpha * 255 on the floor cells of the corridor: row r covers
+                [near + r * depth, near + (r + 1) * depth] ahead, cell c an equal share of `width` from left to right;
+                255 also where a cell lies outside the picture
+    up          (rows, cells) uint8, upward normal component * 255 (negative as 0)
+    support     (rows, cells) bool, whether a floor mask or a cloud point says that there is floor
+    near, depth, width   metres: start of the first row, depth of a row, full width of the corridor
+    submap      index of the submap model that was rendered
+    target      (x, y) where the step leads
+    joins       id of the existing viewpoint that the corridor leads to, "" for a lattice step
+    decision    the words of the decision under the thresholds it was built with: "open", or the first criterion that
+                failed: "alpha", "normal", "unknown", "distance", "limit", "merge"
+    """
+
+    viewpoint: str
+    direction: int
+    heading: float
+    length: float
+    alpha: NDArray[np.uint8]
+    up: NDArray[np.uint8]
+    support: NDArray[np.bool_]
+    near: float
+    depth: float
+    width: float
+    submap: int
+    target: tuple[float, float]
+    joins: str = ""
+    decision: str = ""
+
+    @property
+    def key(self) -> tuple[str, int]:
+        return (self.viewpoint, self.direction)
+
+
+def _frozen(mapping: Mapping[Any, Any]) -> Mapping[Any, Any]:
+    return mapping if isinstance(mapping, MappingProxyType) else MappingProxyType(dict(mapping))
+
+
+@dataclass(frozen=True, eq=False)
+class NavGraph:
+    """scan       the scan id: no underscore, no white space, no slash (agents split keys at "_")
+    viewpoints  id -> Viewpoint, in file order
+    edges       (a, b) with a < b -> Edge; both ends are viewpoints
+    evidence    (viewpoint id, direction) -> Evidence
+    """
+
+    scan: str
+    viewpoints: Mapping[str, Viewpoint] = field(default_factory=dict)
+    edges: Mapping[tuple[str, str], Edge] = field(default_factory=dict)
+    evidence: Mapping[tuple[str, int], Evidence] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("viewpoints", "edges", "evidence"):
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
+
+    def neighbours(self, viewpoint: str) -> tuple[str, ...]:
+        """Ids joined to `viewpoint` by an edge, in edge order."""
+        return tuple(b if a == viewpoint else a for a, b in self.edges if viewpoint in (a, b))

@@ -1,0 +1,43 @@
+"""An occupancy map: what is free, occupied and unknown on a regular grid over the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FREE, OCCUPIED, UNKNOWN = np.uint8(0), np.uint8(1), np.uint8(2)
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyMap:
+    """cells       (rows, columns) uint8, FREE, OCCUPIED or UNKNOWN; row 0 has the lowest y, column 0 the lowest x
+    resolution  metres per cell
+    origin      (x, y) metres of the lower corner of cell [0, 0]
+    """
+
+    cells: NDArray[np.uint8]
+    resolution: float
+    origin: tuple[float, float]
+
+    def index(self, xy: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(..., 2) row and column of world points (..., 2); may lie outside the grid."""
+        columns = np.floor((xy[..., 0] - self.origin[0]) / self.resolution)
+        rows = np.floor((xy[..., 1] - self.origin[1]) / self.resolution)
+        return np.stack([rows, columns], axis=-1).astype(np.int64)
+
+    def at(self, xy: NDArray[np.floating]) -> NDArray[np.uint8]:
+        """The state at world points (..., 2); UNKNOWN outside the grid."""
+        index = self.index(np.asarray(xy, np.float64))
+        rows, columns = self.cells.shape
+        inside = (index[..., 0] >= 0) & (index[..., 0] < rows) & (index[..., 1] >= 0) & (index[..., 1] < columns)
+        r, c = np.where(inside, index[..., 0], 0), np.where(inside, index[..., 1], 0)
+        return np.where(inside, self.cells[r, c], UNKNOWN)
+
+    def centres(self) -> NDArray[np.float64]:
+        """(rows, columns, 2) world x, y of the cell centres."""
+        rows, columns = self.cells.shape
+        x = self.origin[0] + (np.arange(columns) + 0.5) * self.resolution
+        y = self.origin[1] + (np.arange(rows) + 0.5) * self.resolution
+        return np.stack(np.meshgrid(x, y), axis=-1)

@@ -1,0 +1,1 @@
+"""One rasteriser contract and its backends, views of submap models and of the scene, panoramas. Torch only in `render.autograd`."""

@@ -1,0 +1,27 @@
+"""The contract of every backend: what is asked for and what comes back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(eq=False)
+class RenderOutput:
+    """A view; a channel that was not asked for is None.
+
+    rgb        (H, W, 3) float32, not clamped: Gaussians, and over them the background where there is one
+    alpha      (H, W) float32, accumulated opacity of the Gaussians alone, 0 to 1
+    depth      (H, W) float32, metres along the optical axis, alpha-weighted mean of the Gaussians' depths divided by
+               alpha; 0 where alpha < 1e-3
+    normal     (H, W, 3) float32, world, towards the camera: sum of weight * (the Gaussian's shortest axis); length <= 1
+    """
+
+    rgb: Float32 | None = None
+    alpha: Float32 | None = None
+    depth: Float32 | None = None
+    normal: Float32 | None = None

@@ -1,0 +1,110 @@
+"""What a trained submap consists of: Gaussians, a background, a floor texture. Arrays only, no torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.floor_surface import FloorSurface
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(eq=False)
+class Gaussians:
+    """N anisotropic Gaussians, world frame, metres; all arrays float32 and C-contiguous.
+
+    means           (N, 3)
+    log_scales      (N, 3) natural logarithm of the standard deviations in metres
+    quats           (N, 4) w x y z, not necessarily of unit length
+    opacity_logits  (N,)
+    sh              (N, K, 3) real spherical-harmonics coefficients, K = (degree + 1)^2; colour = sum + 0.5, >= 0
+    """
+
+    means: Float32
+    log_scales: Float32
+    quats: Float32
+    opacity_logits: Float32
+    sh: Float32
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    @property
+    def sh_degree(self) -> int:
+        return int(round(self.sh.shape[1] ** 0.5)) - 1
+
+    @staticmethod
+    def empty(sh_degree: int = 0) -> Gaussians:
+        def zeros(*shape: int) -> Float32:
+            return np.zeros(shape, np.float32)
+
+        return Gaussians(zeros(0, 3), zeros(0, 3), zeros(0, 4), zeros(0), zeros(0, (sh_degree + 1) ** 2, 3))
+
+
+@dataclass(eq=False)
+class Background:
+    """The background network of the paper (section III-C): camera position -> appearance embedding -> SH-4 colours.
+
+    weights   named float32 arrays, layer i of the embedding as "embed.i.weight" (out, in) and "embed.i.bias" (out,),
+              of the trunk as "trunk.i.*", heads "base.*" (3 outputs) and "rest.*" (24*3 outputs, coefficient-major);
+              ReLU between the layers of embed, none after its last, ReLU after every trunk layer
+    octaves   number of octaves of sines and cosines of position / `period` that the embedding takes, after the
+              position / `period` itself; per axis: value, sin of each octave, cos of each octave
+    period    metres
+    """
+
+    weights: dict[str, Float32]
+    octaves: int = 4
+    period: float = 5.0
+
+    def coefficients(self, position: NDArray[np.floating]) -> Float32:
+        """(25, 3) SH coefficients of the background seen from `position` (3,); the colour along a direction is their
+        sum with the real SH basis, without shift and clamp."""
+        x = np.asarray(position, np.float32) / np.float32(self.period)
+        phases = x[:, None] * (2.0 ** np.arange(self.octaves, dtype=np.float32))
+        h = np.concatenate([x[:, None], np.sin(phases), np.cos(phases)], axis=1).reshape(-1)
+        layers = sorted(int(k.split(".")[1]) for k in self.weights if k.startswith("embed.") and k.endswith("weight"))
+        for i in layers:
+            h = self.weights[f"embed.{i}.weight"] @ h + self.weights[f"embed.{i}.bias"]
+            if i != layers[-1]:
+                h = np.maximum(h, 0)
+        for i in sorted(int(k.split(".")[1]) for k in self.weights if k.startswith("trunk.") and k.endswith("weight")):
+            h = np.maximum(self.weights[f"trunk.{i}.weight"] @ h + self.weights[f"trunk.{i}.bias"], 0)
+        base = self.weights["base.weight"] @ h + self.weights["base.bias"]
+        rest = self.weights["rest.weight"] @ h + self.weights["rest.bias"]
+        return np.concatenate([base[None], rest.reshape(24, 3)]).astype(np.float32)
+
+
+@dataclass(eq=False)
+class FloorTexture:
+    """Colour on the floor surface, added to the background where a ray meets the floor: a sum of grids over world
+    x, y, sampled bilinearly at texel centres, border values outside.
+
+    levels   grids (rows, columns, 3) float32, coarse to fine; row follows y, column x
+    low      (x, y) metres of the lower corner of the area (the outer edge of texel [0, 0]), shared by all levels
+    high     (x, y) metres of the upper corner
+    """
+
+    levels: tuple[Float32, ...]
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+
+@dataclass(eq=False)
+class SubmapModel:
+    """One trained submap: image = Gaussians + (1 - alpha) * background (paper section III-C).
+
+    antialiased   whether the Gaussians were fitted with opacity compensation and must be drawn so
+    floor         the floor surface that the texture lies on
+    info          what a person may want to know: preset, steps, seconds, figures. JSON-able
+    """
+
+    gaussians: Gaussians
+    background: Background | None
+    texture: FloorTexture | None
+    floor: FloorSurface
+    antialiased: bool = True
+    info: dict[str, object] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Losses, densification, robust mask, schedule, checkpoint, trainer. Knows no projects on disk."""

@@ -1,0 +1,1 @@
+"""Icons, shaders, help texts and documentation that travel with the wheel."""
