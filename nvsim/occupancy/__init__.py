@@ -1,1 +1,1 @@
-"""2D maps of free, occupied and unknown: read, written, built from clouds; paths and visibility on them. Knows no graph."""
+"""2D maps of free, occupied and unknown: read, written, built; paths and visibility on them. Knows no graph."""

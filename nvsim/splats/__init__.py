@@ -1,1 +1,3 @@
-"""Gaussian parameters, background model, floor texture, submap models, the scene model (which submap answers where), and their files. Knows no rasteriser and imports no torch."""
+"""Gaussians, background, floor texture, submap models, the scene model (which submap answers where), and their files.
+
+Knows no rasteriser and imports no torch."""

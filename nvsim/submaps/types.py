@@ -13,7 +13,7 @@ class Submap:
     """index    position in the list, also its name on disk
     core      frame indices of the cluster, ascending; every frame is in exactly one core
     frames    core and the frames within the overlap distance of it, ascending
-    positions (len(core), 3) float64 camera positions of the core, metres, world: "the closest submap" is decided by them
+    positions (len(core), 3) float64 camera positions of the core, metres, world: they decide "the closest submap"
     """
 
     index: int
