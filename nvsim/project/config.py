@@ -1,0 +1,36 @@
+"""The configuration of a whole run: one dataclass per stage, each with the paper's values as defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from nvsim.mapping.config import MappingConfig
+from nvsim.submaps.split import SubmapConfig
+from nvsim.training.config import TrainingConfig
+
+
+@dataclass(frozen=True)
+class CaptureConfig:
+    """How the source is understood."""
+
+    scale: float | None = None
+    """Metres per unit of the source, when the source does not know."""
+    camera_height: float | None = None
+    """Metres of the cameras above the floor; gives the scale of a capture that has none."""
+    hold_out: int = 8
+    """Every how many frames one is kept out of training, for evaluation; 0 keeps none out."""
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Everything that `nvsim run` needs to know."""
+
+    capture: CaptureConfig = field(default_factory=CaptureConfig)
+    submaps: SubmapConfig = field(default_factory=SubmapConfig)
+    train: TrainingConfig = field(default_factory=TrainingConfig)
+    map: MappingConfig = field(default_factory=MappingConfig)
+
+
+def held_out(count: int, every: int) -> frozenset[int]:
+    """Indices of the frames that are never trained on: frame every//2 and then every `every`-th, in capture order."""
+    return frozenset(range(every // 2, count, every)) if every > 0 else frozenset()

@@ -1,0 +1,97 @@
+"""The project's SQLite database: schema, versions, opening for writing and for reading only.
+
+WAL mode with synchronous=FULL: what was committed survives a kill and a power cut.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from pathlib import Path
+
+from nvsim.atomic import as_input_error
+from nvsim.errors import InputError
+
+VERSION = 1
+
+_SCHEMA = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE stages (
+    stage TEXT NOT NULL, part INTEGER NOT NULL, key TEXT NOT NULL, state TEXT NOT NULL,
+    seconds REAL NOT NULL DEFAULT 0, finished REAL, summary TEXT NOT NULL DEFAULT '{}',
+    PRIMARY KEY (stage, part));
+CREATE TABLE submap_frames (submap INTEGER NOT NULL, frame INTEGER NOT NULL, core INTEGER NOT NULL,
+    PRIMARY KEY (submap, frame));
+CREATE TABLE viewpoints (
+    seq INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL,
+    height REAL NOT NULL, submap INTEGER NOT NULL, included INTEGER NOT NULL, origin TEXT NOT NULL);
+CREATE TABLE edges (seq INTEGER PRIMARY KEY, a TEXT NOT NULL, b TEXT NOT NULL, origin TEXT NOT NULL, UNIQUE (a, b));
+CREATE TABLE evidence (
+    seq INTEGER PRIMARY KEY, viewpoint TEXT NOT NULL, direction INTEGER NOT NULL, data BLOB NOT NULL,
+    UNIQUE (viewpoint, direction));
+CREATE TABLE jobs (
+    id INTEGER PRIMARY KEY, stage TEXT NOT NULL, pid INTEGER NOT NULL, state TEXT NOT NULL, started REAL NOT NULL,
+    updated REAL NOT NULL, finished REAL, done INTEGER NOT NULL DEFAULT 0, total INTEGER NOT NULL DEFAULT 0,
+    message TEXT NOT NULL DEFAULT '');
+CREATE TABLE results (name TEXT PRIMARY KEY, created REAL NOT NULL, figures TEXT NOT NULL);
+"""
+
+
+def create(path: Path) -> sqlite3.Connection:
+    """A new database at `path`. Raises InputError when it cannot be written."""
+    try:
+        connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=FULL")
+        # One transaction: a kill leaves an empty database, which `connect` takes as new, never half a schema.
+        connection.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
+    except sqlite3.Error as error:
+        raise InputError(f"Cannot create the project database {path}: {error}; choose a writable folder.") from error
+    return connection
+
+
+def connect(path: Path, read_only: bool) -> sqlite3.Connection:
+    """The database of an existing project. Raises InputError when it is missing, damaged, newer, or cannot be opened."""
+    if not path.is_file():
+        raise InputError(f"{path.parent} is not an NVSim project: it has no {path.name}; `nvsim import` makes one.")
+    try:
+        if read_only:
+            # Without write permission SQLite cannot keep its shared-memory file beside a WAL database.
+            flags = "mode=ro" if os.access(path.parent, os.W_OK) else "mode=ro&immutable=1"
+            connection = sqlite3.connect(
+                f"file:{_quoted(path)}?{flags}", uri=True, timeout=30, isolation_level=None, check_same_thread=False
+            )
+        else:
+            connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
+        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+        if version == 0 and not read_only:
+            connection.close()
+            return create(path)
+        if not read_only:
+            connection.execute("PRAGMA journal_mode=WAL")
+            connection.execute("PRAGMA synchronous=FULL")
+    except sqlite3.OperationalError as error:
+        raise InputError(f"Cannot open {path}: {error}; check that the project folder is writable.") from error
+    except sqlite3.DatabaseError as error:
+        raise InputError(f"{path} is damaged ({error}); restore the project from a copy or import it again.") from error
+    if version > VERSION:
+        connection.close()
+        raise InputError(
+            f"{path.parent} was written by a newer NVSim (project version {version}, this program reads up to "
+            f"{VERSION}); update NVSim to open it."
+        )
+    return connection
+
+
+def _quoted(path: Path) -> str:
+    return str(path.resolve()).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
+
+
+def explain(path: Path, error: sqlite3.Error) -> InputError:
+    """The sentence for a database error while writing."""
+    text = str(error)
+    if "full" in text:
+        return as_input_error(path, OSError(28, "No space left on device"))
+    if "readonly" in text:
+        return InputError(f"Cannot write {path}: the project is read-only; copy it to a folder you may write to.")
+    return InputError(f"Cannot write {path}: {text}; check the disk and try again.")

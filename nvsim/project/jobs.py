@@ -1,0 +1,82 @@
+"""What runs or ran on a project: one row per command, kept alive while it works, so that a window that starts later
+sees what was interrupted."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import time
+from dataclasses import dataclass
+
+import psutil
+
+from nvsim.events import Event, Listener, Progress
+
+_BEAT = 1.0  # seconds between updates of a job's row
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """state: "running", "done", "failed", "stopped", or "interrupted" (its process is gone without a word);
+    progress 0 to 1; started and finished in seconds since the epoch."""
+
+    id: int
+    stage: str
+    state: str
+    progress: float
+    started: float
+    finished: float | None
+    message: str
+
+
+def read_jobs(connection: sqlite3.Connection) -> list[JobRecord]:
+    """All jobs, newest first."""
+    rows = connection.execute(
+        "SELECT id, stage, pid, state, started, finished, done, total, message FROM jobs ORDER BY id DESC LIMIT 200"
+    ).fetchall()
+    result = []
+    for id, stage, pid, state, started, finished, done, total, message in rows:
+        if state == "running" and not _alive(pid, started):
+            state = "interrupted"
+        share = 1.0 if state == "done" else (done / total if total else 0.0)
+        result.append(JobRecord(id, stage, state, share, started, finished, message))
+    return result
+
+
+def _alive(pid: int, started: float) -> bool:
+    try:
+        # A process that began after the job has only inherited the number.
+        return bool(psutil.Process(pid).create_time() <= started + 1.0)
+    except psutil.Error:
+        return False
+
+
+class JobJournal:
+    """Keeps the row of one job while it runs; also a listener that passes events on."""
+
+    def __init__(self, connection: sqlite3.Connection, stage: str, listen: Listener) -> None:
+        self._connection = connection
+        self._listen = listen
+        self._beat = 0.0
+        now = time.time()
+        cursor = connection.execute(
+            "INSERT INTO jobs (stage, pid, state, started, updated) VALUES (?, ?, 'running', ?, ?)",
+            (stage, os.getpid(), now, now),
+        )
+        self._id = cursor.lastrowid
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Progress) and time.monotonic() - self._beat > _BEAT:
+            self._beat = time.monotonic()
+            self._connection.execute(
+                "UPDATE jobs SET stage = ?, done = ?, total = ?, updated = ?, message = ? WHERE id = ?",
+                (event.stage, event.done, event.total, time.time(), event.detail, self._id),
+            )
+        self._listen(event)
+
+    def end(self, state: str, message: str = "") -> None:
+        now = time.time()
+        self._connection.execute(
+            "UPDATE jobs SET state = ?, message = ?, updated = ?, finished = ? WHERE id = ?",
+            (state, message, now, now, self._id),
+        )

@@ -1,0 +1,84 @@
+"""Where things lie in a project folder. Every path of the project is made here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The folder NAME.nvsim: a database for what is edited or queried, plain files for what is big."""
+
+    root: Path
+
+    @property
+    def database(self) -> Path:
+        return self.root / "project.db"
+
+    @property
+    def lock(self) -> Path:
+        return self.root / ".writer"
+
+    @property
+    def imported(self) -> Path:
+        """The capture as it was read: capture.json and the cloud. The images stay where they are."""
+        return self.root / "imported"
+
+    @property
+    def built_in_capture(self) -> Path:
+        """The ordinary capture that the built-in building writes; only in demo projects."""
+        return self.root / "capture"
+
+    @property
+    def ground_truth(self) -> Path:
+        """The truth of the built-in building, never an input of the pipeline; only in demo projects."""
+        return self.root / "ground_truth"
+
+    @property
+    def masks(self) -> Path:
+        return self.root / "masks"
+
+    @property
+    def floor(self) -> Path:
+        return self.root / "floor"
+
+    @property
+    def support(self) -> Path:
+        return self.floor / "support.npz"
+
+    @property
+    def models(self) -> Path:
+        return self.root / "models"
+
+    @property
+    def checkpoints(self) -> Path:
+        return self.root / "checkpoints"
+
+    @property
+    def pictures(self) -> Path:
+        return self.root / "pictures"
+
+    @property
+    def logs(self) -> Path:
+        return self.root / "logs"
+
+    @property
+    def partial_map(self) -> Path:
+        """What a map building that was cut off had measured."""
+        return self.checkpoints / "map.partial"
+
+    def mask(self, frame: int) -> Path:
+        return self.masks / f"{frame:06d}.png"
+
+    def surface(self, submap: int) -> Path:
+        return self.floor / f"surface_{submap:03d}.npz"
+
+    def model(self, submap: int) -> Path:
+        return self.models / f"submap_{submap:03d}"
+
+    def checkpoint(self, submap: int) -> Path:
+        return self.checkpoints / f"submap_{submap:03d}.ckpt"
+
+    def preview(self, submap: int) -> Path:
+        return self.pictures / f"preview_{submap:03d}.jpg"

@@ -1,0 +1,33 @@
+"""An occupancy map from what the capture shows: supported floor is free, cloud points between ankle and head occupied."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.capture.types import Capture
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.perception.support import FloorSupport
+from nvsim.project.floor_heights import FloorHeights
+from nvsim.project.project import Project
+
+_LOW, _HIGH = 0.10, 1.5  # metres above the floor within which a point is an obstacle
+_POINTS_PER_CELL = 2
+
+
+def observed_occupancy(
+    project: Project, capture: Capture, support: FloorSupport, resolution: float = 0.05
+) -> OccupancyMap:
+    """For a person to look at, not a truth: a sparse cloud leaves obstacles out."""
+    positions = capture.positions[:, :2]
+    points = np.zeros((0, 3), np.float32) if capture.cloud is None else capture.cloud.points
+    low, high = positions.min(axis=0) - 8.0, positions.max(axis=0) + 8.0
+    columns, rows = np.ceil((high - low) / resolution).astype(int)
+    empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
+    cells = np.where(support.at(empty.centres()), FREE, UNKNOWN)
+    inside = ((points[:, :2] >= low) & (points[:, :2] < high)).all(axis=1)
+    points = points[inside]
+    above = points[:, 2] - FloorHeights(project)(points[:, :2])
+    index = empty.index(points[(above > _LOW) & (above < _HIGH), :2])
+    counts = np.bincount(index[:, 0] * columns + index[:, 1], minlength=rows * columns).reshape(rows, columns)
+    cells[counts >= _POINTS_PER_CELL] = OCCUPIED
+    return OccupancyMap(cells.astype(np.uint8), resolution, empty.origin)

@@ -1,0 +1,62 @@
+"""Import: a source becomes the project's capture. Reads the source, commits capture.json and the cloud."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from nvsim.capture.types import Capture
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.project import ledger
+from nvsim.project.config import CaptureConfig
+from nvsim.project.project import Project
+
+STAGE = "import"
+
+
+def run(project: Project, source: Path, config: CaptureConfig, listen: Listener) -> Capture:
+    """The capture of `source`, checked. Raises InputError when the check refuses it or its scale is unknown."""
+    from nvsim.capture.check import check
+    from nvsim.capture.read import read
+    from nvsim.capture.store import fingerprint, save_capture
+
+    started = time.monotonic()
+    listen(Progress(STAGE, 0, 1, str(source)))
+    capture = read(source, scale=config.scale, camera_height=config.camera_height)
+    key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config)
+    if ledger.is_current(project, STAGE, key):
+        listen(Log("The capture is unchanged.", STAGE))
+        stored = project.capture()
+        if stored is not None:
+            return stored
+    report = check(source, scale=config.scale, camera_height=config.camera_height)
+    for finding in report.findings:
+        if finding.severity == "warning":
+            listen(Warning(f"{finding.message} ({finding.where}): {finding.consequence}", STAGE))
+    if report.refused:
+        first = next(f for f in report.findings if f.severity == "error")
+        raise InputError(
+            f"{source} cannot be used: {first.message} ({first.where}); `nvsim check {source}` lists every finding."
+        )
+    if not capture.alignment.scale_known:
+        raise InputError(
+            f"{source} has no metric scale: say how high the cameras are above the floor (--camera-height METRES) or "
+            "how many metres a unit is (--scale METRES)."
+        )
+    ledger.begin(project, STAGE, key)
+    save_capture(capture, project.layout.imported)
+    points = 0 if capture.cloud is None else len(capture.cloud.points)
+    summary = {"frames": len(capture.frames), "points": points, "format": capture.format}
+    ledger.finish(project, STAGE, time.monotonic() - started, summary)
+    listen(Progress(STAGE, 1, 1))
+    listen(Done(STAGE, f"{len(capture.frames)} frames and {points} points from a {capture.format} capture", summary))
+    return capture
+
+
+def capture_key(project: Project) -> str:
+    """The key that everything after the import depends on. Raises InputError while nothing was imported."""
+    found = ledger.record(project, STAGE)
+    if found is None or found.state != "done":
+        raise InputError(f"{project.layout.root} has no capture yet; run `nvsim import CAPTURE --project` first.")
+    return found.key

@@ -1,0 +1,87 @@
+"""Map: the breadth-first walk over the ensemble. Commits the navigation graph with its evidence."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log
+from nvsim.geometry.camera import Camera
+from nvsim.mapping.config import MappingConfig
+from nvsim.project import ledger
+from nvsim.project.floor_heights import FloorHeights
+from nvsim.project.project import Project
+from nvsim.render.types import RenderOutput
+from nvsim.splats.scene import SceneModel
+
+STAGE = "map"
+
+
+class SceneViews:
+    """The scene model as the builder's source of views."""
+
+    def __init__(self, scene: SceneModel) -> None:
+        self._scene = scene
+
+    def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
+        """The submap nearest to `position` and its views, alpha and normals."""
+        from nvsim.render.model import render_model
+
+        index, model = self._scene.model_at(position)
+        return index, [render_model(model, c, frozenset({"alpha", "normal"})) for c in cameras]
+
+
+def run(project: Project, config: MappingConfig, listen: Listener, reapply: bool = False) -> None:
+    """Builds the graph; with `reapply` decides the stored one again and renders only what newly opens.
+
+    Raises InputError while no submap is trained.
+    """
+    from nvsim.mapping.builder import build_map
+
+    key = map_key(project, config)
+    if ledger.is_current(project, STAGE, key):
+        listen(Log("The navigation graph is up to date.", STAGE))
+        return
+    scene, support = project.scene(), project.support()
+    if scene is None or support is None:
+        raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
+    previous = project.graph() if reapply else None
+    if reapply and previous is None:
+        raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
+    started = time.monotonic()
+    ledger.begin(project, STAGE, key)
+    capture = project.need_capture()
+    scan = scan_name(project)
+    result = build_map(
+        SceneViews(scene),
+        capture.positions,
+        FloorHeights(project),
+        support.at,
+        config,
+        scan=scan,
+        previous=previous,
+        listen=listen,
+    )
+    project.set_graph(result.graph)
+    ledger.finish(project, STAGE, time.monotonic() - started, result.report)
+    graph = result.graph
+    listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))
+
+
+def map_key(project: Project, config: MappingConfig) -> str:
+    """What the graph depends on: every trained submap and the thresholds."""
+    trained = [ledger.record(project, "train", s.index) for s in project.need_submaps()]
+    return ledger.key_of(STAGE, [t.key if t and t.state == "done" else "" for t in trained], config)
+
+
+def scan_name(project: Project) -> str:
+    """The R2R scan id of the project: its folder's name in letters and digits (agents split keys at underscores)."""
+    chosen = project.meta("scan_name")
+    if chosen:
+        return chosen
+    letters = "".join(c for c in project.layout.root.stem if c.isascii() and c.isalnum())
+    return letters or "scan"

@@ -1,0 +1,43 @@
+"""Submaps: the trajectory is cut. Commits which frames belong to which submap, and a picture."""
+
+from __future__ import annotations
+
+import time
+
+from nvsim.events import Done, Listener, Log, Progress
+from nvsim.project import ledger
+from nvsim.project.project import Project
+from nvsim.project.stages.imported import capture_key
+from nvsim.submaps.split import SubmapConfig, split
+from nvsim.submaps.types import Submap
+
+STAGE = "submaps"
+
+
+def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Submap, ...]:
+    """The submaps of the project's capture under `config`."""
+    from nvsim.submaps.picture import draw_submaps
+
+    key = ledger.key_of(STAGE, capture_key(project), config)
+    if ledger.is_current(project, STAGE, key):
+        listen(Log("The submaps are up to date.", STAGE))
+        return project.need_submaps()
+    started = time.monotonic()
+    listen(Progress(STAGE, 0, 1))
+    ledger.begin(project, STAGE, key)
+    positions = project.need_capture().positions
+    submaps = split(positions, config)
+    draw_submaps(positions, submaps, project.layout.pictures / "submaps.png")
+    project.set_submaps(submaps)
+    summary = {"submaps": len(submaps), "frames": [len(s.frames) for s in submaps]}
+    ledger.finish(project, STAGE, time.monotonic() - started, summary)
+    listen(Progress(STAGE, 1, 1))
+    listen(Done(STAGE, f"{len(submaps)} submaps of {', '.join(str(len(s.frames)) for s in submaps)} frames", summary))
+    return submaps
+
+
+def submaps_key(project: Project) -> str:
+    """The key of the committed submaps. Raises InputError while there are none."""
+    project.need_submaps()
+    found = ledger.record(project, STAGE)
+    return "" if found is None else found.key
