@@ -1,0 +1,149 @@
+"""Agglomerative clustering of the camera positions, and the overlap between the clusters (paper section III-B)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.submaps.types import Submap
+
+# Ward linkage holds all pairs of its points: 2000 points are 16 MB and half a second, 20000 would be 1.6 GB.
+_MOST_CLUSTERED = 2000
+_THINNING = 0.25
+
+
+@dataclass(frozen=True)
+class SubmapConfig:
+    """How the walk is cut.
+
+    count                C, the number of submaps; None chooses it from the memory budget
+    overlap              delta, metres: a frame this close to a frame of the core belongs to the submap too
+    memory_gb            what training one submap may hold at its peak, where `count` is None
+    megabytes_per_frame  what one training frame adds to that peak: a 480x360 image as float32 with mask and loss
+                         buffers (6 MB), and the 1200 Gaussians that a new view brings on a walk with a picture every
+                         0.3 m (parameters, gradient, two Adam moments and per-thread gradient rows: 1.5 kB each)
+    """
+
+    count: int | None = None
+    overlap: float = 1.5
+    memory_gb: float = 2.0
+    megabytes_per_frame: float = 8.0
+
+    @property
+    def frames_per_submap(self) -> int:
+        """The most frames, overlap included, that the memory budget holds."""
+        return max(1, int(self.memory_gb * 1000 / self.megabytes_per_frame))
+
+
+@dataclass(frozen=True)
+class SubmapRow:
+    """A line of the table of submaps: frame counts, and the extent of the core in metres along x, y, z."""
+
+    index: int
+    core: int
+    frames: int
+    shared: int
+    first_frame: int
+    extent: tuple[float, float, float]
+
+
+def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -> tuple[Submap, ...]:
+    """Cuts a walk into submaps: Ward clusters of the camera positions (N, 3) in metres, ordered by their first frame,
+    each with the frames within `overlap` of its core. The same positions give the same submaps.
+
+    There are never more submaps than distinct positions. With `count` None it is the smallest number whose largest
+    submap fits the memory budget, or, where the overlap alone breaks the budget, four times the number that the frames
+    without overlap would need. Raises InputError for a count or an overlap that makes no sense.
+    """
+    config = config or SubmapConfig()
+    if config.count is not None and config.count < 1:
+        raise InputError(
+            f"The number of submaps is {config.count}; give at least 1, or leave it out to have it chosen."
+        )
+    if not config.overlap >= 0:
+        raise InputError(f"The submap overlap is {config.overlap} m; give a distance of 0 m or more.")
+    points = np.asarray(positions, np.float64).reshape(-1, 3)
+    if len(points) == 0:
+        return ()
+    clustered, member = _thinned(points)
+    most = len(np.unique(clustered, axis=0))
+    merges = _ward(clustered)
+    if config.count is not None:
+        return _cut(points, merges, member, min(config.count, most), config.overlap)
+    needed = -(-len(points) // config.frames_per_submap)
+    count = min(needed, most)
+    while True:
+        submaps = _cut(points, merges, member, count, config.overlap)
+        fits = max(len(s.frames) for s in submaps) <= config.frames_per_submap
+        if fits or count >= min(most, 4 * needed):
+            return submaps
+        count += max(1, count // 10)
+
+
+def describe(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> tuple[SubmapRow, ...]:
+    """The rows of a table of `submaps` over the camera positions (N, 3)."""
+    points = np.asarray(positions, np.float64).reshape(-1, 3)
+    rows = []
+    for s in submaps:
+        extent = np.ptp(points[list(s.core)], axis=0)
+        size = (float(extent[0]), float(extent[1]), float(extent[2]))
+        rows.append(SubmapRow(s.index, len(s.core), len(s.frames), len(s.frames) - len(s.core), s.core[0], size))
+    return tuple(rows)
+
+
+def _thinned(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """At most _MOST_CLUSTERED points that stand for all (their means over cubes), and for each point its stand-in."""
+    if len(points) <= _MOST_CLUSTERED:
+        return points, np.arange(len(points))
+    edge = _THINNING
+    while True:
+        cells = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
+        _, member = np.unique(cells, axis=0, return_inverse=True)
+        member = member.reshape(-1)
+        number = int(member.max()) + 1
+        if number <= _MOST_CLUSTERED:
+            break
+        edge *= 1.5
+    weight = np.bincount(member, minlength=number)
+    means = np.stack([np.bincount(member, points[:, axis], number) / weight for axis in range(3)], axis=1)
+    return means, member
+
+
+def _ward(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N - 1, 2) merges in the order of Ward's criterion: ids below N are points, N + i is what merge i made. The whole
+    tree at once, so that trying another number of clusters costs nothing."""
+    from sklearn.cluster import ward_tree
+
+    if len(points) == 1:
+        return np.empty((0, 2), np.int64)
+    return np.asarray(ward_tree(points)[0], np.int64)
+
+
+def _cut(
+    points: NDArray[np.float64],
+    merges: NDArray[np.int64],
+    member: NDArray[np.int64],
+    count: int,
+    overlap: float,
+) -> tuple[Submap, ...]:
+    """The clusters that are left when all but the last `count` - 1 merges are done."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    leaves = len(merges) + 1
+    done = leaves - count
+    rows, columns = leaves + np.repeat(np.arange(done), 2), merges[:done].reshape(-1)
+    tree = coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * leaves - 1, 2 * leaves - 1))
+    labels = connected_components(tree, directed=False)[1][:leaves][member]
+    _, first = np.unique(labels, return_index=True)
+    submaps = []
+    for index, frame in enumerate(np.sort(first)):
+        core = np.flatnonzero(labels == labels[frame])
+        distance, _ = cKDTree(points[core]).query(points, distance_upper_bound=overlap + 1e-9)
+        frames = np.union1d(core, np.flatnonzero(distance <= overlap))
+        submaps.append(Submap(index, tuple(core.tolist()), tuple(frames.tolist()), points[core]))
+    return tuple(submaps)
