@@ -51,7 +51,7 @@ def create(path: Path) -> sqlite3.Connection:
 
 
 def connect(path: Path, read_only: bool) -> sqlite3.Connection:
-    """The database of an existing project. Raises InputError when it is missing, damaged, newer, or cannot be opened."""
+    """The database of an existing project. Raises InputError when it is missing, damaged or newer."""
     if not path.is_file():
         raise InputError(f"{path.parent} is not an NVSim project: it has no {path.name}; `nvsim import` makes one.")
     try:

@@ -1,4 +1,4 @@
-"""An occupancy map from what the capture shows: supported floor is free, cloud points between ankle and head occupied."""
+"""An occupancy map from what the capture shows: supported floor is free, cloud points above it are obstacles."""
 
 from __future__ import annotations
 

@@ -14,6 +14,6 @@ def run(project: Project, source: Path, config: RunConfig, listen: Listener) -> 
     """A posed walk in, a navigation graph in the project out. Raises InputError for what a person can mend."""
     imported.run(project, source, config.capture, listen)
     submaps.run(project, config.submaps, listen)
-    floors.run(project, config.capture, listen)
-    trained.run(project, config.train, config.capture, listen)
+    floors.run(project, listen)
+    trained.run(project, config.train, listen)
     mapped.run(project, config.map, listen)

@@ -36,6 +36,7 @@ class Project:
         self.layout = layout
         self.connection = connection
         self._lock = lock
+        self._capture: tuple[int, Capture] | None = None
 
     # Opening ----------------------------------------------------------------------------------------------------
 
@@ -108,11 +109,16 @@ class Project:
         return int(self.connection.execute("PRAGMA data_version").fetchone()[0])
 
     def capture(self) -> Capture | None:
-        if not (self.layout.imported / "capture.json").is_file():
+        """The imported capture, read once for as long as its file stays the same."""
+        path = self.layout.imported / "capture.json"
+        if not path.is_file():
             return None
-        from nvsim.capture.store import load_capture
+        stamp = path.stat().st_mtime_ns
+        if self._capture is None or self._capture[0] != stamp:
+            from nvsim.capture.store import load_capture
 
-        return load_capture(self.layout.imported)
+            self._capture = (stamp, load_capture(self.layout.imported))
+        return self._capture[1]
 
     def need_capture(self) -> Capture:
         """Raises InputError while nothing was imported."""

@@ -13,14 +13,16 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, held_out
 from nvsim.project.project import Project
+from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key
 
 STAGE = "floors"
 
 
-def run(project: Project, capture_config: CaptureConfig, listen: Listener) -> None:
+def run(project: Project, listen: Listener) -> None:
     """Masks of all frames; frames that are held out of training do not count as support."""
-    key = ledger.key_of(STAGE, submaps_key(project), capture_config.camera_height, capture_config.hold_out)
+    config = capture_config(project)
+    key = ledger.key_of(STAGE, submaps_key(project), config)
     if ledger.is_current(project, STAGE, key):
         listen(Log("The floor masks are up to date.", STAGE))
         return
@@ -36,35 +38,35 @@ def run(project: Project, capture_config: CaptureConfig, listen: Listener) -> No
     capture, submaps = project.need_capture(), project.need_submaps()
     surface_of: dict[int, FloorSurface] = {}
     for submap in submaps:
-        surface = _surface(project, submap.index, capture.positions[list(submap.frames)], capture_config)
+        surface = _surface(project, submap.index, capture.positions[list(submap.frames)], config)
         for frame in submap.core:
             surface_of[frame] = surface
     segment_capture(capture, surface_of.__getitem__, layout.masks, listen=listen)
-    coverage = _support(project, surface_of, capture_config)
+    coverage = _support(project, surface_of, config)
     summary = {"frames": len(capture.frames), "supported_m2": round(coverage, 1)}
     ledger.finish(project, STAGE, time.monotonic() - started, summary)
     listen(Done(STAGE, f"floor masks of {len(capture.frames)} frames, {coverage:.0f} m² of supported floor", summary))
 
 
-def _surface(project: Project, submap: int, positions: np.ndarray, capture_config: CaptureConfig) -> FloorSurface:
+def _surface(project: Project, submap: int, positions: np.ndarray, config: CaptureConfig) -> FloorSurface:
     from nvsim.perception.floor_height import estimate_floor
 
     found = project.surface(submap)
     if found is not None:
         return found
-    surface = estimate_floor(project.need_capture().cloud, positions, capture_config.camera_height)
+    surface = estimate_floor(project.need_capture().cloud, positions, config.camera_height)
     with replacing(project.layout.surface(submap)) as path:
         np.savez(path, heights=surface.heights, origin=np.array(surface.origin), spacing=surface.spacing)
     return surface
 
 
-def _support(project: Project, surface_of: dict[int, FloorSurface], capture_config: CaptureConfig) -> float:
+def _support(project: Project, surface_of: dict[int, FloorSurface], config: CaptureConfig) -> float:
     """Commits the supported floor; returns its area in square metres."""
     from nvsim.perception.segment import read_mask
     from nvsim.perception.support import observe
 
     capture = project.need_capture()
-    kept_out = held_out(len(capture.frames), capture_config.hold_out)
+    kept_out = held_out(len(capture.frames), config.hold_out)
     frames = [i for i in range(len(capture.frames)) if i not in kept_out]
     support = observe(
         [capture.frames[i].camera for i in frames],

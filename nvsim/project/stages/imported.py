@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import time
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 
 STAGE = "import"
+_CONFIG = "capture_config"
 
 
 def run(project: Project, source: Path, config: CaptureConfig, listen: Listener) -> Capture:
@@ -46,12 +49,19 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener)
         )
     ledger.begin(project, STAGE, key)
     save_capture(capture, project.layout.imported)
+    project.set_meta(_CONFIG, json.dumps(dataclasses.asdict(config)))
     points = 0 if capture.cloud is None else len(capture.cloud.points)
     summary = {"frames": len(capture.frames), "points": points, "format": capture.format}
     ledger.finish(project, STAGE, time.monotonic() - started, summary)
     listen(Progress(STAGE, 1, 1))
     listen(Done(STAGE, f"{len(capture.frames)} frames and {points} points from a {capture.format} capture", summary))
     return capture
+
+
+def capture_config(project: Project) -> CaptureConfig:
+    """How the project's capture was imported."""
+    text = project.meta(_CONFIG)
+    return CaptureConfig(**json.loads(text)) if text else CaptureConfig()
 
 
 def capture_key(project: Project) -> str:

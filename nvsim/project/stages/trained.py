@@ -8,9 +8,10 @@ import time
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress
 from nvsim.project import ledger
-from nvsim.project.config import CaptureConfig, held_out
+from nvsim.project.config import held_out
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
+from nvsim.project.stages.imported import capture_config
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
 
@@ -20,7 +21,6 @@ STAGE = "train"
 def run(
     project: Project,
     config: TrainingConfig,
-    capture_config: CaptureConfig,
     listen: Listener,
     only: tuple[int, ...] = (),
 ) -> None:
@@ -33,16 +33,16 @@ def run(
         raise InputError(f"there is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
     chosen = [s for s in submaps if not only or s.index in only]
     for i, submap in enumerate(chosen):
-        key = train_key(project, submap, config, capture_config)
+        key = train_key(project, submap, config)
         if ledger.is_current(project, STAGE, key, submap.index):
             listen(Log(f"Submap {submap.index} is trained already.", STAGE))
             continue
-        _train_one(project, submap, key, config, capture_config, _scaled(listen, i, len(chosen)))
+        _train_one(project, submap, key, config, _scaled(listen, i, len(chosen)))
 
 
-def train_key(project: Project, submap: Submap, config: TrainingConfig, capture_config: CaptureConfig) -> str:
+def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     """What the model of a submap depends on."""
-    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, config, capture_config.hold_out)
+    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, config)
 
 
 def _scaled(listen: Listener, index: int, count: int) -> Listener:
@@ -62,7 +62,6 @@ def _train_one(
     submap: Submap,
     key: str,
     config: TrainingConfig,
-    capture_config: CaptureConfig,
     listen: Listener,
 ) -> None:
     from nvsim.splats.files import save_model
@@ -77,7 +76,7 @@ def _train_one(
     surface = project.surface(submap.index)
     if surface is None:
         raise InputError(f"{layout.surface(submap.index)} is missing; run `nvsim floors --project` again.")
-    kept_out = held_out(len(capture.frames), capture_config.hold_out)
+    kept_out = held_out(len(capture.frames), capture_config(project).hold_out)
     views = _views(project, [i for i in submap.frames if i not in kept_out], config)
     model = train_submap(
         views,

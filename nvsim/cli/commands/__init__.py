@@ -1,0 +1,1 @@
+"""One module per command: an Arguments dataclass and a function `run(arguments) -> exit code`."""

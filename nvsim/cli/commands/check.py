@@ -1,0 +1,38 @@
+"""What is wrong with a capture, before any work starts: every finding with its place, severity and consequence."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli import show
+from nvsim.cli.arguments import Positional
+
+
+@dataclass(frozen=True)
+class Arguments:
+    capture: Positional[Path]
+    """A folder or file: nerfstudio transforms.json, COLMAP, or kapture."""
+    scale: float | None = None
+    """Metres per unit of the capture, when it does not know."""
+    camera_height: float | None = None
+    """Metres of the cameras above the floor."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.capture.check import check
+
+    report = check(arguments.capture, scale=arguments.scale, camera_height=arguments.camera_height)
+    findings = [dataclasses.asdict(f) for f in report.findings]
+    if arguments.json:
+        print(json.dumps({"refused": report.refused, "findings": findings}))
+    elif findings:
+        rows = [(f["severity"], f["where"], f["message"], f["consequence"]) for f in findings]
+        show.table(("severity", "where", "what", "what it causes"), rows, str(arguments.capture))
+    if not arguments.json:
+        print("The capture cannot be used as it is." if report.refused else "The capture can be used.")
+    return 2 if report.refused else 0

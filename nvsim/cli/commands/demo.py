@@ -1,0 +1,44 @@
+"""Generate the built-in building, run the whole job on it, score the graph against the truth, and open the window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nvsim.cli import show, window
+from nvsim.cli.session import working
+from nvsim.project import pipeline
+from nvsim.project.config import RunConfig
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: Path = Path("demo.nvsim")
+    """The project folder to make or to go on with."""
+    seed: int = 0
+    """Which building; the same seed gives the same one on every machine."""
+    small: bool = False
+    """Two rooms instead of 300 square metres."""
+    no_window: bool = False
+    """Do not open the window at the end."""
+    json: bool = False
+    """Print typed events as JSON lines."""
+    config: RunConfig = field(default_factory=RunConfig)
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.capture.building import BuildingConfig, generate
+    from nvsim.evaluation.graph import evaluate_graph
+    from nvsim.occupancy.read import read_map
+
+    with working(arguments.project, "demo", arguments.json, create=True) as (project, listen):
+        config = BuildingConfig(seed=arguments.seed, size="small" if arguments.small else "full")
+        generate(project.layout.root, config, listen)
+        pipeline.run(project, project.layout.built_in_capture, arguments.config, listen)
+        truth = read_map(project.layout.ground_truth / "map.yaml")
+        positions = project.need_capture().positions[:, :2]
+        figures = evaluate_graph(project.need_graph(), truth, positions)
+        project.set_result("graph", figures)
+    if not arguments.json:
+        show.figures(figures, False, "the graph against the building's true map")
+    return window.offer(arguments.project, wanted=not arguments.no_window, quiet=arguments.json)

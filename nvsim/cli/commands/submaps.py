@@ -1,0 +1,25 @@
+"""Cut the trajectory into overlapping submaps; prints a table and draws pictures/submaps.png in the project."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from nvsim.cli import show
+from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.session import working
+from nvsim.project.stages import submaps
+from nvsim.submaps.split import SubmapConfig, describe
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    config: SubmapConfig = field(default_factory=SubmapConfig)
+
+
+def run(arguments: Arguments) -> int:
+    with working(arguments.project, "submaps", arguments.json) as (project, listen):
+        result = submaps.run(project, arguments.config, listen)
+        rows = describe(result, project.need_capture().positions)
+    if not arguments.json:
+        show.table(list(rows[0]), [list(r.values()) for r in rows], "submaps")
+    return 0

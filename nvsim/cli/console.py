@@ -1,0 +1,104 @@
+"""Events for a person or for a program: a progress display on a terminal, plain lines in a pipe, or JSON lines."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
+
+
+@contextmanager
+def listening(as_json: bool) -> Iterator[Listener]:
+    """A listener for the time of a command."""
+    if as_json:
+        yield _print_json
+    elif sys.stderr.isatty():
+        with _Terminal() as terminal:
+            yield terminal
+    else:
+        yield _Plain()
+
+
+def _print_json(event: Event) -> None:
+    print(to_json(event), flush=True)
+
+
+class _Plain:
+    """A line when a stage begins, every tenth of it, and when it ends."""
+
+    def __init__(self) -> None:
+        self._tenth: dict[str, int] = {}
+        self._psnr = ""
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Progress):
+            tenth = 10 * event.done // max(event.total, 1)
+            if self._tenth.get(event.stage) != tenth and event.total > 1:
+                self._tenth[event.stage] = tenth
+                detail = f" ({event.detail})" if event.detail else ""
+                self._say(f"{event.stage}: {10 * tenth} %{detail}{self._psnr if event.stage == 'train' else ''}")
+        elif isinstance(event, Metric) and event.name == "psnr":
+            self._psnr = f", PSNR {event.value:.1f} dB so far"
+        elif isinstance(event, Done):
+            self._say(f"{event.stage}: {event.summary}")
+        elif isinstance(event, Warning):
+            self._say(f"{event.stage}: warning: {event.text}")
+        elif isinstance(event, Log):
+            self._say(f"{event.stage}: {event.text}" if event.stage else event.text)
+
+    @staticmethod
+    def _say(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+
+class _Terminal:
+    """rich's progress bars: stage, percent, rate, time left, PSNR so far."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bars
+
+        self._bars = Bars(
+            TextColumn("{task.fields[stage]:<9}"),
+            BarColumn(bar_width=30),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[psnr]}"),
+            TextColumn("{task.description}", style="dim"),
+            console=Console(stderr=True),
+        )
+        self._tasks: dict[str, tuple] = {}
+
+    def __enter__(self) -> _Terminal:
+        self._bars.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bars.stop()
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Progress):
+            if event.stage not in self._tasks:
+                task = self._bars.add_task("", total=event.total, stage=event.stage, rate="", psnr="")
+                self._tasks[event.stage] = (task, event.done, time.monotonic())
+            task, first, since = self._tasks[event.stage]
+            elapsed = time.monotonic() - since
+            rate = f"{(event.done - first) / elapsed:.1f}/s" if elapsed > 1 and event.done > first else ""
+            self._bars.update(task, completed=event.done, total=event.total, description=event.detail, rate=rate)
+        elif isinstance(event, Metric) and event.name == "psnr" and event.stage in self._tasks:
+            self._bars.update(self._tasks[event.stage][0], psnr=f"{event.value:.1f} dB")
+        elif isinstance(event, Done):
+            self._bars.console.print(f"[green]✓[/green] {event.stage}: {event.summary}", highlight=False)
+        elif isinstance(event, Warning):
+            self._bars.console.print(f"[yellow]![/yellow] {event.stage}: {event.text}", highlight=False)
+        elif isinstance(event, Failed):
+            self._bars.console.print(f"[red]✗[/red] {event.stage}: {event.message}", highlight=False)
+        elif isinstance(event, Log):
+            self._bars.console.print(f"  {event.stage}: {event.text}" if event.stage else event.text, highlight=False)
+        elif isinstance(event, Preview):
+            pass  # a terminal shows no pictures

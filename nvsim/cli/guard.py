@@ -1,0 +1,72 @@
+"""Runs a command and answers for its failures: one sentence on stderr, the traceback in a log file."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+from types import FrameType, ModuleType
+
+from nvsim.errors import InputError
+from nvsim.events import Failed, to_json
+
+
+class Stopped(BaseException):
+    """Somebody asked politely (SIGTERM, Ctrl-C)."""
+
+
+def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
+    """Parses `argv` into the command's Arguments and runs it; returns the exit code."""
+    from nvsim.cli.arguments import parse
+
+    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGINT, _stop)
+    as_json = "--json" in argv
+    try:
+        code = command.run(parse(command.Arguments, argv, verb, command.__doc__ or ""))
+        sys.stdout.flush()
+        return int(code or 0)
+    except InputError as error:
+        return _fail(verb, str(error), 2, as_json)
+    except Stopped:
+        return _fail(verb, "stopped; the same command goes on where this one was", 130, as_json)
+    except BrokenPipeError:
+        # The reader of our output went away; there is nobody to tell.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except MemoryError:
+        return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--train.max-gaussians)", 2, as_json)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
+            place = f" at {error.filename}" if error.filename else ""
+            return _fail(verb, f"cannot write{place}: {error.strerror}; free some space and try again", 2, as_json)
+        return _crash(verb, error, as_json)
+    except Exception as error:
+        return _crash(verb, error, as_json)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise Stopped
+
+
+def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
+    if as_json:
+        print(to_json(Failed(verb.split()[0], sentence, code)), flush=True)
+    print(f"nvsim {verb}: {sentence}", file=sys.stderr)
+    return code
+
+
+def _crash(verb: str, error: Exception, as_json: bool) -> int:
+    log = Path(tempfile.gettempdir()) / f"nvsim-{verb.replace(' ', '-')}-{time.strftime('%Y%m%d-%H%M%S')}.log"
+    where = ""
+    try:
+        log.write_text("".join(traceback.format_exception(error)))
+        where = f"; the traceback is in {log}"
+    except OSError:
+        traceback.print_exception(error)
+    return _fail(verb, f"this is our mistake ({type(error).__name__}: {error}){where}", 1, as_json)

@@ -1,0 +1,71 @@
+"""`nvsim VERB ...`: finds the command, runs it, and turns whatever goes wrong into one sentence and an exit code.
+
+0 done, 2 the person's mistake, 1 ours, 130 stopped. Nothing heavy is imported before the command is known.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+# verb -> (module under nvsim.cli.commands, what it does)
+COMMANDS: dict[str, tuple[str, str]] = {
+    "demo": ("demo", "the whole job on the built-in building, then the window"),
+    "run": ("run", "the whole job on your capture: import, submaps, floors, train, map"),
+    "check": ("check", "what is wrong with a capture, before any work starts"),
+    "import": ("import_capture", "read a capture into a project"),
+    "submaps": ("submaps", "cut the trajectory into overlapping submaps"),
+    "floors": ("floors", "find the floor in every frame"),
+    "train": ("train", "fit the floor-aware Gaussian model of each submap"),
+    "map": ("map", "walk the models and build the navigation graph"),
+    "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
+    "evaluate views": ("evaluate_views", "PSNR and SSIM of the frames held out of training"),
+    "evaluate floor": ("evaluate_floor", "IoU of the floor masks against a truth"),
+    "evaluate graph": ("evaluate_graph", "validity and coverage of the graph against an occupancy map"),
+    "bench startup": ("bench_startup", "seconds until the help and until the window"),
+    "bench train": ("bench_train", "milliseconds of a training step and its parts"),
+    "bench map": ("bench_map", "viewpoints per second of the map builder"),
+    "app": ("app", "open the window on a project"),
+}
+
+_GROUPS = {verb.split()[0] for verb in COMMANDS if " " in verb}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command; returns its exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_help())
+        return 0
+    if arguments[0] in ("-V", "--version"):
+        from nvsim import __version__
+
+        print(f"nvsim {__version__}")
+        return 0
+    verb, rest = arguments[0], arguments[1:]
+    if verb in _GROUPS:
+        if not rest or rest[0] in ("-h", "--help"):
+            print(_help(verb))
+            return 0 if rest else 2
+        verb, rest = f"{verb} {rest[0]}", rest[1:]
+    if verb not in COMMANDS:
+        print(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", file=sys.stderr)
+        return 2
+    from nvsim.cli.guard import guarded
+
+    command = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
+    return guarded(verb, command, rest)
+
+
+def _help(group: str = "") -> str:
+    rows = [(v, text) for v, (_, text) in COMMANDS.items() if not group or v.split()[0] == group]
+    width = max(len(v) for v, _ in rows)
+    lines = [f"  {v:<{width}}  {text}" for v, text in rows]
+    head = "NVSim: from a posed walk through a building to a navigation simulator.\n\nusage: nvsim COMMAND [options]"
+    tail = "`nvsim COMMAND --help` explains its options. A project is a folder, NAME.nvsim."
+    return "\n".join([head, "", *lines, "", tail])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""A command at work on a project: the writer's lock, the job's row, and the listener, for as long as it takes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from nvsim.cli.console import listening
+from nvsim.events import Listener
+from nvsim.project.jobs import JobJournal
+from nvsim.project.project import Project
+
+
+@contextmanager
+def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
+    """Opens the project for writing and keeps a job's row until the block ends. Raises InputError."""
+    # Pools of OpenMP, torch and numba spin against each other on few cores; passive waiting leaves the cores to work.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    project = Project.create_or_open(path) if create else Project.open(path, writable=True)
+    with project, listening(as_json) as listen:
+        journal = JobJournal(project.connection, verb, listen)
+        try:
+            yield project, journal
+        except Exception as error:
+            journal.end("failed", str(error))
+            raise
+        except BaseException:
+            journal.end("stopped", "stopped by request")
+            raise
+        journal.end("done")
