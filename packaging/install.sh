@@ -1,0 +1,10 @@
+#!/usr/bin/env bash
+# Makes a virtual environment with NVSim and the set of packages that was tested.
+# usage: install.sh VENV REQUIREMENT...   (a requirement as pip takes it: ".", "-e .[test]", a wheel)
+set -eu
+here="$(cd "$(dirname "$0")" && pwd)"
+venv="$1"
+shift
+"$here/system-packages.sh"
+[ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$venv"
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$here/constraints.txt" "$@"

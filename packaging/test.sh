@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Installs NVSim with its test tools into a virtual environment ($VENV, by default .venv) and runs every test:
+# first without a screen, then the window's own in a real window on a virtual screen.
+set -eu
+root="$(cd "$(dirname "$0")/.." && pwd)"
+venv="${VENV:-$root/.venv}"
+"$root/packaging/install.sh" "$venv" -e "$root[test]"
+cd "$root"
+export OMP_WAIT_POLICY=PASSIVE
+QT_QPA_PLATFORM=offscreen "$venv/bin/python" -m pytest -m "not gl" "$@"
+if command -v xvfb-run >/dev/null 2>&1; then
+    QT_QPA_PLATFORM=xcb xvfb-run -a -s "-screen 0 1600x1000x24" "$venv/bin/python" -m pytest -m gl
+elif [ "${CI:-}" = true ]; then
+    echo "xvfb-run is missing, so the window cannot be tested" >&2
+    exit 1
+else
+    echo "The tests in a real window were left out: xvfb is not installed." >&2
+fi

@@ -1,0 +1,42 @@
+"""A file is whole or absent, and a refusal is one sentence."""
+
+import subprocess
+import sys
+
+import pytest
+
+from nvsim import atomic
+from nvsim.errors import InputError
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "figures.json"
+    atomic.write_text(path, "old")
+    with pytest.raises(RuntimeError), atomic.replacing(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["figures.json"]
+
+
+def test_a_killed_write_leaves_the_old_file(tmp_path):
+    path = tmp_path / "figures.json"
+    atomic.write_text(path, "old")
+    code = (
+        "import os, signal, pathlib; from nvsim import atomic\n"
+        f"with atomic.replacing(pathlib.Path({str(path)!r})) as t:\n"
+        "    t.write_text('half'); os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
+    assert path.read_text() == "old"
+
+
+def test_a_path_through_a_file_is_refused_with_a_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="not a folder"):
+        atomic.write_text(tmp_path / "file" / "inside", "text")
+
+
+def test_a_full_disk_is_refused_with_a_sentence():
+    with pytest.raises(InputError, match="disk is full"):
+        raise atomic.as_input_error("/x", OSError(28, "No space left on device"))
