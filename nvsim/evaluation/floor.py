@@ -1,0 +1,57 @@
+"""Floor masks against the truth: intersection over union, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nvsim.errors import InputError
+
+_LEAST_FLOOR = 0.01
+_WORST = 10
+
+
+def evaluate_floor(masks: Path, truth: Path, names: Sequence[str]) -> dict[str, Any]:
+    """Compares `masks`/NAME with `truth`/NAME for every name; a mask of another size is resized to the truth's.
+
+    Returns JSON-able figures: `miou`, the mean intersection over union of the frames with at least 1 % true floor
+    (NaN-free: 0 where there is no such frame), `frames` that count, `precision` and `recall` over all their pixels,
+    `false_floor`, the mean share of the pixels called floor in the other frames, `per_frame` with name, share of true
+    floor and iou, and the `worst` frames. Raises InputError for a picture that is missing or unreadable.
+    """
+    from nvsim.perception.segment import read_mask
+
+    rows: list[dict[str, Any]] = []
+    true_positive = claimed = actual = 0
+    elsewhere: list[float] = []
+    for name in names:
+        expected = read_mask(truth / name)
+        height, width = expected.shape
+        found = read_mask(masks / name, width, height)
+        both, either = int((found & expected).sum()), int((found | expected).sum())
+        share = float(expected.mean())
+        counts = share >= _LEAST_FLOOR
+        rows.append({"name": name, "floor": share, "iou": both / either if either else 1.0, "counts": counts})
+        if counts:
+            true_positive, claimed, actual = (
+                true_positive + both,
+                claimed + int(found.sum()),
+                actual + int(expected.sum()),
+            )
+        else:
+            elsewhere.append(float(found.mean()))
+    scored = [r for r in rows if r["counts"]]
+    if not rows:
+        raise InputError(f"There is no floor mask to compare with {truth}; give the folder of the true floor masks.")
+    return {
+        "miou": float(np.mean([r["iou"] for r in scored])) if scored else 0.0,
+        "frames": len(scored),
+        "precision": true_positive / claimed if claimed else 0.0,
+        "recall": true_positive / actual if actual else 0.0,
+        "false_floor": float(np.mean(elsewhere)) if elsewhere else 0.0,
+        "worst": [{"name": r["name"], "iou": r["iou"]} for r in sorted(scored, key=lambda r: r["iou"])[:_WORST]],
+        "per_frame": rows,
+    }

@@ -1,0 +1,222 @@
+"""The height of the floor per neighbourhood, from what lies below the cameras: the trajectory says where the floor must
+be to within a few decimetres, the cloud then says it to within a centimetre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+from nvsim.geometry.floor_surface import FloorSurface
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FloorHeightConfig:
+    """Lengths in metres.
+
+    spacing          between the nodes of the height grid
+    margin           how far the grid reaches beyond the trajectory
+    lowest, highest  a camera is carried this far above its floor, at least and at most
+    window           points this close to the expected floor may correct it
+    reach            the cloud corrects the floor within this distance of the trajectory
+    stiffness        weight of smoothness against one patch of floor points
+    """
+
+    spacing: float = 1.0
+    margin: float = 8.0
+    lowest: float = 0.15
+    highest: float = 2.6
+    window: float = 0.25
+    reach: float = 8.0
+    stiffness: float = 2.0
+
+
+_PATCH = 0.25  # floor points are condensed to one median per patch of this size, so that dense places do not shout
+_LEVEL = 0.02  # resolution of the histograms of heights
+
+
+def estimate_floor(
+    cloud: Cloud | None,
+    positions: NDArray[np.floating],
+    camera_height: float | None = None,
+    config: FloorHeightConfig | None = None,
+) -> FloorSurface:
+    """The floor below a walk with camera positions (N, 3), metres, z up.
+
+    The camera height is the lowest level below the cameras that many of them share (given: `camera_height` metres).
+    Camera positions minus that height are a first floor; then the dominant level of the cloud near it, patch by patch,
+    corrects it where it continues its neighbours, so that ramps are followed and tables, a camera height apart from
+    the expected floor, never come into question. Between and beyond, the surface is smooth.
+    Raises InputError when neither the cloud nor `camera_height` says how high the cameras were carried.
+    """
+    config = config or FloorHeightConfig()
+    walk = np.asarray(positions, np.float64).reshape(-1, 3)
+    if len(walk) == 0:
+        raise InputError("The capture has no frame with a pose, so there is no floor to look for; check the capture.")
+    points = _below(cloud, walk, config)
+    found = None if points is None else _carried_height(points, walk, camera_height, config)
+    height = found if found is not None else camera_height
+    if height is None:
+        raise InputError(
+            "The cloud shows no floor below the cameras and the camera height is not given; "
+            "give the height of the camera above the floor in metres (--camera-height)."
+        )
+    grid = _Grid.around(walk, config)
+    below = walk - np.array([0.0, 0.0, height])
+    surface = grid.fit(below, np.full(len(below), 0.2), config.stiffness)
+    if points is None or found is None:
+        return surface
+    # Twice coarse, then fine: each round moves the expected floor towards the level that the cloud shows.
+    for window in (config.window, config.window, 0.12, 0.06):
+        patches = _patches(points, surface, window)
+        if len(patches) == 0:
+            break
+        xyz = np.concatenate([patches, below])
+        weight = np.concatenate([np.ones(len(patches)), np.full(len(below), 0.02)])
+        surface = grid.fit(xyz, weight, config.stiffness)
+    return surface
+
+
+def _below(cloud: Cloud | None, walk: Float64, config: FloorHeightConfig) -> Float64 | None:
+    """Points of the cloud that may be floor of this walk: near it and below the nearest camera. None for too few."""
+    if cloud is None or len(cloud.points) == 0:
+        return None
+    from scipy.spatial import cKDTree
+
+    points = np.asarray(cloud.points, np.float64)
+    low, high = walk.min(axis=0) - config.reach, walk.max(axis=0) + config.reach
+    points = points[((points[:, :2] > low[:2]) & (points[:, :2] < high[:2])).all(axis=1)]
+    cells, member = np.unique(np.floor(points[:, :2] / _PATCH).astype(np.int64), axis=0, return_inverse=True)
+    distance, nearest = cKDTree(walk[:, :2]).query((cells + 0.5) * _PATCH, distance_upper_bound=config.reach)
+    carried = np.append(walk[:, 2], np.nan)[nearest][member.reshape(-1)]
+    drop = carried - points[:, 2]
+    slack = 0.1 * np.append(distance, 0.0)[member.reshape(-1)]
+    points = points[(drop > config.lowest - slack) & (drop < config.highest + slack)]
+    return points if len(points) >= 30 else None
+
+
+def _carried_height(
+    points: Float64, walk: Float64, camera_height: float | None, config: FloorHeightConfig
+) -> float | None:
+    """How high the cameras were above the floor: the lowest level below the cameras that a good part of them share.
+
+    Every camera votes with the heights of the points within 1.2 m of it, each height once per patch; a table is below
+    a few cameras only and stands on the floor, so that the floor is the lowest of the strong levels. A given
+    `camera_height` is a level that must be confirmed within 20 % of it. None where no level stands out.
+    """
+    from scipy.spatial import cKDTree
+
+    chosen = walk[np.linspace(0, len(walk) - 1, min(len(walk), 400)).astype(int)]
+    patches = np.unique(np.floor(points / [_PATCH, _PATCH, _LEVEL]).astype(np.int64), axis=0) * [
+        _PATCH,
+        _PATCH,
+        _LEVEL,
+    ] + [_PATCH / 2, _PATCH / 2, _LEVEL / 2]
+    tree = cKDTree(patches[:, :2])
+    bins = int(np.ceil((config.highest + 0.4) / _LEVEL))
+    votes = np.zeros(bins)
+    for camera, near in zip(chosen, tree.query_ball_point(chosen[:, :2], 1.2)):
+        drop = camera[2] - patches[near, 2]
+        drop = drop[(drop > config.lowest) & (drop < config.highest)]
+        if len(drop):
+            votes += np.bincount((drop / _LEVEL).astype(int), minlength=bins)[:bins] / np.sqrt(len(drop))
+    level = (np.arange(bins) + 0.5) * _LEVEL
+    smooth = np.convolve(votes, np.exp(-0.5 * (np.arange(-6, 7) / 2.0) ** 2), mode="same")
+    if camera_height is not None:
+        smooth = np.where(np.abs(level - camera_height) <= 0.2 * camera_height + 0.05, smooth, 0.0)
+    if smooth.max() <= 0:
+        return None
+    peaks = np.flatnonzero((smooth >= np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1)) & (smooth > 0))
+    strong = peaks[smooth[peaks] >= 0.4 * smooth.max()]
+    return float(level[strong.max()])
+
+
+def _patches(points: Float64, surface: FloorSurface, window: float) -> Float64:
+    """(M, 3) one floor point per patch: the median of the points around the dominant height above the expected floor
+    within `window` metres, where that level is shared by the patches around it."""
+    above = points[:, 2] - surface.height_at(points[:, :2])
+    keep = np.abs(above) <= window
+    points, above = points[keep], above[keep]
+    if len(points) == 0:
+        return np.empty((0, 3))
+    cell = np.floor(points[:, :2] / _PATCH).astype(np.int64)
+    cell -= cell.min(axis=0)
+    rows, columns = int(cell[:, 1].max()) + 1, int(cell[:, 0].max()) + 1
+    bins = int(np.ceil(2 * window / _LEVEL)) + 1
+    votes = np.zeros((rows, columns, bins), np.float32)
+    index = ((above + window) / _LEVEL).astype(np.int64).clip(0, bins - 1)
+    np.add.at(votes, (cell[:, 1], cell[:, 0], index), 1.0)
+    from scipy.ndimage import gaussian_filter
+
+    # A patch listens to its neighbourhood of about 1 m; the counts are damped so that a dense shelf does not shout.
+    shared = gaussian_filter(np.sqrt(votes), (1.5, 1.5, 1.2), mode="constant")
+    level = (shared.argmax(axis=2) + 0.5) * _LEVEL - window
+    near = np.abs(above - level[cell[:, 1], cell[:, 0]]) <= 2 * _LEVEL
+    if not near.any():
+        return np.empty((0, 3))
+    points, above = points[near], above[near]
+    flat = cell[near, 1] * columns + cell[near, 0]
+    order = np.lexsort((above, flat))
+    flat, points = flat[order], points[order]
+    start = np.flatnonzero(np.append(True, flat[1:] != flat[:-1]))
+    length = np.diff(np.append(start, len(flat)))
+    middle: Float64 = points[start + length // 2]
+    return middle
+
+
+@dataclass(frozen=True)
+class _Grid:
+    rows: int
+    columns: int
+    origin: tuple[float, float]
+    spacing: float
+
+    @staticmethod
+    def around(walk: Float64, config: FloorHeightConfig) -> _Grid:
+        low = np.floor((walk[:, :2].min(axis=0) - config.margin) / config.spacing) * config.spacing
+        high = walk[:, :2].max(axis=0) + config.margin
+        columns, rows = (np.ceil((high - low) / config.spacing).astype(int) + 1).tolist()
+        return _Grid(rows, columns, (float(low[0]), float(low[1])), config.spacing)
+
+    def fit(self, xyz: Float64, weight: Float64, stiffness: float) -> FloorSurface:
+        """The smooth surface through points (M, 3) with weights (M,): least squares of the heights at the points, of
+        the curvature, and a little of the slope, which alone decides far from any point."""
+        from scipy.sparse import coo_array, diags_array, eye_array, kron, vstack
+        from scipy.sparse.linalg import spsolve
+
+        c = np.clip((xyz[:, 0] - self.origin[0]) / self.spacing, 0, self.columns - 1)
+        r = np.clip((xyz[:, 1] - self.origin[1]) / self.spacing, 0, self.rows - 1)
+        c0 = np.minimum(c.astype(np.int64), max(self.columns - 2, 0))
+        r0 = np.minimum(r.astype(np.int64), max(self.rows - 2, 0))
+        fc, fr = c - c0, r - r0
+        size = self.rows * self.columns
+        at = np.stack([r0 * self.columns + c0, r0 * self.columns + c0 + 1], axis=1)
+        nodes = np.concatenate([at, at + self.columns], axis=1)
+        share = np.stack([(1 - fc) * (1 - fr), fc * (1 - fr), (1 - fc) * fr, fc * fr], axis=1)
+        row = np.repeat(np.arange(len(xyz)), 4)
+        a = coo_array((share.reshape(-1), (row, nodes.reshape(-1))), shape=(len(xyz), size)).tocsr()
+
+        def difference(n: int, order: int) -> Any:
+            d = eye_array(n, format="csr")
+            for _ in range(order):
+                d = d[1:] - d[:-1]
+            return d
+
+        def both(order: int) -> Any:
+            along = kron(eye_array(self.rows), difference(self.columns, order))
+            across = kron(difference(self.rows, order), eye_array(self.columns))
+            return vstack([along, across]).tocsr()
+
+        bend, slope = both(2), both(1)
+        mean = float(np.average(xyz[:, 2], weights=weight))
+        w = diags_array(weight)
+        normal = a.T @ w @ a + stiffness * (bend.T @ bend) + 0.02 * stiffness * (slope.T @ slope)
+        normal = normal + 1e-9 * eye_array(size)
+        heights = spsolve(normal.tocsc(), a.T @ (weight * (xyz[:, 2] - mean))) + mean
+        return FloorSurface(heights.reshape(self.rows, self.columns).astype(np.float32), self.origin, self.spacing)

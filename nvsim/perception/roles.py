@@ -1,0 +1,64 @@
+"""The three roles of hybrid floor segmentation (paper section III-C). Whoever fills one, a network or geometry, the
+fusion in `hybrid` is the same.
+
+The images are undistorted RGB, (H, W, 3) uint8; masks and maps have the image's size; the camera is the pinhole of the
+image at its pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+
+Image = NDArray[np.uint8]
+Float32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+class SemanticFloor(Protocol):
+    """Says how likely a pixel is floor by its looks."""
+
+    def floor_probability(self, image: Image, camera: Camera) -> Float32:
+        """(H, W) float32, 0 to 1."""
+        ...
+
+
+class SurfaceNormals(Protocol):
+    """Says how the surface at a pixel lies. A network's camera-frame output is turned by its adapter with
+    `camera.rotation`; the fusion only knows the world."""
+
+    def normals(self, image: Image, camera: Camera) -> Float32:
+        """(H, W, 3) float32, unit length, world frame, towards the camera; zero where nothing is known."""
+        ...
+
+
+class PromptedMask(Protocol):
+    """Finds the region of a picture that contains given points."""
+
+    def mask(self, picture: Image, points: NDArray[np.floating], camera: Camera) -> Mask:
+        """(H, W) bool. `picture` (H, W, 3) uint8 is the normal map as a picture (the paper's choice), `points` (K, 2)
+        float, pixels x, y with the first pixel's centre at (0.5, 0.5), all inside the region."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FloorMask:
+    """mask        (H, W) bool, the floor: M_final
+    candidates  (H, W) bool, pixels that are floor with confidence: M_cand
+    normals     (H, W, 3) float32, world, or None where the provider has none
+    """
+
+    mask: Mask
+    candidates: Mask
+    normals: Float32 | None = None
+
+
+class FloorSegmenter(Protocol):
+    """What the stage asks of any provider: the geometric one, or the hybrid of three roles."""
+
+    def segment(self, camera: Camera, image: Image) -> FloorMask: ...

@@ -1,0 +1,104 @@
+"""The stage: a floor mask for every frame, written as it is found, so that a stopped run goes on where it stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from nvsim.atomic import make_folder, write_bytes
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Capture
+from nvsim.errors import InputError
+from nvsim.events import Listener, Progress, silent
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.perception.geometric import GeometricConfig, GeometricFloor
+from nvsim.perception.roles import Mask
+
+
+@dataclass(frozen=True)
+class SegmentConfig:
+    """longest_side  masks are made at the image's size, or shrunk so that neither side exceeds this many pixels
+    threads       frames in hand at the same time
+    again         also the frames whose mask is already there
+    geometric     how the geometric provider works
+    """
+
+    longest_side: int = 640
+    threads: int = 2
+    again: bool = False
+    geometric: GeometricConfig = field(default_factory=GeometricConfig)
+
+
+def mask_path(folder: Path, index: int) -> Path:
+    """Where the mask of frame `index` lies."""
+    return folder / f"{index:06d}.png"
+
+
+def segment_capture(
+    capture: Capture,
+    surfaces_of: Callable[[int], FloorSurface],
+    folder: Path,
+    config: SegmentConfig | None = None,
+    listen: Listener = silent,
+    todo: Iterable[int] | None = None,
+) -> None:
+    """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor.
+
+    `surfaces_of` gives the floor surface that holds around a frame; frames that share one should get the same object.
+    Frames whose mask exists are skipped unless `config.again`. Raises InputError for an image that cannot be read and
+    for a folder that cannot be written; masks written so far stay.
+    """
+    import cv2
+
+    config = config or SegmentConfig()
+    make_folder(folder)
+    wanted = range(len(capture.frames)) if todo is None else sorted(set(todo))
+    missing = [i for i in wanted if config.again or not mask_path(folder, i).exists()]
+    done, total = len(wanted) - len(missing), len(wanted)
+    listen(Progress("floors", done, total))
+    providers: dict[int, GeometricFloor] = {}
+    for i in missing:
+        surface = surfaces_of(i)
+        if id(surface) not in providers:
+            providers[id(surface)] = GeometricFloor(capture.cloud, surface, config.geometric)
+
+    def one(index: int) -> int:
+        frame = capture.frames[index]
+        intrinsics = frame.intrinsics.within(config.longest_side)
+        camera = frame.camera.scaled(intrinsics.width, intrinsics.height)
+        found = providers[id(surfaces_of(index))].segment(camera, read_image(frame, intrinsics))
+        encoded = cv2.imencode(".png", found.mask.astype(np.uint8) * 255)[1]
+        write_bytes(mask_path(folder, index), encoded.tobytes())
+        return index
+
+    with ThreadPoolExecutor(config.threads) as pool:
+        jobs = [pool.submit(one, i) for i in missing]
+        try:
+            for job in as_completed(jobs):
+                index = job.result()
+                done += 1
+                listen(Progress("floors", done, total, capture.frames[index].name))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def read_mask(path: Path, width: int | None = None, height: int | None = None) -> Mask:
+    """(height, width) bool, True on floor; the picture's own size by default. Raises InputError when it is missing or
+    not a picture."""
+    import cv2
+
+    if not path.is_file():
+        raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
+    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if picture is None:
+        raise InputError(f"The floor mask {path} is not a readable picture; delete it and make the floor masks again.")
+    if width is not None and height is not None and picture.shape != (height, width):
+        shrink = picture.shape[0] > height
+        picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR)
+    mask: Mask = picture > 127
+    return mask
