@@ -1,0 +1,50 @@
+"""What the map builder is told: thresholds, the robot, the lattice, the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class MappingConfig:
+    """The corridor of a step is accepted when the mean over it passes (the paper's rule) and, under `rule` "worst",
+    when every row and every cell of it passes as well."""
+
+    rule: Literal["mean", "worst"] = "worst"
+    """mean: the paper's mean over the corridor alone. worst: every row and cell must pass too."""
+    tau_alpha: float = 0.95
+    """Mean accumulated alpha over the corridor must stay below this (tau_alpha)."""
+    tau_normal: float = 0.85
+    """Mean upward normal component over the corridor must exceed this (tau_normal)."""
+    tau_dist: float = 2.5
+    """Metres of every step, diagonals included (tau_dist)."""
+    row_alpha: float = 0.2
+    """Rule worst: the mean alpha of every robot-wide row, 0.1 m deep, must stay below this."""
+    cell_alpha: float = 0.5
+    """Rule worst: the alpha of every cell of 0.05 x 0.1 m must stay below this."""
+    row_normal: float = 0.6
+    """Rule worst: the mean upward normal component of every row must exceed this."""
+    support: float = 0.5
+    """Share of every row that a floor mask or the cloud must know as floor; what is not known is not walked."""
+    both_ways: bool = True
+    """An edge needs the corridor back as well: a table top hides the floor behind it from one side only."""
+    robot_radius: float = 0.25
+    """Metres; the corridor is twice as wide and ends this far beyond the step."""
+    merge_radius: float = 1.0
+    """Metres; a step that ends this near to an existing viewpoint joins it when the corridor to it passes."""
+    max_distance: float = 4.0
+    """Metres; no viewpoint is farther than this from the walk, seen from above."""
+    max_viewpoints: int = 1500
+    """The search stops here and says so."""
+    cover_distance: float = 1.5
+    """Metres; a place of the walk without a viewpoint this near, in line, starts another search."""
+    lattice_offset: float = 7.5
+    """Degrees that the eight directions are turned by, so that none lies between two of R2R's 30-degree views."""
+    view_size: int = 160
+    """Pixels of the square views, 90 degrees wide and pitched 45 degrees down, that the corridors are read from."""
+
+    @staticmethod
+    def paper() -> MappingConfig:
+        """The paper's decision: the means, one way."""
+        return MappingConfig(rule="mean", both_ways=False)
