@@ -1,0 +1,149 @@
+"""The rasteriser as a differentiable torch function; the only module of the package that imports torch.
+
+Threads: torch and numba each keep a pool of their own. With OMP_WAIT_POLICY=PASSIVE in the environment (before either
+is imported) the pool that waits does not take cores from the one that works. CPU tensors only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.render.workspace import LOCK, Workspace
+from nvsim.splats.types import Gaussians
+
+_free: list[Workspace] = []
+# Workspaces between uses. One is taken per forward pass and comes back after its backward pass, so that several views
+# may wait for their gradients at once.
+
+_UNTRACKED = np.empty((0, 3), np.float32)
+
+
+@dataclass(eq=False)
+class Statistics:
+    """What densification wants to know, summed over the backward passes since it was made.
+
+    sums   (N, 3) float32, per Gaussian: the sum over views of the length of (sum over pixels of |dL/dx|, the same for
+           y), centre in units of half the longer image side (absolute gradients of gsplat and AbsGS); the number of
+           views that drew it; the largest screen radius (three standard deviations) as a share of the longer side
+    """
+
+    sums: NDArray[np.float32]
+
+    @staticmethod
+    def zeros(count: int) -> Statistics:
+        return Statistics(np.zeros((count, 3), np.float32))
+
+    @property
+    def gradient(self) -> NDArray[np.float32]:
+        """(N,) mean over the views that drew the Gaussian."""
+        return self.sums[:, 0] / np.maximum(self.sums[:, 1], 1)
+
+    @property
+    def count(self) -> NDArray[np.float32]:
+        """(N,) number of views that drew it."""
+        return self.sums[:, 1]
+
+    @property
+    def radius(self) -> NDArray[np.float32]:
+        """(N,) largest radius as a share of the longer image side."""
+        return self.sums[:, 2]
+
+
+def rasterize(
+    means: torch.Tensor,
+    log_scales: torch.Tensor,
+    quats: torch.Tensor,
+    opacity_logits: torch.Tensor,
+    sh: torch.Tensor,
+    camera: Camera,
+    *,
+    antialiased: bool = True,
+    sh_degree: int | None = None,
+    depth: bool = False,
+    statistics: Statistics | None = None,
+) -> tuple[torch.Tensor, ...]:
+    """Draws Gaussians; differentiable in all five tensors, which are float32 on the CPU, shapes as in
+    splats.types.Gaussians.
+
+    sh_degree    evaluates the coefficients up to this degree only; the rest get zero gradients
+    depth        adds the expected depth, as in RenderOutput, differentiable as well
+    statistics   is added to during the backward pass
+
+    Returns rgb (H, W, 3), not clamped, and alpha (H, W)[, depth (H, W)], float32. Raises ValueError for tensors of
+    another kind.
+    """
+    for tensor in (means, log_scales, quats, opacity_logits, sh):
+        if tensor.dtype != torch.float32 or tensor.device.type != "cpu":
+            raise ValueError(f"rasterize needs float32 tensors on the CPU, got {tensor.dtype} on {tensor.device}")
+    if statistics is not None and len(statistics.sums) != len(means):
+        raise ValueError(f"statistics of {len(statistics.sums)} Gaussians for {len(means)}")
+    result: tuple[torch.Tensor, ...] = Rasterize.apply(
+        means, log_scales, quats, opacity_logits, sh, camera, antialiased, sh_degree, depth, statistics
+    )
+    return result
+
+
+class Rasterize(torch.autograd.Function):
+    """See `rasterize`."""
+
+    @staticmethod
+    def forward(ctx: Any, *arguments: Any) -> tuple[torch.Tensor, ...]:
+        tensors = [t.detach().contiguous() for t in arguments[:5]]
+        camera, antialiased, sh_degree, with_depth, statistics = arguments[5:]
+        gaussians = Gaussians(*(t.numpy() for t in tensors))
+        k = camera.intrinsics
+        with LOCK:
+            workspace = _free.pop() if _free else Workspace()
+            workspace.project(gaussians, camera, antialiased, sh_degree)
+            workspace.bin()
+            rgb, transmittance, depth, _ = workspace.draw(k.height, k.width, with_depth)
+            if any(ctx.needs_input_grad):
+                ctx.workspace = workspace
+            else:
+                _free.append(workspace)
+        alpha = 1 - transmittance
+        # save_for_backward notices when a tensor is changed in place before the backward pass.
+        ctx.save_for_backward(*arguments[:5])
+        ctx.transmittance, ctx.statistics = transmittance, statistics
+        ctx.set_materialize_grads(False)
+        if not with_depth:
+            return torch.from_numpy(rgb), torch.from_numpy(alpha)
+        depth = np.where(alpha < 1e-3, np.float32(0), depth / np.maximum(alpha, 1e-3))
+        ctx.depth, ctx.alpha = depth, alpha
+        return torch.from_numpy(rgb), torch.from_numpy(alpha), torch.from_numpy(depth)
+
+    @staticmethod
+    def backward(ctx: Any, *outputs: torch.Tensor | None) -> Any:
+        if ctx.workspace is None:
+            raise RuntimeError("the gradient of rasterize can be taken once per forward pass")
+        shape = ctx.transmittance.shape
+        d_rgb, d_alpha = _image(outputs[0], (*shape, 3)), _image(outputs[1], shape)
+        d_depth = _image(outputs[2] if len(outputs) > 2 else None, shape)
+        if len(outputs) > 2 and outputs[2] is not None:
+            # depth = sum / alpha, and zero where there is almost no alpha
+            d_depth = np.where(ctx.alpha < 1e-3, np.float32(0), d_depth / np.maximum(ctx.alpha, 1e-3))
+            d_alpha = d_alpha - d_depth * ctx.depth
+        tensors = [t.detach().contiguous() for t in ctx.saved_tensors]
+        d_tensors = [torch.empty_like(t) for t in tensors]
+        statistics = _UNTRACKED if ctx.statistics is None else ctx.statistics.sums
+        with LOCK:
+            workspace: Workspace = ctx.workspace
+            workspace.draw_gradient(ctx.transmittance, d_rgb, d_alpha, d_depth)
+            workspace.project_gradient(
+                Gaussians(*(t.numpy() for t in tensors)), Gaussians(*(t.numpy() for t in d_tensors)), statistics
+            )
+            ctx.workspace = None
+            _free.append(workspace)
+        return (*d_tensors, None, None, None, None, None)
+
+
+def _image(gradient: torch.Tensor | None, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    if gradient is None:
+        return np.zeros(shape, np.float32)
+    return gradient.detach().contiguous().numpy()

@@ -1,0 +1,169 @@
+"""The way back from pixels to splats: gradients of colour, depth, centre, conic and opacity of every splat.
+
+Tiles are walked back to front; the transmittance before a splat is recovered by dividing by 1 - alpha. A pixel's
+gradient is summed per column of the tile first, because dx is constant there: nine sums suffice for everything.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+
+from nvsim.render.arithmetic import LN2, exp2_below
+from nvsim.render.layout import (
+    ALPHA_MAX,
+    BLUE,
+    CONIC_A,
+    CONIC_B,
+    CONIC_C,
+    DEPTH,
+    GREEN,
+    LOG_CUT,
+    LOG_OPACITY,
+    OPACITY,
+    RED,
+    TILE,
+    X,
+    Y,
+)
+from nvsim.render.spans import pixel_rows
+
+_F = np.float32
+_HALF, _ONE, _TWO = _F(0.5), _F(1), _F(2)
+_PLANES = 6  # transmittance, light from behind, gradients of red, green, blue, depth
+_SUMS = 9
+
+GRADIENT_WIDTH = 12
+"""Columns: red, green, blue, depth, x, y, conic a, b, c (natural units), opacity, and the sums over pixels of the
+absolute values of the x and y gradients."""
+
+
+@njit(fastmath=True)
+def _draw_gradient_part(
+    thread: Any,
+    splats: Any,
+    rows: Any,
+    offsets: Any,
+    last: Any,
+    visible: Any,
+    threads: Any,
+    transmittance: Any,
+    d_rgb: Any,
+    d_alpha: Any,
+    d_depth: Any,
+    gradients: Any,
+) -> None:
+    height, width = transmittance.shape
+    columns = (width + TILE - 1) // TILE
+    tiles = offsets.shape[0] - 1
+    out = gradients[thread]
+    blocks = visible.shape[0]
+    for block in range(blocks):
+        first = out.shape[0] * block // blocks
+        out[first : first + visible[block]] = _F(0)
+    planes = np.empty((TILE, _PLANES * TILE), np.float32)
+    sums = np.empty(_SUMS * TILE, np.float32)
+    for tile in range(thread, tiles, threads):
+        left, top = (tile % columns) * TILE, (tile // columns) * TILE
+        planes[:] = _F(0)
+        for y in range(min(TILE, height - top)):
+            line = planes[y]
+            for x in range(min(TILE, width - left)):
+                t = transmittance[top + y, left + x]
+                line[x] = t
+                line[TILE + x] = -d_alpha[top + y, left + x] * t
+                for channel in range(3):
+                    line[(2 + channel) * TILE + x] = d_rgb[top + y, left + x, channel]
+                line[5 * TILE + x] = d_depth[top + y, left + x]
+        for k in range(last[tile] - 1, offsets[tile] - 1, -1):
+            splat = splats[rows[k]]
+            gx, gy = splat[X] - _F(left), splat[Y] - _F(top)
+            a, b, c = splat[CONIC_A], splat[CONIC_B], splat[CONIC_C]
+            log_opacity = splat[LOG_OPACITY]
+            red, green, blue, z = splat[RED], splat[GREEN], splat[BLUE], splat[DEPTH]
+            for i in range(_SUMS * TILE):
+                sums[i] = _F(0)
+            low, high = pixel_rows(splat, top)
+            for y in range(low, high):
+                dy = _F(y) - gy
+                constant, linear = log_opacity + c * dy * dy, b * dy
+                slope_y = _TWO * c * dy
+                line = planes[y]
+                for x in range(TILE):
+                    dx = _F(x) - gx
+                    power = max(constant + dx * (linear + a * dx), _F(-100))
+                    free = exp2_below(power)
+                    alpha = min(free, ALPHA_MAX)
+                    alpha = alpha if power >= LOG_CUT else _F(0)
+                    inverse = _ONE / (_ONE - alpha)
+                    before = line[x] * inverse
+                    line[x] = before
+                    weight = alpha * before
+                    dr, dg, db, dd = line[2 * TILE + x], line[3 * TILE + x], line[4 * TILE + x], line[5 * TILE + x]
+                    own = dr * red + dg * green + db * blue + dd * z
+                    d_power = alpha * (before * own - line[TILE + x] * inverse)
+                    d_power = d_power if free < ALPHA_MAX else _F(0)
+                    line[TILE + x] += weight * own
+                    sums[x] += weight * dr
+                    sums[TILE + x] += weight * dg
+                    sums[2 * TILE + x] += weight * db
+                    sums[3 * TILE + x] += weight * dd
+                    sums[4 * TILE + x] += d_power
+                    sums[5 * TILE + x] += d_power * dy
+                    sums[6 * TILE + x] += d_power * dy * dy
+                    sums[7 * TILE + x] += abs(d_power * (_TWO * a * dx + linear))
+                    sums[8 * TILE + x] += abs(d_power * (slope_y + b * dx))
+            g_red = g_green = g_blue = g_depth = _F(0)
+            p = px = pxx = py = pxy = pyy = abs_x = abs_y = _F(0)
+            for x in range(TILE):
+                dx = _F(x) - gx
+                g_red += sums[x]
+                g_green += sums[TILE + x]
+                g_blue += sums[2 * TILE + x]
+                g_depth += sums[3 * TILE + x]
+                p += sums[4 * TILE + x]
+                px += sums[4 * TILE + x] * dx
+                pxx += sums[4 * TILE + x] * dx * dx
+                py += sums[5 * TILE + x]
+                pxy += sums[5 * TILE + x] * dx
+                pyy += sums[6 * TILE + x]
+                abs_x += sums[7 * TILE + x]
+                abs_y += sums[8 * TILE + x]
+            row = out[rows[k]]
+            row[0] += g_red
+            row[1] += g_green
+            row[2] += g_blue
+            row[3] += g_depth
+            row[4] -= LN2 * (_TWO * a * px + b * py)
+            row[5] -= LN2 * (_TWO * c * py + b * px)
+            row[6] -= _HALF * pxx
+            row[7] -= pxy
+            row[8] -= _HALF * pyy
+            row[9] += p / splat[OPACITY]
+            row[10] += LN2 * abs_x
+            row[11] += LN2 * abs_y
+
+
+@njit(parallel=True, cache=True)
+def draw_gradient(
+    splats: Any,
+    rows: Any,
+    offsets: Any,
+    last: Any,
+    visible: Any,
+    threads: Any,
+    transmittance: Any,
+    d_rgb: Any,
+    d_alpha: Any,
+    d_depth: Any,
+    gradients: Any,
+) -> None:
+    """d_rgb (H, W, 3), d_alpha (H, W), d_depth (H, W): gradients of what `raster.draw` made, alpha = 1 -
+    transmittance, depth the plain weighted sum. gradients: out (threads, rows of splats, 12), to be summed over the
+    first axis; only the rows that `visible` counts are written."""
+    for thread in prange(threads):
+        _draw_gradient_part(
+            thread, splats, rows, offsets, last, visible, threads, transmittance, d_rgb, d_alpha, d_depth, gradients
+        )

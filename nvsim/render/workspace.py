@@ -1,0 +1,171 @@
+"""The memory of one view on its way through the kernels, kept between frames so that a steady state allocates nothing
+but the images."""
+
+from __future__ import annotations
+
+import threading
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.render import layout
+from nvsim.render.projection import pack, project
+from nvsim.render.projection_gradient import project_gradient
+from nvsim.render.raster import draw
+from nvsim.render.raster_gradient import GRADIENT_WIDTH, draw_gradient
+from nvsim.render.tiles import scatter, sort, starts
+from nvsim.splats.types import Gaussians
+
+Float32 = NDArray[np.float32]
+
+LOCK = threading.RLock()
+"""Held while kernels run: they use every core, and not every threading layer of numba allows two callers at once."""
+
+_NO_DEPTH, _NO_NORMAL = np.empty((0, 0), np.float32), np.empty((0, 0, 3), np.float32)
+
+
+def ready(array: NDArray[np.floating]) -> Float32:
+    """The array as the kernels were compiled for: float32, C-contiguous, aligned, writable; a copy only if needed."""
+    return np.require(array, np.float32, ["C", "A", "W"])
+
+
+class Workspace:
+    """One view at a time: `prepare` and `draw`, then perhaps `gradient`, which needs what the first two left here.
+
+    Not thread-safe; hold `LOCK` around calls. Results are the same for the same number of threads
+    (`numba.set_num_threads`), in the images for any number.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.threads = 1
+        self._rows = np.empty((0, layout.WIDTH), np.float32)
+        self._ids = np.empty(0, np.int32)
+        self._entries = 0
+        self._keys = np.empty(0, np.uint32)
+        self._order = np.empty(0, np.int32)
+        self._spare_keys = np.empty((0, 0), np.uint32)
+        self._spare_rows = np.empty((0, 0), np.int32)
+        self._gradients = np.empty((0, 0, GRADIENT_WIDTH), np.float32)
+        self._cursors = np.empty((0, 0), np.int32)
+        self._offsets = np.empty(0, np.int64)
+        self._last = np.empty(0, np.int64)
+        self._visible = np.empty(0, np.int32)
+        self._view = np.empty(0, np.float32)
+        self._degree = 0
+
+    @property
+    def visible(self) -> int:
+        """Number of Gaussians that the last view draws."""
+        return int(self._visible.sum())
+
+    @property
+    def intersections(self) -> int:
+        """Number of meetings of a tile and a Gaussian in the last view."""
+        return self._entries
+
+    def project(self, gaussians: Gaussians, camera: Camera, antialiased: bool, sh_degree: int | None = None) -> None:
+        """Splats of the Gaussians (arrays as from `ready`). `sh_degree` limits the degree that is evaluated."""
+        k = camera.intrinsics
+        n, self.threads = len(gaussians), numba.get_num_threads()
+        self._columns, self._lines = -(-k.width // layout.TILE), -(-k.height // layout.TILE)
+        tiles = self._columns * self._lines
+        if len(self._rows) < n:
+            self._rows = np.empty((_grown(n), layout.WIDTH), np.float32)
+            self._ids = np.empty(_grown(n), np.int32)
+        if self._cursors.shape != (self.threads, tiles):
+            self._cursors = np.empty((self.threads, tiles), np.int32)
+            self._offsets = np.empty(tiles + 1, np.int64)
+            self._last = np.empty(tiles, np.int64)
+            self._visible = np.empty(self.threads, np.int32)
+        self.count, self._view = n, pack(camera, antialiased)
+        self._degree = min(gaussians.sh_degree, 3 if sh_degree is None else sh_degree)
+        g = gaussians
+        project(
+            g.means,
+            g.log_scales,
+            g.quats,
+            g.opacity_logits,
+            g.sh,
+            self._degree,
+            self._view,
+            self.threads,
+            self._rows[:n],
+            self._ids[:n],
+            self._visible,
+            self._cursors,
+        )
+
+    def bin(self) -> None:
+        """The order in which each tile draws the splats."""
+        total, longest = starts(self._cursors, self._offsets)
+        self._entries = int(total)
+        if len(self._keys) < total:
+            self._keys = np.empty(_grown(total), np.uint32)
+            self._order = np.empty(_grown(total), np.int32)
+        if self._spare_keys.shape[0] != self.threads or self._spare_keys.shape[1] < longest:
+            self._spare_keys = np.empty((self.threads, _grown(longest)), np.uint32)
+            self._spare_rows = np.empty((self.threads, _grown(longest)), np.int32)
+        rows = self._rows[: self.count]
+        scatter(rows, self.count, self._visible, self._cursors, self._columns, self._lines, self._keys, self._order)
+        sort(self._keys, self._order, self._offsets, longest, self.threads, self._spare_keys, self._spare_rows)
+
+    def draw(self, height: int, width: int, geometry: bool) -> tuple[Float32, Float32, Float32, Float32]:
+        """rgb (H, W, 3), transmittance (H, W), and with `geometry` the weighted sums of depth (H, W) and of world
+        normals (H, W, 3), else empty arrays."""
+        rgb, transmittance = np.empty((height, width, 3), np.float32), np.empty((height, width), np.float32)
+        depth, normal = _NO_DEPTH, _NO_NORMAL
+        if geometry:
+            depth, normal = np.empty((height, width), np.float32), np.empty((height, width, 3), np.float32)
+        rows = self._rows[: self.count]
+        draw(rows, self._order, self._offsets, self.threads, geometry, rgb, transmittance, depth, normal, self._last)
+        return rgb, transmittance, depth, normal
+
+    def draw_gradient(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, d_depth: Float32) -> None:
+        """From gradients of the images to gradients of the splats; `transmittance` as `draw` returned it."""
+        if self._gradients.shape[0] != self.threads or self._gradients.shape[1] < self.count:
+            self._gradients = np.empty((self.threads, _grown(self.count), GRADIENT_WIDTH), np.float32)
+        draw_gradient(
+            self._rows[: self.count],
+            self._order,
+            self._offsets,
+            self._last,
+            self._visible,
+            self.threads,
+            transmittance,
+            d_rgb,
+            d_alpha,
+            d_depth,
+            self._gradients[:, : self.count],
+        )
+
+    def project_gradient(self, gaussians: Gaussians, gradients: Gaussians, statistics: Float32) -> None:
+        """From gradients of the splats to those of the Gaussians, written to `gradients`."""
+        g, d = gaussians, gradients
+        project_gradient(
+            g.means,
+            g.log_scales,
+            g.quats,
+            g.opacity_logits,
+            g.sh,
+            self._degree,
+            self._view,
+            self.threads,
+            self._rows[: self.count],
+            self._ids[: self.count],
+            self._visible,
+            self._gradients[:, : self.count],
+            d.means,
+            d.log_scales,
+            d.quats,
+            d.opacity_logits,
+            d.sh,
+            statistics,
+        )
+
+
+def _grown(needed: int) -> int:
+    # A quarter more than asked for, so that a scene that grows step by step does not allocate at every step.
+    return int(needed) + int(needed) // 4 + 64
