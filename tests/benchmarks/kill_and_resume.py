@@ -29,7 +29,7 @@ def command(capture: Path, project: Path, steps: int) -> list[str]:
 
 
 def run_killed(argv: list[str], seconds: float, rng: random.Random, kills: int) -> list[str]:
-    """Runs until it ends, killing it `kills` times within `seconds` of undisturbed work; returns the last stages seen."""
+    """Runs until it ends, killed `kills` times within `seconds` of undisturbed work; returns the stages it was in."""
     stages = []
     moments = sorted(rng.uniform(0.02, 0.98) * seconds for _ in range(kills))
     gaps = [b - a for a, b in zip([0.0, *moments], moments)]
