@@ -1,37 +1,36 @@
-"""Floor heights of the whole project: each place asks the submap whose cameras are nearest."""
+"""The floor of the whole project as one surface: each place takes the height of the submap whose cameras are nearest."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project.project import Project
 
+_SPACING = 0.5  # metres
+_MARGIN = 8.0  # metres around the cameras
 
-class FloorHeights:
-    """Callable: world x, y (..., 2) -> heights (...) float32, metres."""
 
-    def __init__(self, project: Project) -> None:
-        owners, places, self._surfaces = [], [], {}
-        for submap in project.need_submaps():
-            surface = project.surface(submap.index)
-            if surface is None:
-                continue
-            self._surfaces[submap.index] = surface
-            places.append(submap.positions[:, :2])
-            owners.append(np.full(len(submap.positions), submap.index))
-        if not self._surfaces:
-            places, owners, self._surfaces = [np.zeros((1, 2))], [np.zeros(1, int)], {0: FloorSurface.flat(0.0)}
-        self._tree = cKDTree(np.concatenate(places))
-        self._owners = np.concatenate(owners)
+def floor_of(project: Project) -> FloorSurface:
+    """One surface over the walk and what can be seen from it; flat at z = 0 while no floor was estimated."""
+    from scipy.spatial import cKDTree
 
-    def __call__(self, xy: NDArray[np.floating]) -> NDArray[np.float32]:
-        flat = np.asarray(xy, np.float64).reshape(-1, 2)
-        owners = self._owners[self._tree.query(flat)[1]]
-        heights = np.empty(len(flat), np.float32)
-        for index, surface in self._surfaces.items():
-            chosen = owners == index
-            heights[chosen] = surface.height_at(flat[chosen])
-        return heights.reshape(np.shape(xy)[:-1])
+    surfaces = {s.index: project.surface(s.index) for s in project.submaps()}
+    known = {index: s for index, s in surfaces.items() if s is not None}
+    if not known:
+        return FloorSurface.flat(0.0)
+    if len(known) == 1:
+        return next(iter(known.values()))
+    submaps = [s for s in project.submaps() if s.index in known]
+    places = np.concatenate([s.positions[:, :2] for s in submaps])
+    owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
+    low, high = places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN
+    columns, rows = np.ceil((high - low) / _SPACING).astype(int) + 1
+    x, y = low[0] + _SPACING * np.arange(columns), low[1] + _SPACING * np.arange(rows)
+    xy = np.stack(np.meshgrid(x, y), axis=-1)
+    nearest = owners[cKDTree(places).query(xy)[1]]
+    heights = np.zeros((rows, columns), np.float32)
+    for index, surface in known.items():
+        chosen = nearest == index
+        heights[chosen] = surface.height_at(xy[chosen])
+    return FloorSurface(heights, (float(low[0]), float(low[1])), _SPACING)

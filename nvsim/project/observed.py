@@ -7,7 +7,7 @@ import numpy as np
 from nvsim.capture.types import Capture
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.perception.support import FloorSupport
-from nvsim.project.floor_heights import FloorHeights
+from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 
 _LOW, _HIGH = 0.10, 1.5  # metres above the floor within which a point is an obstacle
@@ -26,7 +26,7 @@ def observed_occupancy(
     cells = np.where(support.at(empty.centres()), FREE, UNKNOWN)
     inside = ((points[:, :2] >= low) & (points[:, :2] < high)).all(axis=1)
     points = points[inside]
-    above = points[:, 2] - FloorHeights(project)(points[:, :2])
+    above = points[:, 2] - floor_of(project).height_at(points[:, :2])
     index = empty.index(points[(above > _LOW) & (above < _HIGH), :2])
     counts = np.bincount(index[:, 0] * columns + index[:, 1], minlength=rows * columns).reshape(rows, columns)
     cells[counts >= _POINTS_PER_CELL] = OCCUPIED

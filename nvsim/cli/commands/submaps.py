@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 
 from nvsim.cli import show
@@ -21,5 +22,6 @@ def run(arguments: Arguments) -> int:
         result = submaps.run(project, arguments.config, listen)
         rows = describe(result, project.need_capture().positions)
     if not arguments.json:
-        show.table(list(rows[0]), [list(r.values()) for r in rows], "submaps")
+        cells = [dataclasses.asdict(r) for r in rows]
+        show.table(list(cells[0]), [[str(v) for v in c.values()] for c in cells], "submaps")
     return 0

@@ -12,6 +12,7 @@ from nvsim.events import Done, Listener, Log, Progress
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, held_out
+from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key
@@ -42,7 +43,7 @@ def run(project: Project, listen: Listener) -> None:
         for frame in submap.core:
             surface_of[frame] = surface
     segment_capture(capture, surface_of.__getitem__, layout.masks, listen=listen)
-    coverage = _support(project, surface_of, config)
+    coverage = _support(project, config)
     summary = {"frames": len(capture.frames), "supported_m2": round(coverage, 1)}
     ledger.finish(project, STAGE, time.monotonic() - started, summary)
     listen(Done(STAGE, f"floor masks of {len(capture.frames)} frames, {coverage:.0f} m² of supported floor", summary))
@@ -60,7 +61,7 @@ def _surface(project: Project, submap: int, positions: np.ndarray, config: Captu
     return surface
 
 
-def _support(project: Project, surface_of: dict[int, FloorSurface], config: CaptureConfig) -> float:
+def _support(project: Project, config: CaptureConfig) -> float:
     """Commits the supported floor; returns its area in square metres."""
     from nvsim.perception.segment import read_mask
     from nvsim.perception.support import observe
@@ -71,11 +72,11 @@ def _support(project: Project, surface_of: dict[int, FloorSurface], config: Capt
     support = observe(
         [capture.frames[i].camera for i in frames],
         (read_mask(project.layout.mask(i)) for i in frames),
-        [surface_of[i] for i in frames],
+        floor_of(project),
         capture.cloud,
     )
     support.save(project.layout.support)
-    return support.area
+    return float(support.cells.sum() * support.spacing**2)
 
 
 def floors_key(project: Project) -> str:

@@ -13,7 +13,7 @@ from nvsim.events import Done, Listener, Log
 from nvsim.geometry.camera import Camera
 from nvsim.mapping.config import MappingConfig
 from nvsim.project import ledger
-from nvsim.project.floor_heights import FloorHeights
+from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
@@ -59,7 +59,7 @@ def run(project: Project, config: MappingConfig, listen: Listener, reapply: bool
     result = build_map(
         SceneViews(scene),
         capture.positions,
-        FloorHeights(project),
+        floor_of(project).height_at,
         support.at,
         config,
         scan=scan,
