@@ -102,8 +102,8 @@ def _parse(path: Path) -> _Description:
     values: dict[str, tuple[int, str]] = {}
     items: list[str] = []
     key = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        content = line.split("#", 1)[0].strip()
+    for number, raw in enumerate(text.splitlines(), 1):
+        content = raw.split("#", 1)[0].strip()
         if not content or content in ("---", "..."):
             continue
         if content.startswith("-") and key == "origin" and ":" not in content:
