@@ -1,0 +1,21 @@
+"""What a person may choose about the built-in building."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class BuildingConfig:
+    """seed decides plan, furniture, colours and people. "full" is about 300 m2 with at least six rooms around a loop
+    of corridors, "small" two rooms and a door. Image size in pixels; the horizontal field of view in degrees."""
+
+    seed: int = 0
+    size: Literal["full", "small"] = "full"
+    width: int = 480
+    height: int = 360
+    horizontal_fov: float = 80.0
+    step: float = 0.39  # metres between images on a straight line
+    turn: float = 15.5  # degrees between images while turning
+    people: bool = True

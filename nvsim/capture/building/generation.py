@@ -1,0 +1,124 @@
+"""A building written to disk: an ordinary nerfstudio capture, and beside it the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim import atomic
+from nvsim.capture.building.config import BuildingConfig
+from nvsim.capture.building.rendering import render
+from nvsim.capture.building.scan import scan
+from nvsim.capture.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
+from nvsim.capture.building.truth import floor_mask, normals, occupancy, transient_mask
+from nvsim.capture.types import Cloud
+from nvsim.events import Listener, Progress, silent
+from nvsim.occupancy.ros import write_ros_map
+
+VERSION = 1  # of what is generated: raise it when the same configuration gives other files
+_NOISE = 1.5 / 255
+_TRUTH_EVERY = 10
+_RECORD = "building.json"
+
+
+def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) -> None:
+    """Writes `folder`/capture and `folder`/ground_truth; returns at once where the same building is already there.
+
+    Raises InputError when the disk refuses.
+    """
+    record = json.dumps({"version": VERSION, **dataclasses.asdict(config)}, indent=1) + "\n"
+    finished = folder / _RECORD
+    if finished.is_file() and finished.read_text() == record:
+        listen(Progress("building", 1, 1, "already there"))
+        return
+    finished.unlink(missing_ok=True)
+    listen(Progress("building", 0, 1, "plan"))
+    scene = make_scene(config)
+    total = len(scene.walk) + 2
+    textures = textures_of(scene)
+    listen(Progress("building", 1, total, "scan"))
+    cloud = scan(scene, textures, np.random.Generator(np.random.PCG64(np.random.SeedSequence([config.seed, 5]))))
+    listen(Progress("building", 2, total, "frames"))
+    capture, truth = folder / "capture", folder / "ground_truth"
+    for frame in range(len(scene.walk)):
+        people, clothes = scene.present(frame)
+        view = render(scene.camera(frame), scene.solids, textures, people, clothes)
+        name = f"{frame:05d}"
+        _write(
+            capture / "images" / f"{name}.jpg", _exposed(view.color, config.seed, frame), [cv2.IMWRITE_JPEG_QUALITY, 93]
+        )
+        _write(truth / "floor" / f"{name}.png", 255 * floor_mask(scene, view).astype(np.uint8))
+        _write(truth / "transient" / f"{name}.png", 255 * transient_mask(scene, view).astype(np.uint8))
+        if frame % _TRUTH_EVERY == 0:
+            _write(truth / "depth" / f"{name}.png", np.rint(view.depth * 1000).astype(np.uint16))
+            rgb = np.rint((normals(scene, view) + 1) * 127.5).astype(np.uint8)
+            _write(truth / "normals" / f"{name}.png", rgb[..., ::-1])
+        listen(Progress("building", frame + 3, total, "frames"))
+    _write_capture(capture, scene, cloud)
+    write_ros_map(occupancy(scene), truth / "map.yaml")
+    atomic.write_text(truth / "README.txt", _readme(scene, cloud))
+    atomic.write_text(finished, record)
+
+
+def _exposed(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.uint8]:
+    """BGR bytes with the sensor's noise."""
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 6, frame])))
+    noisy = color[..., ::-1] + np.float32(_NOISE) * rng.standard_normal(color.shape, dtype=np.float32)
+    return np.rint(np.clip(noisy, 0, 1) * 255).astype(np.uint8)
+
+
+def _write(path: Path, image: NDArray[np.generic], options: list[int] | None = None) -> None:
+    encoded = cv2.imencode(path.suffix, image, options or [])[1]
+    atomic.write_bytes(path, encoded.tobytes())
+
+
+def _write_capture(capture: Path, scene: Scene, cloud: Cloud) -> None:
+    """transforms.json (nerfstudio: OpenGL axes, y up and looking along -z) and the cloud as binary PLY."""
+    k = scene.camera(0).intrinsics
+    frames = []
+    for frame in range(len(scene.walk)):
+        matrix = scene.camera(frame).camera_to_world @ np.diag([1.0, -1.0, -1.0, 1.0]) + 0.0
+        frames.append({"file_path": f"images/{frame:05d}.jpg", "transform_matrix": matrix.tolist()})
+    transforms = {
+        "camera_model": "OPENCV",
+        "w": k.width,
+        "h": k.height,
+        "fl_x": k.fx,
+        "fl_y": k.fy,
+        "cx": k.cx,
+        "cy": k.cy,
+        **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+        "ply_file_path": "points.ply",
+        "frames": frames,
+    }
+    table = np.empty(len(cloud.points), [(a, "<f4") for a in "xyz"] + [(c, "u1") for c in ("red", "green", "blue")])
+    assert cloud.colors is not None
+    for axis, name in enumerate("xyz"):
+        table[name] = cloud.points[:, axis]
+    for channel, name in enumerate(("red", "green", "blue")):
+        table[name] = cloud.colors[:, channel]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
+    header += [f"property float {a}" for a in "xyz"] + [f"property uchar {c}" for c in ("red", "green", "blue")]
+    atomic.write_bytes(capture / "points.ply", ("\n".join([*header, "end_header"]) + "\n").encode() + table.tobytes())
+    atomic.write_text(capture / "transforms.json", json.dumps(transforms, indent=1) + "\n")
+
+
+def _readme(scene: Scene, cloud: Cloud) -> str:
+    moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
+    return f"""The truth of a built-in building (seed {scene.config.seed}, {scene.config.size}): for evaluation, never an input.
+
+{len(scene.plan.rooms)} rooms on {scene.plan.extent.area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m of walk, {len(cloud.points)} points.
+World: metres, z up, floor at z = 0; cameras level, {CAMERA_HEIGHT} m above the floor.
+
+floor/      every frame: the floor is visible here, rugs included, also through glass; people are not floor
+transient/  every frame: a person is visible here
+depth/      every {_TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass, people included
+normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
+map.pgm     ROS map_server, {0.05} m: occupied is anything solid between 0.10 and 1.5 m (glass and the step included,
+map.yaml    people not), free the floor connected with the walk, the rest unknown
+"""

@@ -1,0 +1,156 @@
+"""The floor plan as data: rooms, walls with openings, and the places the walk visits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+HEIGHT = 2.7  # metres from floor to ceiling
+INNER_WALL, OUTER_WALL, GLASS = 0.12, 0.2, 0.02  # thicknesses, metres
+
+
+@dataclass(frozen=True)
+class Rect:
+    """An axis-aligned rectangle on the ground, metres."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
+
+    @property
+    def area(self) -> float:
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+    def contains(self, x: float, y: float) -> bool:
+        return self.x0 <= x < self.x1 and self.y0 <= y < self.y1
+
+    def grown(self, margin: float) -> Rect:
+        return Rect(self.x0 - margin, self.y0 - margin, self.x1 + margin, self.y1 + margin)
+
+    def overlaps(self, other: Rect) -> bool:
+        return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
+
+
+@dataclass(frozen=True)
+class Room:
+    """`rects` reach to the centre lines of the walls; a ring of corridors has four."""
+
+    name: str
+    kind: str
+    floor: str
+    rects: tuple[Rect, ...]
+
+    def contains(self, x: float, y: float) -> bool:
+        return any(r.contains(x, y) for r in self.rects)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall from floor to ceiling on the line x = `line` (along y) or y = `line` (along x)."""
+
+    along: str  # "x" or "y"
+    line: float
+    start: float
+    end: float
+    thickness: float = INNER_WALL
+    glass: bool = False
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A doorway in the wall on `line`: clear width and height in metres, framed when it is a door."""
+
+    along: str
+    line: float
+    centre: float
+    width: float
+    height: float = 2.08
+    framed: bool = True
+
+    def rect(self, depth: float) -> Rect:
+        """The ground within `depth` of the opening on both sides."""
+        half = self.width / 2
+        if self.along == "x":
+            return Rect(self.centre - half, self.line - depth, self.centre + half, self.line + depth)
+        return Rect(self.line - depth, self.centre - half, self.line + depth, self.centre + half)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A corner of the walk; `spin` turns in place there, the long way round."""
+
+    x: float
+    y: float
+    spin: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything on the ground, in metres; the lower corner of `extent` is the origin."""
+
+    extent: Rect
+    rooms: tuple[Room, ...]
+    walls: tuple[Wall, ...]
+    openings: tuple[Opening, ...]
+    stops: tuple[Stop, ...]
+
+    def room_at(self, x: float, y: float) -> Room | None:
+        return next((r for r in self.rooms if r.contains(x, y)), None)
+
+    def flipped_x(self) -> Plan:
+        """The mirror image across the vertical centre line."""
+        width = self.extent.x1
+        return self._mapped(
+            lambda r: Rect(width - r.x1, r.y0, width - r.x0, r.y1),
+            lambda x, y: (width - x, y),
+            lambda w: (
+                replace(w, start=width - w.end, end=width - w.start)
+                if w.along == "x"
+                else replace(w, line=width - w.line)
+            ),
+            lambda o: replace(o, centre=width - o.centre) if o.along == "x" else replace(o, line=width - o.line),
+        )
+
+    def transposed(self) -> Plan:
+        """x and y exchanged."""
+        other = {"x": "y", "y": "x"}
+        return self._mapped(
+            lambda r: Rect(r.y0, r.x0, r.y1, r.x1),
+            lambda x, y: (y, x),
+            lambda w: replace(w, along=other[w.along]),
+            lambda o: replace(o, along=other[o.along]),
+        )
+
+    def _mapped(
+        self,
+        rect: Callable[[Rect], Rect],
+        point: Callable[[float, float], tuple[float, float]],
+        wall: Callable[[Wall], Wall],
+        opening: Callable[[Opening], Opening],
+    ) -> Plan:
+        return Plan(
+            rect(self.extent),
+            tuple(replace(r, rects=tuple(rect(q) for q in r.rects)) for r in self.rooms),
+            tuple(wall(w) for w in self.walls),
+            tuple(opening(o) for o in self.openings),
+            tuple(Stop(*point(s.x, s.y), s.spin) for s in self.stops),
+        )
+
+
+def varied(plan: Plan, rng: np.random.Generator) -> Plan:
+    """One of the eight mirror images and quarter turns of the plan."""
+    flips = rng.integers(0, 2, 3)
+    if flips[0]:
+        plan = plan.flipped_x()
+    if flips[1]:
+        plan = plan.transposed().flipped_x()
+    if flips[2]:
+        plan = plan.transposed()
+    return plan

@@ -1,0 +1,233 @@
+"""Frames of the building: colour with reflections and people, exact depth, and the surface in every pixel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from nvsim.capture.building.baking import LEVELS, Textures
+from nvsim.capture.building.raycast import NOTHING, Solids, normal, trace
+from nvsim.geometry.camera import Camera
+
+_PROBES = 5  # texture samples along the longer axis of a pixel's footprint
+_COARSE = 4  # reflections are computed for blocks of this many pixels, which also blurs them
+
+
+class View(NamedTuple):
+    """color (H, W, 3) float32, 0 to 1; depth (H, W) float32 along the optical axis, metres, through glass;
+    surface (H, W) int32 as in `raycast.Solids`."""
+
+    color: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    surface: NDArray[np.int32]
+
+
+def render(
+    camera: Camera,
+    solids: Solids,
+    textures: Textures,
+    people: NDArray[np.float64],
+    clothes: NDArray[np.float64],
+) -> View:
+    """One frame; people (P, 5) capsules as in `raycast.trace`, clothes (P, 3) their colours."""
+    k = camera.intrinsics
+    lens = np.array([k.fx, k.fy, k.cx, k.cy])
+    pose = np.ascontiguousarray(camera.camera_to_world)
+    mirrored = _mirror(pose, lens, k.height // _COARSE + 2, k.width // _COARSE + 2, solids, textures, people, clothes)
+    view = View(
+        np.empty((k.height, k.width, 3), np.float32),
+        np.empty((k.height, k.width), np.float32),
+        np.empty((k.height, k.width), np.int32),
+    )
+    _first_pass(pose, lens, solids, textures, people, clothes, mirrored, *view)
+    _smooth_edges(pose, lens, solids, textures, people, clothes, mirrored, *view)
+    return view
+
+
+@njit(cache=True)
+def _sample(textures, surface, u, v, level):  # type: ignore[no-untyped-def]
+    """Bilinear within a level, linear between levels; u, v from 0 to 1 over the surface."""
+    level = min(max(level, 0.0), LEVELS - 1.001)
+    low = int(level)
+    r, g, b = 0.0, 0.0, 0.0
+    for step in range(2):
+        share = 1.0 - (level - low) if step == 0 else level - low
+        if share < 1e-3:
+            continue
+        rows, columns = textures.rows[surface, low + step], textures.columns[surface, low + step]
+        base = textures.offset[surface, low + step]
+        x = min(max(u * columns - 0.5, 0.0), columns - 1.0)
+        y = min(max(v * rows - 0.5, 0.0), rows - 1.0)
+        c0, r0 = int(x), int(y)
+        c1, r1 = min(c0 + 1, columns - 1), min(r0 + 1, rows - 1)
+        fx, fy = x - c0, y - r0
+        w00, w01, w10, w11 = (1 - fx) * (1 - fy) * share, fx * (1 - fy) * share, (1 - fx) * fy * share, fx * fy * share
+        p, q = base + r0 * columns, base + r1 * columns
+        t = textures.texels
+        r += w00 * t[p + c0, 0] + w01 * t[p + c1, 0] + w10 * t[q + c0, 0] + w11 * t[q + c1, 0]
+        g += w00 * t[p + c0, 1] + w01 * t[p + c1, 1] + w10 * t[q + c0, 1] + w11 * t[q + c1, 1]
+        b += w00 * t[p + c0, 2] + w01 * t[p + c1, 2] + w10 * t[q + c0, 2] + w11 * t[q + c1, 2]
+    return r / 255.0, g / 255.0, b / 255.0
+
+
+@njit(cache=True)
+def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
+    """Colour of a point that a ray met after t metres; `spread` is the width of the ray per metre."""
+    boxes = solids.lo.shape[0]
+    if surface == NOTHING:
+        return 0.0, 0.0, 0.0
+    if surface >= 6 * boxes + 2:
+        p = surface - 6 * boxes - 2
+        middle = min(max(z, people[p, 2]), people[p, 3])
+        nx, ny, nz = (x - people[p, 0]) / people[p, 4], (y - people[p, 1]) / people[p, 4], (z - middle) / people[p, 4]
+        lit = 0.62 + 0.22 * nz + 0.10 * nx + 0.06 * ny
+        return clothes[p, 0] * lit, clothes[p, 1] * lit, clothes[p, 2] * lit
+    nx, ny, nz = normal(surface, boxes)
+    if abs(nx) > 0.5:
+        a, b, da, db = y, z, dy, dz
+    elif abs(ny) > 0.5:
+        a, b, da, db = x, z, dx, dz
+    else:
+        a, b, da, db = x, y, dx, dy
+    facing = max(abs(nx * dx + ny * dy + nz * dz), 0.02)
+    u = (a - textures.origin[surface, 0]) / textures.extent[surface, 0]
+    v = (b - textures.origin[surface, 1]) / textures.extent[surface, 1]
+    short = t * spread
+    long = short / facing
+    probes = min(max(int(long / short + 0.5), 1), _PROBES)
+    # The footprint is a strip along the ray's trace on the surface: each probe covers its share of it
+    level = np.log2(max(max(short, long / probes) / textures.texel[surface], 1e-6))
+    length = np.sqrt(da * da + db * db) + 1e-9
+    step_u = long * da / length / textures.extent[surface, 0]
+    step_v = long * db / length / textures.extent[surface, 1]
+    red, green, blue = 0.0, 0.0, 0.0
+    for k in range(probes):
+        s = (k + 0.5) / probes - 0.5
+        r, g, b_ = _sample(textures, surface, u + s * step_u, v + s * step_v, level)
+        red, green, blue = red + r, green + g, blue + b_
+    return red / probes, green / probes, blue / probes
+
+
+@njit(cache=True)
+def _ray(px, py, pose, lens):  # type: ignore[no-untyped-def]
+    """Unit direction through a pixel position and its share along the optical axis."""
+    a, b = (px - lens[2]) / lens[0], (py - lens[3]) / lens[1]
+    scale = 1.0 / np.sqrt(a * a + b * b + 1.0)
+    dx = (pose[0, 0] * a + pose[0, 1] * b + pose[0, 2]) * scale
+    dy = (pose[1, 0] * a + pose[1, 1] * b + pose[1, 2]) * scale
+    dz = (pose[2, 0] * a + pose[2, 1] * b + pose[2, 2]) * scale
+    return dx, dy, dz, scale
+
+
+@njit(cache=True)
+def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrored):  # type: ignore[no-untyped-def]
+    """Colour, depth and surface through a pixel position: the surface, the floor's gloss, the glass before it."""
+    ox, oy, oz = pose[0, 3], pose[1, 3], pose[2, 3]
+    dx, dy, dz, scale = _ray(px, py, pose, lens)
+    t, surface, glass = trace(ox, oy, oz, dx, dy, dz, solids, people)
+    x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
+    r, g, b = radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, clothes)
+    if surface == 6 * solids.lo.shape[0]:
+        row = min(max(int(y / textures.gloss_texel), 0), textures.gloss.shape[0] - 1)
+        column = min(max(int(x / textures.gloss_texel), 0), textures.gloss.shape[1] - 1)
+        gloss = textures.gloss[row, column]
+        if gloss > 0:
+            # Schlick's approximation for a dull varnish
+            share = gloss * (0.03 + 0.45 * (1.0 + dz) ** 5)
+            fx, fy = (
+                min(max(px / _COARSE + 0.5, 0.0), mirrored.shape[1] - 1.001),
+                min(max(py / _COARSE + 0.5, 0.0), mirrored.shape[0] - 1.001),
+            )
+            c, q = int(fx), int(fy)
+            fx, fy = fx - c, fy - q
+            w00, w01, w10, w11 = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
+            m = mirrored
+            mr = w00 * m[q, c, 0] + w01 * m[q, c + 1, 0] + w10 * m[q + 1, c, 0] + w11 * m[q + 1, c + 1, 0]
+            mg = w00 * m[q, c, 1] + w01 * m[q, c + 1, 1] + w10 * m[q + 1, c, 1] + w11 * m[q + 1, c + 1, 1]
+            mb = w00 * m[q, c, 2] + w01 * m[q, c + 1, 2] + w10 * m[q + 1, c, 2] + w11 * m[q + 1, c + 1, 2]
+            r, g, b = r + share * (mr - r), g + share * (mg - g), b + share * (mb - b)
+    if glass < t:
+        r, g, b = 0.93 * r, 0.96 * g, 0.95 * b
+        # The pane stands on a raster line of x or y: the coordinate that the ray crosses there tells which
+        gx, gy, gz = ox + glass * dx, oy + glass * dy, oz + glass * dz
+        along_x = _pane_faces_x(gx, gy, gz, solids)
+        cosine = abs(dx) if along_x else abs(dy)
+        share = 0.04 + 0.5 * (1.0 - cosine) ** 5
+        mx, my = (-dx, dy) if along_x else (dx, -dy)
+        t2, surface2, _ = trace(gx + 0.03 * mx, gy + 0.03 * my, gz, mx, my, dz, solids, people)
+        r2, g2, b2 = radiance(
+            gx + t2 * mx, gy + t2 * my, gz + t2 * dz, mx, my, dz, glass + t2, surface2, 3 * spread,
+            solids, textures, people, clothes,
+        )  # fmt: skip
+        r, g, b = r + share * (r2 - r), g + share * (g2 - g), b + share * (b2 - b)
+    return r, g, b, t * scale, surface
+
+
+@njit(cache=True)
+def _pane_faces_x(x, y, z, solids):  # type: ignore[no-untyped-def]
+    """Whether the glass at a point is thin along x."""
+    for k in range(solids.lo.shape[0]):
+        if solids.glass[k] and (
+            solids.lo[k, 0] - 1e-3 < x < solids.hi[k, 0] + 1e-3 and solids.lo[k, 1] - 1e-3 < y < solids.hi[k, 1] + 1e-3
+        ):
+            return solids.hi[k, 0] - solids.lo[k, 0] < solids.hi[k, 1] - solids.lo[k, 1]
+    return True
+
+
+@njit(cache=True, parallel=True)
+def _mirror(pose, lens, rows, columns, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
+    """(rows, columns, 3): what a mirror on the floor would show at the centres of coarse pixels, one beyond each edge."""
+    out = np.zeros((rows, columns, 3), np.float32)
+    spread = 2.0 * _COARSE / lens[0]
+    for row in prange(rows):
+        for column in range(columns):
+            dx, dy, dz, _ = _ray((column - 0.5) * _COARSE, (row - 0.5) * _COARSE, pose, lens)
+            if dz > -0.01:
+                continue
+            t = -pose[2, 3] / dz
+            x, y = pose[0, 3] + t * dx, pose[1, 3] + t * dy
+            s, surface, _ = trace(x, y, 0.001, dx, dy, -dz, solids, people)
+            out[row, column] = radiance(
+                x + s * dx, y + s * dy, -s * dz, dx, dy, -dz, t + s, surface, spread, solids, textures, people, clothes
+            )
+    return out
+
+
+@njit(cache=True, parallel=True)
+def _first_pass(pose, lens, solids, textures, people, clothes, mirrored, color, depth, surface):  # type: ignore[no-untyped-def]
+    for row in prange(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            r, g, b, t, hit = _seen(
+                column + 0.5, row + 0.5, pose, lens, 1.0 / lens[0], solids, textures, people, clothes, mirrored
+            )
+            color[row, column, 0], color[row, column, 1], color[row, column, 2] = r, g, b
+            depth[row, column], surface[row, column] = t, hit
+
+
+@njit(cache=True, parallel=True)
+def _smooth_edges(pose, lens, solids, textures, people, clothes, mirrored, color, depth, surface):  # type: ignore[no-untyped-def]
+    """Averages 2 x 2 rays in the pixels where a neighbour shows another surface."""
+    rows, columns = depth.shape
+    for row in prange(rows):
+        for column in range(columns):
+            here = surface[row, column]
+            if (
+                here == surface[row, max(column - 1, 0)]
+                and here == surface[row, min(column + 1, columns - 1)]
+                and here == surface[max(row - 1, 0), column]
+                and here == surface[min(row + 1, rows - 1), column]
+            ):
+                continue
+            red, green, blue = 0.0, 0.0, 0.0
+            for k in range(4):
+                r, g, b, _, _ = _seen(
+                    column + 0.25 + 0.5 * (k % 2), row + 0.25 + 0.5 * (k // 2), pose, lens, 1.0 / lens[0],
+                    solids, textures, people, clothes, mirrored,
+                )  # fmt: skip
+                red, green, blue = red + r, green + g, blue + b
+            color[row, column, 0] = red / 4
+            color[row, column, 1] = green / 4
+            color[row, column, 2] = blue / 4
