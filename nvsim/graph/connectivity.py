@@ -1,0 +1,176 @@
+"""R2R connectivity files: `<scan>_connectivity.json` and the scans.txt beside it.
+
+Format: an array with one object per viewpoint, in index order (Matterport3DSimulator, connectivity/README.md). Poses
+are camera-to-world, row-major, OpenCV axes, z up. The agents' loader asserts that `unobstructed` is symmetric.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
+
+_SUFFIX = "_connectivity.json"
+
+
+def write_connectivity(
+    graph: NavGraph, folder: Path, visible: Callable[[Viewpoint, Viewpoint], bool] | None = None
+) -> Path:
+    """Writes the connectivity file of `graph` into `folder` and adds its scan to scans.txt there; returns the path of
+    the former. Every viewpoint faces +y, level. `visible` says who sees whom; without it those do who are joined.
+
+    Raises InputError when the scan id or a viewpoint id cannot be read by the agents, or the disk refuses.
+    """
+    check_scan_id(graph.scan)
+    ids = list(graph.viewpoints)
+    for id in ids:
+        if not id or "/" in id or id != id.strip():
+            raise InputError(f"The viewpoint id {id!r} cannot name a file; rename it without slash and outer spaces.")
+    index = {id: i for i, id in enumerate(ids)}
+    joined = [[False] * len(ids) for _ in ids]
+    for a, b in graph.edges:
+        joined[index[a]][index[b]] = joined[index[b]][index[a]] = True
+    entries = []
+    for i, v in enumerate(graph.viewpoints.values()):
+        x, y, z = (float(value) for value in v.position)
+        if not all(math.isfinite(value) for value in (x, y, z, v.height)):
+            raise InputError(f"Viewpoint {v.id} has no finite position; move or remove it before the export.")
+        seen = joined[i]
+        if visible is not None:
+            seen = [j != i and bool(visible(v, other)) for j, other in enumerate(graph.viewpoints.values())]
+        entries.append(
+            {
+                "image_id": v.id,
+                "pose": [1, 0, 0, x, 0, 0, 1, y, 0, -1, 0, z, 0, 0, 0, 1],
+                "included": bool(v.included),
+                "visible": seen,
+                "unobstructed": joined[i],
+                "height": float(v.height),
+            }
+        )
+    path = folder / f"{graph.scan}{_SUFFIX}"
+    # The file goes first: a scan that scans.txt names without a file aborts the simulator.
+    atomic.write_text(path, json.dumps(entries, separators=(",", ":")))
+    _add_scan(folder / "scans.txt", graph.scan)
+    return path
+
+
+def read_connectivity(path: Path) -> NavGraph:
+    """The graph of a connectivity file of anyone's. Unknown keys are passed over, 0 and 1 may stand for booleans,
+    `height` and `visible` may be missing.
+
+    Raises InputError with the entry when the file cannot be read, an edge goes one way only, or a pose is not rigid.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise InputError(f"Cannot read {path}: {reason}; name an R2R connectivity file.") from error
+    try:
+        entries = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{path} is not JSON ({error}); name an R2R connectivity file.") from error
+    if not isinstance(entries, list):
+        raise InputError(f"{path} does not hold a list of viewpoints; name an R2R connectivity file.")
+    viewpoints: dict[str, Viewpoint] = {}
+    rows: list[list[bool]] = []
+    for i, entry in enumerate(entries):
+        where = f"{path}, entry {i}"
+        if not isinstance(entry, dict):
+            raise InputError(f"{where} is not an object; every viewpoint needs image_id, pose and unobstructed.")
+        id = entry.get("image_id")
+        if not isinstance(id, str) or not id or "/" in id:
+            raise InputError(f"{where}: image_id is {str(id)[:60]!r}; it must be a name without slash.")
+        if id in viewpoints:
+            raise InputError(f"{where}: image_id {id} was used before; give every viewpoint its own.")
+        height = _number(entry.get("height", 1.5), f"{where}: height")
+        included = _flags([entry.get("included", True)], 1, f"{where}: included")[0]
+        viewpoints[id] = Viewpoint(id, _position(entry.get("pose"), where), height, -1, included, "file")
+        rows.append(_flags(entry.get("unobstructed"), len(entries), f"{where}: unobstructed"))
+    return NavGraph(_scan_of(path), viewpoints, _edges(list(viewpoints), rows, path))
+
+
+def check_scan_id(scan: str) -> None:
+    """Raises InputError when agents could not use `scan`: they split keys at "_" and scans.txt at white space."""
+    if (
+        not scan
+        or not scan.isascii()
+        or not scan.isprintable()
+        or any(c in scan for c in '_/\\:*?"<>| ')
+        or scan[0] in ".-"
+    ):
+        raise InputError(
+            f"The scan id {scan!r} cannot be used by R2R agents; choose letters and digits, without underscore, space "
+            "or slash."
+        )
+
+
+def _add_scan(path: Path, scan: str) -> None:
+    try:
+        scans = path.read_text(encoding="utf-8").split() if path.exists() else []
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"Cannot read {path}, which lists the scans beside it; move it away or mend it.") from error
+    if scan not in scans:
+        atomic.write_text(path, "".join(f"{name}\n" for name in [*scans, scan]))
+
+
+def _scan_of(path: Path) -> str:
+    return path.name.removesuffix(_SUFFIX) if path.name.endswith(_SUFFIX) else path.stem
+
+
+def _edges(ids: list[str], rows: list[list[bool]], path: Path) -> dict[tuple[str, str], Edge]:
+    edges = {}
+    for i, row in enumerate(rows):
+        for j, free in enumerate(row):
+            # The simulator passes over an edge to itself, and so do we.
+            if not free or i == j:
+                continue
+            if not rows[j][i]:
+                raise InputError(
+                    f"{path}: one can go from {ids[i]} to {ids[j]} but not back; make `unobstructed` symmetric."
+                )
+            if i < j:
+                found = edge(ids[i], ids[j], "file")
+                edges[found.key] = found
+    return edges
+
+
+def _position(pose: Any, where: str) -> tuple[float, float, float]:
+    if not isinstance(pose, list) or len(pose) != 16:
+        raise InputError(f"{where}: pose must be a list of 16 numbers, row by row.")
+    m = [_number(value, f"{where}: pose[{k}]") for k, value in enumerate(pose)]
+    axes = [(m[k], m[4 + k], m[8 + k]) for k in range(3)]
+    for p in range(3):
+        for q in range(3):
+            product = sum(u * v for u, v in zip(axes[p], axes[q], strict=True))
+            if abs(product - (p == q)) > 1e-2:
+                raise InputError(f"{where}: the first three columns of pose are not a rotation; export it again.")
+    if m[12:] != [0, 0, 0, 1]:
+        raise InputError(f"{where}: the last row of pose is {m[12:]}, not 0 0 0 1; write the matrix row by row.")
+    return m[3], m[7], m[11]
+
+
+def _flags(values: Any, count: int, where: str) -> list[bool]:
+    if not isinstance(values, list) or len(values) != count:
+        raise InputError(f"{where} must be a list of {count} booleans, one for every entry of the file.")
+    for value in values:
+        if not isinstance(value, bool | int) or value not in (0, 1):
+            raise InputError(f"{where} holds {str(value)[:40]!r}; only true, false, 0 and 1 are allowed.")
+    return [bool(value) for value in values]
+
+
+def _number(value: Any, where: str) -> float:
+    try:
+        number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{where} is {str(value)[:40]!r}; it must be a finite number.")
+    return number
