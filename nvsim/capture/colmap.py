@@ -1,0 +1,133 @@
+"""A COLMAP model: cameras, images, points3D in binary or text, and the folder of images beside it.
+
+Poses in the files are world-to-camera with OpenCV axes (colmap.github.io/format.html). A model has no metric scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.findings import Findings
+from nvsim.capture.lens_reading import read_lens
+from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_from_quaternion
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+
+MODEL_NAMES = (
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    "FOV",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+    "THIN_PRISM_FISHEYE",
+)
+
+
+@dataclass(frozen=True)
+class CameraRow:
+    """A camera as listed; `where` is the line or the record."""
+
+    number: int
+    model: str
+    width: int
+    height: int
+    params: tuple[float, ...]
+    where: str
+
+
+@dataclass(frozen=True, eq=False)
+class ImageRow:
+    """An image as listed: world-to-camera quaternion (4,) w x y z and translation (3,)."""
+
+    number: int
+    quaternion: NDArray[np.float64]
+    translation: NDArray[np.float64]
+    camera: int
+    name: str
+    where: str
+
+
+def model_extension(folder: Path) -> str | None:
+    """ ".bin" or ".txt" when `folder` holds cameras and images of that kind (binary first), otherwise None."""
+    for extension in (".bin", ".txt"):
+        if all(file_size(folder / f"{stem}{extension}") is not None for stem in ("cameras", "images")):
+            return extension
+    return None
+
+
+def find_model(folder: Path) -> Path | None:
+    """The model in or under `folder` (itself, sparse/0, sparse, colmap/sparse/0, ...); of several numbered models the
+    one with the largest image list, because COLMAP numbers them as they come."""
+    for base in (folder, folder / "sparse", folder / "colmap" / "sparse", folder / "distorted" / "sparse"):
+        if model_extension(base) is not None:
+            return base
+        numbered = [base / str(i) for i in range(20) if model_extension(base / str(i)) is not None]
+        if numbered:
+            return max(numbered, key=lambda m: file_size(m / f"images{model_extension(m)}") or 0)
+    return None
+
+
+def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
+    """The capture of a model folder. `root` is the folder that the person named; images are looked for in `images`
+    beside the model, above it, up to the parent of `root`. Raises InputError when a file cannot be parsed."""
+    from nvsim.capture import colmap_binary, colmap_text
+
+    extension = model_extension(model)
+    if extension is None:
+        raise InputError(f"{model} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
+    reader = colmap_binary if extension == ".bin" else colmap_text
+    lenses = {}
+    for camera in reader.read_cameras(model / f"cameras{extension}"):
+        lenses[camera.number] = read_lens(
+            camera.model, camera.width, camera.height, camera.params, camera.where, findings
+        )
+    rows = reader.read_images(model / f"images{extension}")
+    folder = _image_folder(model, root, rows)
+    frames = []
+    for row in rows:
+        where = f"{row.where} ({row.name})"
+        pose = pose_from_quaternion(row.quaternion, row.translation, where, findings)
+        if row.camera not in lenses:
+            findings.error(f"the image names camera {row.camera}, which is not listed", where, "it has no lens")
+        frames.append(
+            RawFrame(
+                row.name,
+                folder / row.name,
+                lenses.get(row.camera),
+                None if pose is None else inverse(pose),
+                where,
+                str(row.camera),
+                float(row.number),
+            )
+        )
+    frames.sort(key=lambda f: f.name)
+    points = model / f"points3D{extension}"
+    cloud = None
+    if file_size(points) is not None:
+        xyz, rgb = reader.read_points(points)
+        cloud = Cloud(xyz.astype(np.float32), rgb, "sfm")
+    return RawCapture(root, "colmap", tuple(frames), cloud, metric=False)
+
+
+def _image_folder(model: Path, root: Path, rows: list[ImageRow]) -> Path:
+    """The first folder that has one of the first images; `root/images` when none has."""
+    bases = []
+    base = model
+    for _ in range(5):
+        bases.append(base)
+        if base == root.parent or base == base.parent:
+            break
+        base = base.parent
+    for folder in [b / sub for b in bases for sub in ("images", "input", "")]:
+        if any(file_size(folder / row.name) is not None for row in rows[:20]):
+            return folder
+    return root / "images"

@@ -1,0 +1,109 @@
+"""COLMAP's binary files, little-endian (colmap.github.io/format.html)."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.colmap import MODEL_NAMES, CameraRow, ImageRow
+from nvsim.capture.raw import read_bytes
+from nvsim.errors import InputError
+from nvsim.geometry.lens import PARAMETER_COUNTS
+
+_OTHER_COUNTS = {"FOV": 5, "THIN_PRISM_FISHEYE": 12}  # not supported, but their length must be known to read on
+
+
+class _Cursor:
+    """Reads fields one after the other; the end of the file is an InputError that names the record."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.data = read_bytes(path)
+        self.at = 0
+        self.record = "the header"
+
+    def take(self, layout: struct.Struct) -> tuple[Any, ...]:
+        self.need(layout.size)
+        values = layout.unpack_from(self.data, self.at)
+        self.at += layout.size
+        return values
+
+    def skip(self, count: int) -> None:
+        self.need(count)
+        self.at += count
+
+    def need(self, count: int) -> None:
+        if count > len(self.data) - self.at:
+            raise InputError(f"{self.path} ends in the middle of {self.record}; copy it again from the source.")
+
+    def name(self) -> str:
+        end = self.data.find(b"\0", self.at)
+        if end < 0:
+            self.need(len(self.data) + 1)
+        raw = self.data[self.at : end]
+        self.at = end + 1
+        try:
+            return raw.decode()
+        except UnicodeDecodeError as error:
+            raise InputError(f"{self.path}, {self.record}: the image name is not UTF-8; rename the image.") from error
+
+
+_COUNT = struct.Struct("<Q")
+_CAMERA = struct.Struct("<iiQQ")
+_IMAGE = struct.Struct("<i4d3di")
+_POINT = struct.Struct("<Q3d3BdQ")
+
+
+def read_cameras(path: Path) -> list[CameraRow]:
+    """Raises InputError naming the record that is not a camera."""
+    cursor = _Cursor(path)
+    rows = []
+    for i in range(cursor.take(_COUNT)[0]):
+        cursor.record = f"camera record {i}"
+        number, model, width, height = cursor.take(_CAMERA)
+        if not 0 <= model < len(MODEL_NAMES):
+            raise InputError(f"{path}, {cursor.record}: camera model {model} is unknown; export the model as PINHOLE.")
+        name = MODEL_NAMES[model]
+        count = PARAMETER_COUNTS.get(name) or _OTHER_COUNTS[name]
+        params = cursor.take(struct.Struct(f"<{count}d"))
+        rows.append(CameraRow(number, name, width, height, params, f"{path.name}, {cursor.record}"))
+    return rows
+
+
+def read_images(path: Path) -> list[ImageRow]:
+    """Raises InputError naming the record that is not an image."""
+    cursor = _Cursor(path)
+    rows = []
+    for i in range(cursor.take(_COUNT)[0]):
+        cursor.record = f"image record {i}"
+        values = cursor.take(_IMAGE)
+        name = cursor.name().replace("\\", "/")
+        cursor.skip(cursor.take(_COUNT)[0] * 24)
+        rows.append(
+            ImageRow(
+                values[0],
+                np.array(values[1:5]),
+                np.array(values[5:8]),
+                values[8],
+                name,
+                f"{path.name}, {cursor.record}",
+            )
+        )
+    return rows
+
+
+def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """(N, 3) positions and (N, 3) colours. Raises InputError naming the record."""
+    cursor = _Cursor(path)
+    points, colors = [], []
+    for i in range(cursor.take(_COUNT)[0]):
+        cursor.record = f"point record {i}"
+        values = cursor.take(_POINT)
+        points.append(values[1:4])
+        colors.append(values[4:7])
+        cursor.skip(values[8] * 8)
+    return np.array(points, np.float64).reshape(-1, 3), np.array(colors, np.uint8).reshape(-1, 3)

@@ -1,0 +1,91 @@
+"""What is wrong with a capture: findings with a place, a severity and a consequence, collected rather than thrown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from nvsim.errors import InputError
+
+Severity = Literal["error", "warning", "note"]
+_LISTED = 40
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a person should know about a capture.
+
+    severity     "error": the capture is refused; "warning": it can be used, at a price; "note": good to know
+    message      what is the matter, the same words for every place where it happens
+    where        file and line, or frame, or element
+    consequence  what it would cause
+    """
+
+    severity: Severity
+    message: str
+    where: str
+    consequence: str
+
+    def __str__(self) -> str:
+        return f"{self.severity}: {self.message} ({self.where}): {self.consequence}"
+
+
+class Findings:
+    """A growing list of findings, handed through a reader so that it need not stop at the first."""
+
+    def __init__(self) -> None:
+        self._items: list[Finding] = []
+
+    def __iter__(self) -> Iterator[Finding]:
+        return iter(self._items)
+
+    def add(self, finding: Finding) -> None:
+        self._items.append(finding)
+
+    def error(self, message: str, where: str, consequence: str) -> None:
+        self._items.append(Finding("error", message, where, consequence))
+
+    def warning(self, message: str, where: str, consequence: str) -> None:
+        self._items.append(Finding("warning", message, where, consequence))
+
+    def note(self, message: str, where: str, consequence: str) -> None:
+        self._items.append(Finding("note", message, where, consequence))
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        return tuple(f for f in self._items if f.severity == "error")
+
+    def raise_errors(self, source: Path) -> None:
+        """Raises InputError with one sentence that names every error and its places (at most 40 places a kind)."""
+        errors = self.errors
+        if not errors:
+            return
+        places: dict[str, list[str]] = {}
+        for finding in errors:
+            places.setdefault(finding.message, []).append(finding.where)
+        kinds = []
+        for message, wheres in places.items():
+            listed = ", ".join(wheres[:_LISTED])
+            more = f" and {len(wheres) - _LISTED} more" if len(wheres) > _LISTED else ""
+            count = f"{len(wheres)} times " if len(wheres) > 1 else ""
+            kinds.append(f"{message}, {count}({listed}{more})")
+        raise InputError(
+            f"{source} cannot be used: {'; '.join(kinds)}; repair these and try again, "
+            f"`nvsim check {source}` says what each would cause."
+        )
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything found in one capture, errors first. `format` is "" where none was recognised."""
+
+    source: Path
+    format: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def refused(self) -> bool:
+        """Whether an import would refuse the capture."""
+        return any(f.severity == "error" for f in self.findings)

@@ -1,0 +1,102 @@
+"""Images of a capture: decoded strictly, undistorted and resampled to the pinhole that is asked for."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.raw import read_bytes
+from nvsim.capture.types import Frame
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Intrinsics
+from nvsim.geometry.lens import Lens
+
+# The pose belongs to the pixels as stored; a viewer's orientation tag has no part in it.
+_FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+_AGAIN = "copy it again from the source"
+
+
+def decode(path: Path) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB as stored. Raises InputError naming the file when it is missing, empty, truncated or not an
+    image (decoders fill what is missing with grey, so the end mark is looked for)."""
+    data = read_bytes(path)
+    if _is_truncated(data):
+        raise InputError(f"{path} is truncated (its end mark is missing); {_AGAIN}.")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), _FLAGS)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise InputError(f"{path} is not an image that can be decoded; {_AGAIN}.")
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height in pixels. Raises InputError like `decode`."""
+    height, width = decode(path).shape[:2]
+    return width, height
+
+
+def read_image(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB of `frame` as the pinhole `intrinsics` sees it: undistorted and resampled in one step, with
+    area filtering when it shrinks. Raises InputError naming the file when it is missing, broken or of another size
+    than its lens."""
+    image = decode(frame.image_path)
+    lens = frame.lens
+    height, width = image.shape[:2]
+    if (width, height) != (lens.width, lens.height):
+        raise InputError(
+            f"{frame.image_path} is {width}x{height} pixels but its camera is {lens.width}x{lens.height}; "
+            "resize the image or correct the camera."
+        )
+    size = (intrinsics.width, intrinsics.height)
+    if not lens.is_distorted and _same_view(lens.pinhole.scaled(*size), intrinsics):
+        if size == (width, height):
+            return image
+        shrinking = size[0] < width or size[1] < height
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA if shrinking else cv2.INTER_LINEAR))
+    finer, mapping = _sampling(lens, intrinsics)
+    sampled = cv2.remap(image, mapping, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    if finer == 1:
+        return np.asarray(sampled)
+    return np.asarray(cv2.resize(sampled, size, interpolation=cv2.INTER_AREA))
+
+
+def _same_view(a: Intrinsics, b: Intrinsics) -> bool:
+    return bool(np.allclose([a.fx, a.fy, a.cx, a.cy], [b.fx, b.fy, b.cx, b.cy], rtol=0, atol=1e-6))
+
+
+@lru_cache(maxsize=4)
+def _sampling(lens: Lens, target: Intrinsics) -> tuple[int, NDArray[np.float32]]:
+    """How many samples a side each pixel of `target` takes so that none of the stored image is stepped over, and the
+    (H, W, 2) map of the samples."""
+    ratio = min(lens.focal[0] / target.fx, lens.focal[1] / target.fy)
+    finer = max(1, math.ceil(ratio - 1e-6))
+    return finer, lens.undistort_map(target.scaled(target.width * finer, target.height * finer))
+
+
+def _is_truncated(data: bytes) -> bool:
+    if data.startswith(b"\xff\xd8"):
+        return data.find(b"\xff\xd9", _start_of_scan(data)) < 0
+    if data.startswith(b"\x89PNG"):
+        return data.rfind(b"IEND") < 0
+    return False
+
+
+def _start_of_scan(data: bytes) -> int:
+    """Where a JPEG's first scan begins: after the segments, whose thumbnails have end marks of their own."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        if data[at + 1] == 0xFF:
+            at += 1
+            continue
+        length = int.from_bytes(data[at + 2 : at + 4], "big")
+        if data[at + 1] == 0xDA or length < 2:
+            return at + 2
+        at += 2 + length
+    return len(data)

@@ -1,0 +1,234 @@
+"""kapture 1.1: sensors, rigs, trajectories and records as comma-separated text (NAVER's kapture_format).
+
+Trajectories are world-to-device and rigs are rig-to-sensor, so a camera on a rig has the pose rig_to_sensor times
+world_to_rig. A record whose timestamp has no exact pose is left out with a finding; nothing is interpolated.
+
+The unit is the metre: the devices are robots and phones. It is not when the tree was converted from a reconstruction,
+which shows as points3d.txt without any lidar, depth or GNSS sensor and without a rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.findings import Findings
+from nvsim.capture.lens_reading import read_lens
+from nvsim.capture.pointcloud import merge, read_cloud
+from nvsim.capture.raw import (
+    FARTHEST,
+    RawCapture,
+    RawFrame,
+    file_size,
+    inverse,
+    pose_from_quaternion,
+    read_text,
+)
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+from nvsim.geometry.lens import Lens
+
+Pose = NDArray[np.float64]
+_METRIC_SENSORS = {"lidar", "depth", "gnss"}
+
+
+@dataclass
+class _Tree:
+    """What the sensor files say. Poses are (4, 4); None where the file leaves it out or it is not rigid."""
+
+    kinds: dict[str, str] = field(default_factory=dict)
+    lenses: dict[str, Lens | None] = field(default_factory=dict)
+    mounts: dict[str, list[tuple[str, Pose]]] = field(default_factory=dict)  # sensor -> (rig, rig to sensor)
+    poses: dict[tuple[str, int], Pose | None] = field(default_factory=dict)  # (device, timestamp) -> world to device
+
+    def world_to(self, device: str, timestamp: int, depth: int = 0) -> Pose | None:
+        """The pose of a device: its own, or through a rig that carries it (rigs may be nested)."""
+        own = self.poses.get((device, timestamp))
+        if own is not None:
+            return own
+        if depth < 8:
+            for rig, mount in self.mounts.get(device, []):
+                through = self.world_to(rig, timestamp, depth + 1)
+                if through is not None:
+                    return mount @ through
+        return None
+
+    def ever_posed(self, device: str, depth: int = 0) -> bool:
+        return any(d == device for d, _ in self.poses) or (
+            depth < 8 and any(self.ever_posed(rig, depth + 1) for rig, _ in self.mounts.get(device, []))
+        )
+
+
+def find_kapture(folder: Path) -> Path | None:
+    """The kapture tree in `folder`: itself, a child named kapture or mapping, or the parent of a `sensors` folder."""
+    for root in (folder, folder / "kapture", folder / "mapping", folder.parent):
+        if root == folder.parent and folder.name != "sensors":
+            continue
+        if file_size(root / "sensors" / "sensors.txt") is not None:
+            return root
+    return None
+
+
+def read_kapture(root: Path, findings: Findings) -> RawCapture:
+    """The capture of a kapture tree. Raises InputError when sensors.txt or records_camera.txt cannot be read."""
+    sensors = root / "sensors"
+    for name in ("sensors.txt", "records_camera.txt", "trajectories.txt"):
+        if file_size(sensors / name) is None:
+            raise InputError(f"{sensors / name} is missing; a kapture capture needs it.")
+    tree = _Tree()
+    _read_sensors(sensors / "sensors.txt", tree, findings)
+    if file_size(sensors / "rigs.txt") is not None:
+        _read_rigs(sensors / "rigs.txt", tree, findings)
+    _read_trajectories(sensors / "trajectories.txt", tree, findings)
+    frames = _read_records(sensors, tree, findings)
+    cloud = _read_lidar(sensors, tree, findings) if file_size(sensors / "records_lidar.txt") is not None else None
+    points = root / "reconstruction" / "points3d.txt"
+    reconstructed = file_size(points) is not None
+    if cloud is None and reconstructed:
+        cloud = _read_points(points, findings)
+    metric = not reconstructed or bool(tree.mounts) or bool(_METRIC_SENSORS & set(tree.kinds.values()))
+    return RawCapture(root, "kapture", tuple(frames), cloud, metric)
+
+
+def _rows(path: Path, least: int, findings: Findings, maxsplit: int = -1) -> Iterator[tuple[str, list[str]]]:
+    """Place and fields of each row; a row with fewer than `least` fields becomes an error finding."""
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        if number == 1 and line.startswith("#") and "format" in line and not line.rstrip().endswith(("1.1", "1.0")):
+            findings.warning("the format version is not 1.1", f"{path.name}, line 1", "fields may be read wrongly")
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        where = f"{path.name}, line {number}"
+        fields = [f.strip() for f in line.split(",", maxsplit)]
+        if len(fields) < least:
+            findings.error(f"the row has {len(fields)} fields, not {least}", where, "the row cannot be used")
+            continue
+        yield where, fields
+
+
+def _numbers(fields: list[str], where: str, findings: Findings) -> list[float] | None:
+    try:
+        return [float(f) for f in fields]
+    except ValueError:
+        findings.error("a field is not a number", where, "the row cannot be used")
+        return None
+
+
+def _timestamp(text: str, where: str, findings: Findings) -> int | None:
+    if text.isascii() and text.isdigit() and len(text) <= 19:
+        return int(text)
+    findings.error(f"{text[:30]!r} is not a timestamp", where, "the row cannot be used")
+    return None
+
+
+def _pose(fields: list[str], where: str, findings: Findings) -> Pose | None:
+    """From seven fields; None without a finding where some are empty, which kapture allows."""
+    if any(f == "" for f in fields):
+        return None
+    values = _numbers(fields, where, findings)
+    if values is None:
+        return None
+    return pose_from_quaternion(np.array(values[:4]), np.array(values[4:]), where, findings)
+
+
+def _read_sensors(path: Path, tree: _Tree, findings: Findings) -> None:
+    for where, fields in _rows(path, 3, findings):
+        sensor, kind = fields[0], fields[2].lower()
+        if sensor in tree.kinds:
+            findings.error(f"sensor {sensor!r} is listed twice", where, "it is unclear which one is meant")
+            continue
+        tree.kinds[sensor] = kind
+        if kind != "camera":
+            continue
+        tree.lenses[sensor] = None
+        if len(fields) < 6:
+            findings.error(f"camera {sensor!r} has no model and size", where, "no frame can use this camera")
+            continue
+        params = _numbers(fields[4:], where, findings)
+        if params is not None:
+            tree.lenses[sensor] = read_lens(fields[3], params[0], params[1], params[2:], where, findings)
+
+
+def _read_rigs(path: Path, tree: _Tree, findings: Findings) -> None:
+    for where, fields in _rows(path, 9, findings):
+        pose = _pose(fields[2:9], where, findings)
+        if pose is None:
+            findings.warning(f"sensor {fields[1]!r} has no pose on its rig", where, "the rig cannot place it")
+        else:
+            tree.mounts.setdefault(fields[1], []).append((fields[0], pose))
+
+
+def _read_trajectories(path: Path, tree: _Tree, findings: Findings) -> None:
+    for where, fields in _rows(path, 9, findings):
+        timestamp = _timestamp(fields[0], where, findings)
+        if timestamp is not None:
+            tree.poses[fields[1], timestamp] = _pose(fields[2:9], where, findings)
+
+
+def _read_records(sensors: Path, tree: _Tree, findings: Findings) -> list[RawFrame]:
+    frames = []
+    for where, fields in _rows(sensors / "records_camera.txt", 3, findings, maxsplit=2):
+        timestamp = _timestamp(fields[0], where, findings)
+        if timestamp is None or not fields[2]:
+            continue
+        device, name = fields[1], fields[2]
+        where = f"{name}, {where}"
+        if device not in tree.lenses:
+            findings.error(f"the record names camera {device!r}, which sensors.txt does not list", where, "no lens")
+        pose = tree.world_to(device, timestamp)
+        image = sensors / "records_data" / name
+        lens = tree.lenses.get(device)
+        frames.append(
+            RawFrame(name, image, lens, None if pose is None else inverse(pose), where, device, float(timestamp))
+        )
+    return frames
+
+
+def _read_lidar(sensors: Path, tree: _Tree, findings: Findings) -> Cloud | None:
+    clouds = []
+    for where, fields in _rows(sensors / "records_lidar.txt", 3, findings, maxsplit=2):
+        timestamp = _timestamp(fields[0], where, findings)
+        if timestamp is None:
+            continue
+        try:
+            cloud = read_cloud(sensors / "records_data" / fields[2], findings)
+        except InputError as error:
+            findings.error(*_cloud_fault(sensors / "records_data" / fields[2], fields[2], where, error))
+            continue
+        pose = tree.world_to(fields[1], timestamp)
+        if pose is not None:
+            to_world = inverse(pose)
+            points = cloud.points.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3]
+            clouds.append(Cloud(points.astype(np.float32), cloud.colors))
+        elif tree.ever_posed(fields[1]):
+            findings.warning("the cloud has no pose at its timestamp", f"{fields[2]}, {where}", "it is left out")
+        else:
+            findings.note("the cloud's sensor has no pose at all", where, "the cloud is taken to be in the world frame")
+            clouds.append(cloud)
+    return merge(clouds)
+
+
+def _cloud_fault(path: Path, name: str, where: str, error: InputError) -> tuple[str, str, str]:
+    size = file_size(path)
+    if size is None:
+        message = "the point cloud is missing"
+    elif size == 0:
+        message = "the point cloud is empty (0 bytes)"
+    else:
+        message = str(error).rstrip(".")
+    return message, f"{name}, {where}", "there would be no cloud to measure the floor and to start from"
+
+
+def _read_points(path: Path, findings: Findings) -> Cloud | None:
+    rows = []
+    for where, fields in _rows(path, 3, findings):
+        values = _numbers(fields[:6], where, findings)
+        if values is not None and all(np.isfinite(values)) and max(map(abs, values[:3])) < FARTHEST:
+            rows.append((values + [128.0] * 3)[:6])
+    if not rows:
+        return None
+    table = np.array(rows)
+    return Cloud(table[:, :3].astype(np.float32), np.clip(table[:, 3:], 0, 255).astype(np.uint8), "sfm")

@@ -1,0 +1,29 @@
+"""A lens from numbers in a file, or a finding that says why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from nvsim.capture.findings import Findings
+from nvsim.geometry.lens import Lens
+
+LARGEST_SIDE = 65_535  # pixels; the limit of JPEG
+
+
+def read_lens(
+    model: str, width: float, height: float, params: Sequence[float], where: str, findings: Findings
+) -> Lens | None:
+    """The lens, or None and an error finding for an unknown model, a wrong count, a size or number out of range."""
+    if not all(math.isfinite(v) and 1 <= v <= LARGEST_SIDE and v == int(v) for v in (width, height)):
+        findings.error(
+            f"the image size {width:g}x{height:g} is not two whole numbers of pixels",
+            where,
+            "no frame can use this camera",
+        )
+        return None
+    try:
+        return Lens(model, int(width), int(height), tuple(params))
+    except ValueError as error:
+        findings.error(str(error), where, "no frame can use this camera")
+        return None

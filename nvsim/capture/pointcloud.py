@@ -1,0 +1,96 @@
+"""Point cloud files into a Cloud: what PLY and PCD have in common once their columns are read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.findings import Findings
+from nvsim.capture.raw import FARTHEST, read_bytes
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+
+Columns = dict[str, NDArray[np.generic]]  # a name -> (N,) values
+_COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+
+
+def read_cloud(path: Path, findings: Findings, kind: str = "lidar") -> Cloud:
+    """The cloud in a PLY or PCD file, told apart by content. Points that are not finite or absurdly far are left out
+    with a warning. Raises InputError naming the file when it is empty, truncated or of another format."""
+    from nvsim.capture import pcd, ply
+
+    data = read_bytes(path)
+    if data.startswith(b"ply"):
+        columns = ply.parse(path, data)
+    elif b"FIELDS" in data[:4096]:
+        columns = pcd.parse(path, data)
+    else:
+        raise InputError(f"{path} is neither PLY nor PCD; convert the cloud to one of these.")
+    missing = [axis for axis in "xyz" if axis not in columns]
+    if missing:
+        raise InputError(f"{path} has no point coordinate {', '.join(missing)}; export it with x, y and z.")
+    points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    good = np.isfinite(points).all(axis=1) & (np.abs(np.nan_to_num(points, nan=np.inf)) < FARTHEST).all(axis=1)
+    colors = _colors(columns)
+    if not good.all():
+        findings.warning(
+            f"{np.count_nonzero(~good)} of {len(good)} points are not finite or too far", path.name, "they are left out"
+        )
+        points = points[good]
+        colors = None if colors is None else colors[good]
+    return Cloud(points.astype(np.float32), colors, kind)
+
+
+def _colors(columns: Columns) -> NDArray[np.uint8] | None:
+    """(N, 3) RGB: three columns (whole numbers to 255, or to 65535, or fractions of 1), or PCD's packed one."""
+    for names in _COLOR_NAMES:
+        if all(name in columns for name in names):
+            values = np.stack([columns[name] for name in names], axis=1)
+            if values.dtype == np.uint16:
+                return (values >> 8).astype(np.uint8)
+            scale = 255.0 if values.dtype.kind == "f" else 1.0
+            return np.clip(np.nan_to_num(values.astype(np.float64)) * scale, 0, 255).round().astype(np.uint8)
+    packed = columns.get("rgb", columns.get("rgba"))
+    if packed is None or packed.dtype.itemsize != 4:
+        return None
+    bits = np.ascontiguousarray(packed).view(np.uint32)
+    return np.stack([(bits >> shift) & 255 for shift in (16, 8, 0)], axis=1).astype(np.uint8)
+
+
+def ascii_table(path: Path, body: bytes, rows: int, columns: int, first_line: int) -> NDArray[np.float64]:
+    """(rows, columns) of numbers, one row a line. Raises InputError naming the line that has too few or a non-number,
+    or that the file ends early."""
+    lines = [line for line in body.split(b"\n") if line.strip()][:rows]
+    if len(lines) < rows:
+        raise InputError(f"{path} is truncated: {rows} points announced, {len(lines)} present; copy it again.")
+    split = [line.split()[:columns] for line in lines]
+    try:
+        return np.array(split, dtype=np.float64).reshape(rows, columns)
+    except (ValueError, OverflowError):
+        for i, fields in enumerate(split):
+            try:
+                if len([float(v) for v in fields]) == columns:
+                    continue
+            except ValueError:
+                pass  # reported below, as a line with too few numbers is
+            raise InputError(f"{path}, line {first_line + i}: expected {columns} numbers; correct it.") from None
+        raise InputError(f"{path} holds numbers that cannot be read; export it again.") from None
+
+
+def merge(clouds: list[Cloud], voxel: float = 0.02, most: int = 4_000_000) -> Cloud | None:
+    """One cloud of several; above `most` points one point is kept in each cube of `voxel` metres (the first), so that
+    a day of scans fits in memory. None of none."""
+    if not clouds:
+        return None
+    points = np.concatenate([c.points for c in clouds])
+    colors = None
+    if all(c.colors is not None for c in clouds):
+        colors = np.concatenate([c.colors for c in clouds if c.colors is not None])
+    if len(points) > most:
+        keys = np.floor((points - points.min(axis=0)) / voxel).astype(np.int64)
+        keys = (keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]
+        kept = np.sort(np.unique(keys, return_index=True)[1])
+        points, colors = points[kept], None if colors is None else colors[kept]
+    return Cloud(points, colors, clouds[0].kind)

@@ -1,0 +1,115 @@
+"""A capture as its files say it, before alignment: what every reader returns, whatever the format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.findings import Findings
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+from nvsim.geometry.lens import Lens
+from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion
+
+FARTHEST = 1e7  # source units; beyond it float32 points are coarser than a room
+LOST_FRAME = "the frame cannot be used, and a wrong one would spoil its submap"
+
+
+@dataclass(frozen=True, eq=False)
+class RawFrame:
+    """One image as listed. `camera_to_world` (4, 4) float64 in the source's world with OpenCV axes, None where the
+    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame."""
+
+    name: str
+    image_path: Path
+    lens: Lens | None
+    camera_to_world: NDArray[np.float64] | None
+    where: str
+    sensor: str = "camera"
+    timestamp: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RawCapture:
+    """`metric` says whether the source claims that its unit is the metre."""
+
+    source: Path
+    format: str
+    frames: tuple[RawFrame, ...]
+    cloud: Cloud | None
+    metric: bool
+
+
+def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:
+    """`pose` (4, 4) when it is rigid and near, otherwise None and an error finding that says what is wrong."""
+    if not np.isfinite(pose).all():
+        findings.error("the pose holds a value that is not a finite number", where, LOST_FRAME)
+    elif np.abs(pose).max() > FARTHEST:
+        findings.error(f"the pose is farther than {FARTHEST:.0e} units from the origin", where, LOST_FRAME)
+    elif is_rigid(pose):
+        return pose
+    elif np.linalg.det(pose[:3, :3]) < 0:
+        findings.error(
+            "the pose is a mirror image (its rotation has a negative determinant), so it is not rigid",
+            where,
+            "the axes of the source are of another handedness; " + LOST_FRAME,
+        )
+    else:
+        findings.error("the pose is not rigid (a rotation and a translation)", where, LOST_FRAME)
+    return None
+
+
+def pose_from_quaternion(
+    quaternion: NDArray[np.float64], translation: NDArray[np.float64], where: str, findings: Findings
+) -> NDArray[np.float64] | None:
+    """(4, 4) world-to-device from (4,) w x y z and (3,), or None and an error finding."""
+    length = float(np.linalg.norm(quaternion))
+    if not np.isfinite(length):
+        findings.error("the pose holds a value that is not a finite number", where, LOST_FRAME)
+        return None
+    if abs(length - 1) > 0.05:
+        findings.error("the pose is not rigid (its quaternion has not length 1)", where, LOST_FRAME)
+        return None
+    pose = np.eye(4)
+    pose[:3, :3] = matrix_from_quaternion(quaternion)
+    pose[:3, 3] = translation
+    return checked_pose(pose, where, findings)
+
+
+def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of a rigid (4, 4)."""
+    result = np.eye(4)
+    result[:3, :3] = pose[:3, :3].T
+    result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return result
+
+
+def file_size(path: Path) -> int | None:
+    """Bytes of a readable file; None where there is none (or where no file can have such a name)."""
+    try:
+        return path.stat().st_size if path.is_file() else None
+    except (OSError, ValueError):
+        return None
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of `path`. Raises InputError naming it when it cannot be read or is empty."""
+    try:
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"Cannot read {path}: {reason}; check the path and its permissions.") from error
+    if not data:
+        raise InputError(f"{path} is empty (0 bytes); copy it again from the source.")
+    return data
+
+
+def read_text(path: Path) -> str:
+    """UTF-8 text, a byte order mark dropped. Raises InputError naming the file when it is not text."""
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not UTF-8 text (byte {error.start}); save it as text and try again.") from error
