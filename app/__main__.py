@@ -1,0 +1,35 @@
+"""`python -m app`: the window. Nothing heavy at the top: the drawing process imports this file again."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Parses the arguments and runs the window; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="nvsim app", description="The window on a project.")
+    parser.add_argument("path", nargs="?", type=Path, help="the project folder")
+    parser.add_argument("--project", type=Path, help="the project folder")
+    parser.add_argument("--theme", choices=("dark", "light"), help="in place of the remembered one")
+    parser.add_argument("--seconds", type=float, help="close by itself after this time")
+    parser.add_argument("--screenshot", type=Path, help="save the settled window as a PNG file and close")
+    parser.add_argument("--bench", action="store_true", help="measure itself, print one JSON object and close")
+    given = parser.parse_args(arguments)
+    from app.main import run
+
+    return run(
+        given.project or given.path,
+        screenshot=given.screenshot,
+        seconds=given.seconds,
+        theme=given.theme,
+        bench=given.bench,
+    )
+
+
+if __name__ == "__main__":
+    import multiprocessing
+
+    multiprocessing.freeze_support()
+    sys.exit(main())

@@ -1,0 +1,87 @@
+"""The Qt application around a session: settings, theme, error hook, and the ways it may end by itself."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication, QElapsedTimer, QSettings, Qt, QTimer
+from PySide6.QtGui import QIcon
+from PySide6.QtWidgets import QApplication
+
+from app import theme as themes
+from app.icons import FOLDER
+from app.notices import install_excepthook
+from app.session import Session
+
+SETTLE = 60.0  # seconds a screenshot waits at most for the sharp picture
+
+
+def make_application(theme: str | None, settings: QSettings) -> QApplication:
+    """The one QApplication of the process, dressed."""
+    QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_ShareOpenGLContexts)
+    existing = QApplication.instance()
+    app = existing if isinstance(existing, QApplication) else QApplication(sys.argv[:1])
+    app.setApplicationName("nvsim")
+    app.setApplicationDisplayName("NVSim")
+    app.setWindowIcon(QIcon(str(FOLDER / "app.svg")))
+    stored = settings.value("theme", "dark")
+    themes.apply(app, theme or (stored if stored in themes.THEMES else "dark"))
+    return app
+
+
+def run_application(
+    project: Path | None, *, screenshot: Path | None, seconds: float | None, theme: str | None, bench: bool
+) -> int:
+    """See main.run."""
+    settings = QSettings("nvsim", "window")
+    app = make_application(theme, settings)
+    session = Session(settings)
+    restore = install_excepthook(session.notices)
+    code = 0
+    try:
+        session.window.show()
+        # What takes long begins when the window is on the screen.
+        QTimer.singleShot(0, lambda: session.open(project) if project is not None else None)
+        if bench:
+            from app.bench import Bench
+
+            measurement = Bench(session)
+            measurement.finished.connect(lambda figures: (print(json.dumps(figures)), app.quit()))
+            measurement.start()
+        elif screenshot is not None:
+            _shoot_when_settled(app, session, screenshot, seconds)
+        elif seconds is not None:
+            QTimer.singleShot(round(1000 * seconds), app.quit)
+        code = app.exec()
+        if screenshot is not None and not screenshot.is_file():
+            print(f"Cannot write {screenshot}; choose a writable folder and a name ending in .png.", file=sys.stderr)
+            code = 2
+    finally:
+        session.close()
+        restore()
+    return code
+
+
+def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds: float | None) -> None:
+    """Saves the window once the sharp picture is there (or nothing is to be drawn), or when the time is up."""
+    clock = QElapsedTimer()
+    clock.start()
+    limit = 1e3 * (seconds if seconds is not None else SETTLE)
+    timer = QTimer(app, interval=200)
+
+    def look() -> None:
+        scene, contents = session.window.scene, session.document.contents
+        read = contents.jobs or contents.capture is not None or contents.path is None or clock.elapsed() > 3000
+        wants = contents.scene_stamp is not None and not session.window.notice_area.texts
+        picture = scene.picture
+        sharp = picture is not None and not picture.request.moving and not scene.drawing
+        waited = clock.elapsed() > (2500 if seconds is None else limit)
+        if (read and waited and (sharp or not wants)) or clock.elapsed() > limit:
+            timer.stop()
+            session.window.grab().save(str(path))
+            app.quit()
+
+    timer.timeout.connect(look)
+    timer.start()

@@ -1,0 +1,55 @@
+"""Line icons from resources/icons, drawn in the palette's text colour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QByteArray, QRectF, Qt
+from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPixmap
+from PySide6.QtSvg import QSvgRenderer
+
+import resources
+
+FOLDER = Path(resources.__file__).parent / "icons"
+_SIZES = (16, 20, 24, 32, 48)
+
+
+def icon(name: str, palette: QPalette) -> QIcon:
+    """The icon `name` in the colours of `palette`, normal and disabled.
+
+    Raises FileNotFoundError for an unknown name.
+    """
+    source = (FOLDER / f"{name}.svg").read_text(encoding="utf-8")
+    result = QIcon()
+    for mode, group in (
+        (QIcon.Mode.Normal, QPalette.ColorGroup.Active),
+        (QIcon.Mode.Disabled, QPalette.ColorGroup.Disabled),
+    ):
+        color = palette.color(group, QPalette.ColorRole.ButtonText)
+        for size in _SIZES:
+            result.addPixmap(_drawn(source, color, size), mode)
+    return result
+
+
+def _drawn(source: str, color: QColor, size: int) -> QPixmap:
+    renderer = QSvgRenderer(QByteArray(source.replace("currentColor", color.name()).encode()))
+    pixmap = QPixmap(size, size)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(pixmap)
+    renderer.render(painter, QRectF(0, 0, size, size))
+    painter.end()
+    return pixmap
+
+
+def swatch(color: str, size: int = 12) -> QPixmap:
+    """A rounded square of one colour, for lists."""
+    pixmap = QPixmap(2 * size, 2 * size)
+    pixmap.setDevicePixelRatio(2.0)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(pixmap)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(QColor(color))
+    painter.drawRoundedRect(QRectF(0, 0, size, size), 3, 3)
+    painter.end()
+    return pixmap

@@ -1,0 +1,136 @@
+"""What the window shows of a project, as one frozen value, and how it is read. Knows no Qt."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim.capture.types import Capture
+from nvsim.errors import InputError
+from nvsim.graph.types import NavGraph
+from nvsim.occupancy.types import OccupancyMap
+from nvsim.submaps.types import Submap
+
+if TYPE_CHECKING:
+    from nvsim.project.jobs import JobRecord
+    from nvsim.project.project import Project
+
+PARTS = ("capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "model_info")
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """A project as last read; views compare its parts by identity.
+
+    scene_stamp   changes whenever a model was written; None while there is no model at all
+    model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
+    """
+
+    path: Path | None = None
+    capture: Capture | None = None
+    submaps: tuple[Submap, ...] = ()
+    graph: NavGraph | None = None
+    occupancy: OccupancyMap | None = None
+    jobs: tuple[JobRecord, ...] = ()
+    scene_stamp: Hashable | None = None
+    model_info: dict[int, dict[str, object]] = field(default_factory=dict)
+
+    @property
+    def missing(self) -> tuple[str, str] | None:
+        """What the project lacks next, in words, and the command that makes it; None when everything is there."""
+        project = f"--project {self.path}" if self.path else "--project PATH"
+        if self.path is None:
+            return "No project is open.", "nvsim demo"
+        if self.capture is None and self.graph is None:
+            return "This project has no capture yet.", f"nvsim import CAPTURE {project}"
+        if self.capture is not None and not self.submaps:
+            return "The trajectory is not divided into submaps yet.", f"nvsim submaps {project}"
+        if self.scene_stamp is None and self.capture is not None:
+            return "No submap is trained yet, so there is no reconstruction to see.", f"nvsim train {project}"
+        if self.graph is None:
+            return "No navigation graph is built yet.", f"nvsim map {project}"
+        return None
+
+
+def _file_stamp(path: Path) -> tuple[int, int] | None:
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_mtime_ns, stat.st_size
+
+
+class ProjectReader:
+    """Reads a project again and again, each part only when it changed. To be used in one thread."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when there is no project or it is newer than the program."""
+        from nvsim.project.project import Project
+
+        self._project: Project = Project.open(path)
+        self._contents = Contents(path)
+        self._stamps: dict[str, Hashable] = {}
+        self._revision: int | None = None
+
+    def close(self) -> None:
+        self._project.close()
+
+    def updates(self) -> Iterator[Contents]:
+        """The contents after each part that had changed, quick parts first; nothing when nothing did.
+        Raises InputError when a file of the project is damaged."""
+        project = self._project
+        models = self._models()
+        revision = project.revision()
+        if revision != self._revision:
+            self._contents = replace(self._contents, jobs=tuple(project.jobs()))
+            yield self._contents
+        if revision == self._revision and models == self._stamps.get("scene_stamp"):
+            return
+        self._revision = revision
+        # A stage's row changes when it begins and ends; while it runs only the job's row does.
+        stages = tuple(project.connection.execute("SELECT stage, part, key, state, finished FROM stages").fetchall())
+        capture = _file_stamp(project.layout.imported / "capture.json")
+        stamps: dict[str, Hashable] = {
+            "capture": capture,
+            "submaps": (capture, stages),
+            "graph": stages,
+            "scene_stamp": models,
+            "occupancy": (capture, _file_stamp(project.layout.support)),
+        }
+        readers = {
+            "capture": project.capture,
+            "submaps": project.submaps,
+            "graph": project.graph,
+            "scene_stamp": lambda: models,
+            "occupancy": project.occupancy,
+        }
+        for part, read in readers.items():
+            if self._stamps.get(part, self) == stamps[part]:
+                continue
+            before = getattr(self._contents, part)
+            value = read()
+            self._stamps[part] = stamps[part]
+            if value is None and before is None:
+                continue
+            self._contents = replace(self._contents, **{part: value})
+            if part == "scene_stamp":
+                self._contents = replace(self._contents, model_info=self._model_info())
+            yield self._contents
+
+    def _models(self) -> Hashable | None:
+        found = [(p.parent.name, _file_stamp(p)) for p in sorted(self._project.layout.models.glob("*/model.json"))]
+        return tuple(found) or None
+
+    def _model_info(self) -> dict[int, dict[str, object]]:
+        import json
+
+        result: dict[int, dict[str, object]] = {}
+        for path in sorted(self._project.layout.models.glob("submap_*/model.json")):
+            try:
+                data = json.loads(path.read_text())
+                result[int(path.parent.name.removeprefix("submap_"))] = data.get("info", data)
+            except (OSError, ValueError) as error:
+                raise InputError(f"{path} is damaged ({error}); run `nvsim train` again.") from error
+        return result

@@ -1,0 +1,46 @@
+"""Starts the window on a project and runs it until it is closed."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from nvsim.errors import InputError
+
+
+def check_project(path: Path) -> None:
+    """Raises InputError when `path` is no project that this version can read."""
+    from nvsim.project.project import Project
+
+    Project.open(path).close()
+
+
+def run(
+    project: Path | None,
+    *,
+    screenshot: Path | None = None,
+    seconds: float | None = None,
+    theme: str | None = None,
+    bench: bool = False,
+) -> int:
+    """Opens the window; returns the exit code: 0, or 2 after one sentence on stderr when it cannot open.
+
+    screenshot   the whole window is saved there once it has settled, then it closes
+    seconds      it closes by itself after that time
+    theme        "dark" or "light" in place of the remembered one
+    bench        measures itself, prints one JSON object and closes
+    """
+    from app.preflight import obstacle
+
+    try:
+        if (reason := obstacle()) is not None:
+            raise InputError(reason)
+        if project is not None:
+            check_project(project)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+
+    from app.application import run_application
+
+    return run_application(project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench)

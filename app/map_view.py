@@ -1,0 +1,227 @@
+"""The plan: occupancy, submaps, trajectory and graph from above, linked with the 3D view by selection and camera."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPainterPath, QPen
+from PySide6.QtWidgets import QGraphicsSceneMouseEvent, QStyleOptionGraphicsItem, QVBoxLayout, QWidget
+
+from app import colors
+from app.cameras import ViewPose
+from app.document import Document
+from app.theme import is_dark
+from nvsim.occupancy.types import FREE, OCCUPIED
+
+PICK_PIXELS = 10
+
+
+class CameraMarker(pg.GraphicsObject):
+    """Where the 3D camera is and what it sees: a dot with a wedge, constant in pixels. Dragging moves the camera.
+
+    dragged(float x, float y) in metres.
+    """
+
+    dragged = Signal(float, float)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setFlag(self.GraphicsItemFlag.ItemIgnoresTransformations)
+        self.setZValue(50)
+        self.setCursor(Qt.CursorShape.SizeAllCursor)
+        self.setToolTip("The camera of the 3D view; drag it to move")
+        self._wedge = math.radians(70)
+        self._heading = 0.0
+
+    def show_pose(self, pose: ViewPose) -> None:
+        x, y, _ = pose.position
+        self.setPos(x, y)
+        self._heading = pose.heading
+        self.update()
+
+    def boundingRect(self) -> QRectF:
+        return QRectF(-34, -34, 68, 68)
+
+    def shape(self) -> QPainterPath:
+        path = QPainterPath()
+        path.addEllipse(QPointF(0, 0), 9, 9)
+        return path
+
+    def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        # On the screen y points down, so heading 0 (north) is up and turns clockwise.
+        painter.rotate(math.degrees(self._heading))
+        fill = QColor(colors.CAMERA)
+        fill.setAlpha(70)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(fill)
+        degrees = math.degrees(self._wedge)
+        painter.drawPie(QRectF(-32, -32, 64, 64), round(16 * (90 - degrees / 2)), round(16 * degrees))
+        painter.setPen(QPen(QColor("#ffffff"), 1.5))
+        painter.setBrush(QColor(colors.CAMERA))
+        painter.drawEllipse(QPointF(0, 0), 5.5, 5.5)
+
+    def mousePressEvent(self, event: QGraphicsSceneMouseEvent) -> None:
+        if event.button() == Qt.MouseButton.LeftButton:
+            event.accept()
+        else:
+            event.ignore()
+
+    def mouseMoveEvent(self, event: QGraphicsSceneMouseEvent) -> None:
+        place = self.mapToParent(event.pos())
+        self.dragged.emit(place.x(), place.y())
+
+
+class MapView(QWidget):
+    """cameraDragged(x, y): at once; cameraPlaced(x, y): a double-click, to be flown to. Metres, world."""
+
+    cameraDragged = Signal(float, float)
+    cameraPlaced = Signal(float, float)
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("mapView")
+        self._document = document
+        self._framed = False
+        self.plot = pg.PlotWidget(self)
+        self.plot.setAspectLocked(True)
+        self.plot.hideAxis("left")
+        self.plot.hideAxis("bottom")
+        self.plot.hideButtons()
+        self.plot.setMenuEnabled(False)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.plot)
+
+        self._occupancy = pg.ImageItem(axisOrder="row-major")
+        self._occupancy.setZValue(0)
+        self._edges = pg.PlotCurveItem(connect="pairs", pen=pg.mkPen(colors.EDGE, width=1.4))
+        self._edges.setZValue(20)
+        self._nodes = pg.ScatterPlotItem(size=8, pen=pg.mkPen(colors.NODE_OUTLINE), brush=pg.mkBrush(colors.NODE))
+        self._nodes.setZValue(30)
+        self._picked = pg.ScatterPlotItem(size=15, pen=pg.mkPen("#3a2c05", width=2), brush=pg.mkBrush(colors.SELECTED))
+        self._picked.setZValue(40)
+        self.camera = CameraMarker()
+        self._walks: list[pg.PlotCurveItem] = []
+        for item in (self._occupancy, self._edges, self._nodes, self._picked, self.camera):
+            self.plot.addItem(item)
+        self._scale = pg.ScaleBar(size=5, width=4, suffix="m")
+        self._scale.setParentItem(self.plot.getViewBox())
+        self._scale.anchor((1, 1), (1, 1), offset=(-16, -14))
+        self.camera.hide()
+        self.camera.dragged.connect(self.cameraDragged)
+        self.plot.scene().sigMouseClicked.connect(self._on_click)
+        document.contentsChanged.connect(self._on_contents)
+        document.selectionChanged.connect(self._draw_selection)
+        self._dress()
+
+    def show_pose(self, pose: ViewPose) -> None:
+        """Moves the camera marker."""
+        self.camera.show()
+        self.camera.show_pose(pose)
+
+    def frame_everything(self) -> None:
+        """Zooms so that trajectory and graph are in view."""
+        extent = self._document.extent
+        if len(extent):
+            low, high = extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5
+            self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "occupancy" in parts:
+            self._draw_occupancy()
+        if parts & {"capture", "submaps"}:
+            self._draw_trajectory()
+        if "graph" in parts:
+            self._draw_graph()
+        if not self._framed and len(self._document.extent):
+            self._framed = True
+            self.frame_everything()
+
+    def _draw_occupancy(self) -> None:
+        occupancy = self._document.contents.occupancy
+        if occupancy is None:
+            self._occupancy.clear()
+            return
+        tones = colors.OCCUPANCY_DARK if is_dark(self.palette()) else colors.OCCUPANCY_LIGHT
+        picture = np.empty((*occupancy.cells.shape, 3), np.uint8)
+        picture[:] = tones["unknown"]
+        picture[occupancy.cells == FREE] = tones["free"]
+        picture[occupancy.cells == OCCUPIED] = tones["occupied"]
+        rows, columns = occupancy.cells.shape
+        self._occupancy.setImage(picture, autoLevels=False)
+        self._occupancy.setRect(QRectF(*occupancy.origin, columns * occupancy.resolution, rows * occupancy.resolution))
+
+    def _draw_trajectory(self) -> None:
+        for item in self._walks:
+            self.plot.removeItem(item)
+        self._walks = []
+        trajectory = self._document.trajectory
+        pairs = trajectory.segments
+        owners = trajectory.submaps[pairs[:, 1]] if len(pairs) else np.zeros(0, int)
+        for owner in np.unique(owners):
+            ends = trajectory.positions[pairs[owners == owner]].reshape(-1, 3)
+            pen = pg.mkPen(colors.submap_color(int(owner)), width=2.2)
+            item = pg.PlotCurveItem(ends[:, 0], ends[:, 1], connect="pairs", pen=pen)
+            item.setZValue(10)
+            self.plot.addItem(item)
+            self._walks.append(item)
+        self._draw_selection()
+
+    def _draw_graph(self) -> None:
+        arrays = self._document.graph_arrays
+        ends = arrays.positions[arrays.edges].reshape(-1, 3)
+        self._edges.setData(ends[:, 0], ends[:, 1])
+        self._nodes.setData(arrays.positions[:, 0], arrays.positions[:, 1])
+        self._draw_selection()
+
+    def _draw_selection(self) -> None:
+        point = self._document.selected_point if not self._document.selection.submap else None
+        self._picked.setData([] if point is None else [point[0]], [] if point is None else [point[1]])
+        chosen = self._document.selection.submap
+        trajectory = self._document.trajectory
+        owners = np.unique(trajectory.submaps[trajectory.segments[:, 1]]) if len(trajectory.positions) else []
+        for item, owner in zip(self._walks, owners, strict=True):
+            color = QColor(colors.submap_color(int(owner)))
+            color.setAlpha(255 if chosen is None or chosen == owner else 60)
+            item.setPen(pg.mkPen(color, width=4 if chosen == owner else 2.2))
+
+    def _on_click(self, event: object) -> None:
+        if event.button() != Qt.MouseButton.LeftButton:
+            return
+        place = self.plot.getViewBox().mapSceneToView(event.scenePos())
+        if event.double():
+            self.cameraPlaced.emit(place.x(), place.y())
+            return
+        reach = PICK_PIXELS * self.plot.getViewBox().viewPixelSize()[0]
+        row = _nearest(self._document.graph_arrays.positions, place, reach)
+        if row is not None:
+            self._document.select(viewpoint=self._document.graph_arrays.ids[row])
+            return
+        self._document.select(frame=_nearest(self._document.trajectory.positions, place, reach))
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.PaletteChange:
+            self._dress()
+        super().changeEvent(event)
+
+    def _dress(self) -> None:
+        tones = colors.OCCUPANCY_DARK if is_dark(self.palette()) else colors.OCCUPANCY_LIGHT
+        self.plot.setBackground(QColor(*tones["unknown"]))
+        ink = self.palette().text().color()
+        self._scale.text.setColor(ink)
+        self._scale.bar.setBrush(pg.mkBrush(ink))
+        self._scale.bar.setPen(pg.mkPen(None))
+        if self._document.contents.occupancy is not None:
+            self._draw_occupancy()
+
+
+def _nearest(positions: np.ndarray, place: QPointF, reach: float) -> int | None:
+    if len(positions) == 0:
+        return None
+    distance = np.hypot(positions[:, 0] - place.x(), positions[:, 1] - place.y())
+    row = int(np.argmin(distance))
+    return row if distance[row] <= reach else None

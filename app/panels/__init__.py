@@ -1,0 +1,1 @@
+"""One panel per file; each renders from the document and owns nothing else."""

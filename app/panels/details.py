@@ -1,0 +1,183 @@
+"""The details of what is selected: where it is, and for a viewpoint why each direction is open or not."""
+
+from __future__ import annotations
+
+import math
+
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+
+from app import colors
+from app.document import Document
+from app.evidence_words import Finding, findings
+from app.overlays import short_id
+
+
+class DirectionRose(QWidget):
+    """The corridors of a viewpoint as petals: green where the step is open, red where something stops it."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._findings: list[Finding] = []
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+
+    def show_findings(self, found: list[Finding]) -> None:
+        self._findings = found
+        self.setVisible(bool(found))
+        self.update()
+
+    def sizeHint(self) -> QSize:
+        return QSize(180, 168)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.translate(self.width() / 2, self.height() / 2)
+        radius = min(self.width(), self.height()) / 2 - 18
+        ring = QColor(self.palette().text().color())
+        ring.setAlpha(40)
+        painter.setPen(QPen(ring, 1))
+        for share in (0.5, 1.0):
+            painter.drawEllipse(QPointF(0, 0), radius * share, radius * share)
+        for finding in self._findings:
+            painter.save()
+            painter.rotate(math.degrees(finding.heading))
+            color = QColor(colors.OPEN if finding.open else colors.BLOCKED)
+            color.setAlpha(225 if finding.open else 170)
+            painter.setPen(Qt.PenStyle.NoPen)
+            painter.setBrush(color)
+            length = radius * finding.reach
+            if finding.lattice:
+                painter.drawPie(QRectF(-length, -length, 2 * length, 2 * length), 16 * 75, 16 * 30)
+            else:
+                painter.drawRect(QRectF(-1.5, -length, 3, length))
+            painter.restore()
+        painter.setPen(self.palette().placeholderText().color())
+        for text, x, y in (("N", 0, -1), ("E", 1, 0), ("S", 0, 1), ("W", -1, 0)):
+            box = QRectF(x * (radius + 9) - 10, y * (radius + 9) - 9, 20, 18)
+            painter.drawText(box, Qt.AlignmentFlag.AlignCenter, text)
+
+
+class DetailsPanel(QScrollArea):
+    """Renders the document's selection."""
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.setWidgetResizable(True)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        content = QWidget(self)
+        self.title = QLabel(content)
+        font = self.title.font()
+        font.setPointSizeF(font.pointSizeF() + 2)
+        font.setBold(True)
+        self.title.setFont(font)
+        self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self._facts = QGridLayout()
+        self._facts.setColumnStretch(1, 1)
+        self._facts.setHorizontalSpacing(14)
+        self.rose = DirectionRose(content)
+        self.words = QLabel(content)
+        self.words.setWordWrap(True)
+        self.words.setTextFormat(Qt.TextFormat.RichText)
+        self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        layout = QVBoxLayout(content)
+        layout.setContentsMargins(12, 10, 12, 10)
+        layout.setSpacing(8)
+        layout.addWidget(self.title)
+        layout.addLayout(self._facts)
+        layout.addWidget(self.rose)
+        layout.addWidget(self.words)
+        layout.addStretch(1)
+        self.setWidget(content)
+        document.selectionChanged.connect(self.refresh)
+        document.contentsChanged.connect(lambda parts: parts & {"graph", "capture", "submaps"} and self.refresh())
+        self.refresh()
+
+    def refresh(self) -> None:
+        selection, contents = self._document.selection, self._document.contents
+        viewpoint = self._document.selected_viewpoint
+        if viewpoint is not None and contents.graph is not None:
+            found = findings(contents.graph, viewpoint.id)
+            neighbours = contents.graph.neighbours(viewpoint.id)
+            x, y, z = viewpoint.position
+            self._show(
+                f"Viewpoint {short_id(viewpoint.id)}",
+                {
+                    "Position": f"{x:.2f}, {y:.2f}, {z:.2f} m",
+                    "Above the floor": f"{viewpoint.height:.2f} m",
+                    "Neighbours": str(len(neighbours)),
+                    "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
+                    "Comes from": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
+                    "Identifier": viewpoint.id,
+                },
+                found,
+            )
+        elif selection.frame is not None and contents.capture is not None:
+            frame = contents.capture.frames[selection.frame]
+            x, y, z = frame.camera_to_world[:3, 3]
+            owner = int(self._document.trajectory.submaps[selection.frame])
+            self._show(
+                frame.name,
+                {
+                    "Frame": f"{selection.frame + 1} of {len(contents.capture.frames)}",
+                    "Position": f"{x:.2f}, {y:.2f}, {z:.2f} m",
+                    "Picture": f"{frame.lens.width}×{frame.lens.height}, {frame.lens.model}",
+                    "Submap": str(owner) if owner >= 0 else "none",
+                    "Sensor": frame.sensor,
+                },
+                [],
+            )
+        elif selection.submap is not None:
+            submap = next(s for s in contents.submaps if s.index == selection.submap)
+            info = contents.model_info.get(submap.index)
+            facts = {"Frames": str(len(submap.core)), "Shared frames": str(len(submap.frames) - len(submap.core))}
+            facts |= {_plain(k): _figure(v) for k, v in (info or {}).items() if isinstance(v, str | int | float)}
+            self._show(f"Submap {submap.index}", facts, [])
+            if info is None:
+                self.words.setText("Not trained yet.")
+        else:
+            self._show("", {}, [])
+            self.words.setText("Select a viewpoint, a frame or a submap to see what is known about it.")
+
+    def _show(self, title: str, facts: dict[str, str], found: list[Finding]) -> None:
+        self.title.setText(title)
+        self.title.setVisible(bool(title))
+        while (item := self._facts.takeAt(0)) is not None:
+            widget = item.widget()
+            widget.hide()
+            widget.deleteLater()
+        for row, (name, value) in enumerate(facts.items()):
+            label, text = QLabel(name), QLabel(value)
+            label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
+            text.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            text.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+            text.setToolTip(value)
+            self._facts.addWidget(label, row, 0)
+            self._facts.addWidget(text, row, 1)
+        self.rose.show_findings(found)
+        rows = (
+            f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN if f.open else colors.BLOCKED}">'
+            f"{f.direction}</td><td style='padding:2px 0'>{f.words}</td></tr>"
+            for f in found
+        )
+        self.words.setText(f"<table>{''.join(rows)}</table>" if found else "")
+
+
+_ORIGINS = {
+    "start": "the start of the search",
+    "step": "a step of the search",
+    "person": "a person",
+    "file": "an imported file",
+}
+
+
+def _plain(key: str) -> str:
+    return "PSNR" if key == "psnr" else key.replace("_", " ").capitalize()
+
+
+def _figure(value: object) -> str:
+    return f"{value:.2f}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)

@@ -1,0 +1,36 @@
+"""Everything that was said since the window opened."""
+
+from __future__ import annotations
+
+import html
+import time
+
+from PySide6.QtWidgets import QPlainTextEdit, QWidget
+
+from app import colors
+from app.notices import Notice, Notices
+
+_COLORS = {"info": colors.UNDECIDED, "warning": colors.SELECTED, "error": colors.BLOCKED}
+MOST_LINES = 5000
+
+
+class LogPanel(QPlainTextEdit):
+    """Notices with their time; details below them."""
+
+    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setReadOnly(True)
+        self.setFrameShape(self.Shape.NoFrame)
+        self.setMaximumBlockCount(MOST_LINES)
+        self.setPlaceholderText("Nothing to report.")
+        notices.added.connect(self.append_notice)
+
+    def append_notice(self, notice: Notice) -> None:
+        clock = time.strftime("%H:%M:%S", time.localtime(notice.when))
+        color = _COLORS[notice.severity]
+        self.appendHtml(
+            f'<span style="color:{color}">{clock}&nbsp;&nbsp;{notice.severity}</span>'
+            f"&nbsp;&nbsp;{html.escape(notice.text)}"
+        )
+        if notice.detail:
+            self.appendPlainText(notice.detail.rstrip())

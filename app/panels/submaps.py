@@ -1,0 +1,121 @@
+"""The submaps: colour, frames, and how good their models are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxLayout, QWidget
+
+from app import colors
+from app.document import Document
+from app.icons import swatch
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+_COLUMNS = ("Submap", "Frames", "Overlap", "PSNR", "Gaussians")
+_TIPS = (
+    "A part of the walk that becomes one model",
+    "Frames that belong to this submap alone",
+    "Frames it shares with its neighbours",
+    "Mean over the held-out frames, in decibels",
+    "Gaussians of the trained model",
+)
+
+
+class SubmapModel(QAbstractTableModel):
+    """A row for each submap of the document."""
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        document.contentsChanged.connect(self._on_contents)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if parts & {"submaps", "model_info"}:
+            self.beginResetModel()
+            self.endResetModel()
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self._document.contents.submaps)
+
+    def columnCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(_COLUMNS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if orientation == Qt.Orientation.Horizontal and 0 <= section < len(_COLUMNS):
+            if role == Qt.ItemDataRole.DisplayRole:
+                return _COLUMNS[section]
+            if role == Qt.ItemDataRole.ToolTipRole:
+                return _TIPS[section]
+        return None
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid() or index.row() >= self.rowCount():
+            return None
+        submap = self._document.contents.submaps[index.row()]
+        if role == Qt.ItemDataRole.DecorationRole and index.column() == 0:
+            return swatch(colors.submap_color(submap.index))
+        if role == Qt.ItemDataRole.TextAlignmentRole and index.column() > 0:
+            return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        if role != Qt.ItemDataRole.DisplayRole:
+            return None
+        info = self._document.contents.model_info.get(submap.index, {})
+        psnr, count = info.get("psnr"), info.get("gaussians")
+        return (
+            str(submap.index),
+            str(len(submap.core)),
+            str(len(submap.frames) - len(submap.core)),
+            f"{psnr:.1f}" if isinstance(psnr, int | float) else "–",
+            f"{count:,}" if isinstance(count, int) else "–",
+        )[index.column()]
+
+
+class SubmapPanel(QWidget):
+    """Selecting a row selects the submap everywhere; a double-click goes there."""
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.model = SubmapModel(document, self)
+        self.table = table(self.model, self)
+        self.table.selectionModel().selectionChanged.connect(self._on_selected)
+        self.model.modelReset.connect(self._show_selection)
+        document.selectionChanged.connect(self._show_selection)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.table)
+
+    def _on_selected(self) -> None:
+        rows = self.table.selectionModel().selectedRows()
+        if rows:
+            self._document.select(submap=self._document.contents.submaps[rows[0].row()].index)
+
+    def _show_selection(self) -> None:
+        chosen = self._document.selection.submap
+        if chosen is None:
+            self.table.clearSelection()
+            return
+        for row, submap in enumerate(self._document.contents.submaps):
+            if submap.index == chosen:
+                self.table.selectRow(row)
+
+
+def table(model: QAbstractTableModel, parent: QWidget) -> QTableView:
+    """A quiet table: whole rows, no grid, no numbers at the side."""
+    view = QTableView(parent)
+    view.setModel(model)
+    view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    view.setShowGrid(False)
+    view.setAlternatingRowColors(True)
+    view.setFrameShape(view.Shape.NoFrame)
+    view.verticalHeader().hide()
+    view.verticalHeader().setDefaultSectionSize(24)
+    header = view.horizontalHeader()
+    header.setHighlightSections(False)
+    header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+    header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    header.setStretchLastSection(True)
+    return view

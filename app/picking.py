@@ -1,0 +1,52 @@
+"""What the cursor points at, from projected points and segments: plain arrays, no widgets."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+
+NEAR = 0.05  # metres in front of the eye where segments are cut
+
+
+def nearest_point(
+    pixels: NDArray[np.floating], depths: NDArray[np.floating], cursor: tuple[float, float], tolerance: float
+) -> int | None:
+    """Index of the point of `pixels` (N, 2), in front of the eye by `depths` (N,), within `tolerance` pixels of the
+    cursor; of several the nearest to the eye, since it covers the others."""
+    if len(pixels) == 0:
+        return None
+    distance = np.hypot(pixels[:, 0] - cursor[0], pixels[:, 1] - cursor[1])
+    hit = np.flatnonzero((distance <= tolerance) & (depths > NEAR))
+    if len(hit) == 0:
+        return None
+    return int(hit[np.argmin(depths[hit] + 0.05 * distance[hit])])
+
+
+def projected_segments(
+    camera: Camera, a: NDArray[np.floating], b: NDArray[np.floating], near: float = NEAR
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """The visible parts of world segments a-b, both (N, 3): ends in pixels (M, 4) as x1 y1 x2 y2, the index of each
+    in the input (M,), and the depth of its nearer end in metres (M,). Parts behind the eye are cut off at `near`."""
+    if len(a) == 0:
+        return np.zeros((0, 4)), np.zeros(0, np.int64), np.zeros(0)
+    to_camera = camera.world_to_camera
+    p = np.asarray(a, np.float64) @ to_camera[:3, :3].T + to_camera[:3, 3]
+    q = np.asarray(b, np.float64) @ to_camera[:3, :3].T + to_camera[:3, 3]
+    index = np.flatnonzero((p[:, 2] > near) | (q[:, 2] > near))
+    p, q = p[index], q[index]
+    step = q[:, 2] - p[:, 2]
+    share = np.clip((near - p[:, 2]) / np.where(np.abs(step) < 1e-12, 1e-12, step), 0, 1)[:, None]
+    cut = p + share * (q - p)
+    p, q = np.where(p[:, 2:] <= near, cut, p), np.where(q[:, 2:] <= near, cut, q)
+    k = camera.intrinsics
+    lines = np.empty((len(index), 4))
+    for column, end in ((0, p), (2, q)):
+        depth = np.maximum(end[:, 2], near * 0.5)
+        lines[:, column] = k.fx * end[:, 0] / depth + k.cx
+        lines[:, column + 1] = k.fy * end[:, 1] / depth + k.cy
+    left, right = np.minimum(lines[:, 0], lines[:, 2]), np.maximum(lines[:, 0], lines[:, 2])
+    top, bottom = np.minimum(lines[:, 1], lines[:, 3]), np.maximum(lines[:, 1], lines[:, 3])
+    seen = (right >= 0) & (left <= k.width) & (bottom >= 0) & (top <= k.height)
+    return lines[seen], index[seen], np.minimum(p[:, 2], q[:, 2])[seen]

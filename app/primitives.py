@@ -1,0 +1,75 @@
+"""Thousands of lines and dots in one painter call, straight from numpy arrays.
+
+PySide6 takes lists of QLineF, which costs more than drawing them; pyqtgraph knows how to hand over an array instead.
+Its class for that is internal, so that this is the only file that touches it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pyqtgraph.Qt.internals import PrimitiveArray
+from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
+
+_LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the picture by far
+
+
+class Primitives:
+    """Buffers that are kept between frames."""
+
+    def __init__(self) -> None:
+        self._lines = PrimitiveArray(QLineF, 4)
+        self._fragments = PrimitiveArray(QPainter.PixmapFragment, 10)
+
+    def draw_lines(self, painter: QPainter, lines: NDArray[np.floating]) -> None:
+        """Lines (N, 4) as x1 y1 x2 y2 in pixels, with the painter's pen."""
+        if len(lines) == 0:
+            return
+        self._lines.resize(len(lines))
+        np.clip(lines, -_LIMIT, _LIMIT, out=self._lines.ndarray())
+        painter.drawLines(*self._lines.drawargs())
+
+    def draw_sprites(
+        self, painter: QPainter, centres: NDArray[np.floating], scales: NDArray[np.floating], sprite: QPixmap
+    ) -> None:
+        """The sprite at `centres` (N, 2) in pixels, each scaled by `scales` (N,)."""
+        if len(centres) == 0:
+            return
+        self._fragments.resize(len(centres))
+        data = self._fragments.ndarray()
+        # x, y, sourceLeft, sourceTop, width, height, scaleX, scaleY, rotation, opacity
+        data[:, :2] = centres
+        data[:, 2:4] = 0
+        data[:, 4], data[:, 5] = sprite.width(), sprite.height()
+        data[:, 6] = data[:, 7] = scales / sprite.devicePixelRatio()
+        data[:, 8], data[:, 9] = 0, 1
+        painter.drawPixmapFragments(*self._fragments.drawargs(), sprite)
+
+
+def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:
+    """A round sprite with an outline, drawn at twice its size so that it stays smooth when enlarged."""
+    sprite = QPixmap(2 * diameter, 2 * diameter)
+    sprite.setDevicePixelRatio(2.0)
+    sprite.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(sprite)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.setPen(QPen(QColor(outline), diameter / 10))
+    painter.setBrush(QColor(color))
+    margin = diameter / 10
+    painter.drawEllipse(QRectF(margin, margin, diameter - 2 * margin, diameter - 2 * margin))
+    painter.end()
+    return sprite
+
+
+def chip(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
+    """A small rounded label whose lower left corner is at `anchor`; returns its rectangle."""
+    metrics = painter.fontMetrics()
+    width, height = metrics.horizontalAdvance(text) + 12, metrics.height() + 4
+    box = QRectF(anchor.x(), anchor.y() - height, width, height)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(fill)
+    painter.drawRoundedRect(box, 4, 4)
+    painter.setPen(text_color)
+    painter.drawText(box, Qt.AlignmentFlag.AlignCenter, text)
+    return box

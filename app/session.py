@@ -1,0 +1,71 @@
+"""One window on one project after another: the document, the thread that keeps it fresh, the reconstruction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QSettings
+
+from app.document import Document
+from app.loading import Contents
+from app.notices import Notices
+from app.render_child import ProjectSource
+from app.watcher import ProjectWatcher
+from app.window import MainWindow
+from nvsim.errors import InputError
+
+
+class Session(QObject):
+    """Owns the window and what feeds it."""
+
+    def __init__(self, settings: QSettings) -> None:
+        super().__init__()
+        self.notices = Notices(self)
+        self.document = Document(parent=self)
+        self.window = MainWindow(self.document, settings, self.notices)
+        self._watcher: ProjectWatcher | None = None
+        self.window.projectChosen.connect(self._on_chosen)
+        self.window.refreshWanted.connect(self._refresh)
+        self.document.contentsChanged.connect(self._on_contents)
+
+    def open(self, path: Path) -> None:
+        """Reads the project from now on. The path was checked before."""
+        self._stop_watching()
+        self.window.show_source(None)
+        self.document.set_contents(Contents(path))
+        self._watcher = ProjectWatcher(path, self)
+        self._watcher.read.connect(self.document.set_contents)
+        self._watcher.failed.connect(self.notices.error)
+        self._watcher.start()
+
+    def close(self) -> None:
+        """Ends every thread and process; the window closes too."""
+        self._stop_watching()
+        self.window.close()
+
+    def _stop_watching(self) -> None:
+        if self._watcher is not None:
+            # A reading that was on its way must not arrive in the next project.
+            self._watcher.read.disconnect(self.document.set_contents)
+            self._watcher.stop()
+            self._watcher.deleteLater()
+            self._watcher = None
+
+    def _refresh(self) -> None:
+        if self._watcher is not None:
+            self._watcher.refresh()
+
+    def _on_chosen(self, path: Path) -> None:
+        from app.main import check_project
+
+        try:
+            check_project(path)
+        except InputError as error:
+            self.notices.error(str(error))
+            return
+        self.open(path)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        contents = self.document.contents
+        if "scene_stamp" in parts and contents.path is not None:
+            self.window.show_source(ProjectSource(contents.path) if contents.scene_stamp is not None else None)

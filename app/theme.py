@@ -1,0 +1,84 @@
+"""Fusion in two palettes of our own, dark and light. No style sheet sets a colour: widgets follow the palette."""
+
+from __future__ import annotations
+
+import pyqtgraph
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPalette
+from PySide6.QtWidgets import QApplication
+
+_R = QPalette.ColorRole
+_DARK = {
+    _R.Window: "#23272e",
+    _R.WindowText: "#d7dde4",
+    _R.Base: "#1b1f25",
+    _R.AlternateBase: "#20252c",
+    _R.Text: "#d7dde4",
+    _R.Button: "#2c323b",
+    _R.ButtonText: "#d7dde4",
+    _R.BrightText: "#ffffff",
+    _R.ToolTipBase: "#343b45",
+    _R.ToolTipText: "#e6ebf0",
+    _R.Highlight: "#2a7f78",
+    _R.HighlightedText: "#ffffff",
+    _R.Link: "#4fd1c5",
+    _R.LinkVisited: "#8fb8de",
+    _R.PlaceholderText: "#7d8894",
+    _R.Light: "#3a424d",
+    _R.Midlight: "#323943",
+    _R.Mid: "#191d22",
+    _R.Dark: "#14171b",
+    _R.Shadow: "#0c0e11",
+    _R.Accent: "#2ec4b6",
+}
+_LIGHT = {
+    _R.Window: "#f2f4f7",
+    _R.WindowText: "#1f2730",
+    _R.Base: "#ffffff",
+    _R.AlternateBase: "#f6f8fa",
+    _R.Text: "#1f2730",
+    _R.Button: "#e9edf1",
+    _R.ButtonText: "#1f2730",
+    _R.BrightText: "#ffffff",
+    _R.ToolTipBase: "#ffffff",
+    _R.ToolTipText: "#1f2730",
+    _R.Highlight: "#178f84",
+    _R.HighlightedText: "#ffffff",
+    _R.Link: "#0f766e",
+    _R.LinkVisited: "#3b6ea5",
+    _R.PlaceholderText: "#8793a0",
+    _R.Light: "#ffffff",
+    _R.Midlight: "#f7f9fb",
+    _R.Mid: "#c9d1d9",
+    _R.Dark: "#a9b4bf",
+    _R.Shadow: "#7d8894",
+    _R.Accent: "#178f84",
+}
+_FADED = {"dark": "#6b7682", "light": "#9aa5b1"}
+THEMES = ("dark", "light")
+
+
+def palette(theme: str) -> QPalette:
+    """The palette of "dark" or "light"."""
+    result = QPalette()
+    for role, color in (_DARK if theme == "dark" else _LIGHT).items():
+        result.setColor(role, QColor(color))
+    for role in (_R.WindowText, _R.Text, _R.ButtonText, _R.HighlightedText):
+        result.setColor(QPalette.ColorGroup.Disabled, role, QColor(_FADED[theme]))
+    result.setColor(QPalette.ColorGroup.Disabled, _R.Highlight, result.color(_R.Button))
+    return result
+
+
+def apply(app: QApplication, theme: str) -> None:
+    """Dresses the whole application; widgets hear of it as a palette change."""
+    app.setStyle("Fusion")
+    wanted = Qt.ColorScheme.Dark if theme == "dark" else Qt.ColorScheme.Light
+    # Without a desktop that knows colour schemes this does nothing, hence the palette.
+    app.styleHints().setColorScheme(wanted)
+    app.setPalette(palette(theme))
+    # What still reads pyqtgraph's own settings when it is made later.
+    pyqtgraph.setConfigOptions(antialias=True, background=None, foreground=app.palette().text().color())
+
+
+def is_dark(source: QPalette) -> bool:
+    return source.window().color().lightness() < 128

@@ -1,0 +1,61 @@
+"""From what a renderer measures to what a person sees: one picture per channel."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.render.types import RenderOutput
+
+CHANNELS = {
+    "rgb": frozenset({"rgb"}),
+    "alpha": frozenset({"alpha"}),
+    "normal": frozenset({"normal", "alpha"}),
+    "depth": frozenset({"depth", "alpha"}),
+}
+DEPTH_RANGE = (0.3, 20.0)  # metres, logarithmic, near is bright
+
+# Ten anchors from dark blue over green to pale yellow, brightness rising throughout.
+_RAMP = np.array(
+    [
+        (18, 20, 52), (35, 38, 102), (43, 68, 138), (40, 101, 150), (36, 133, 148),
+        (45, 162, 136), (89, 189, 112), (154, 209, 86), (217, 223, 92), (252, 247, 190),
+    ],
+    np.float32,
+)  # fmt: skip
+_EMPTY = np.array([24, 26, 31], np.float32)
+
+
+def ramp(share: NDArray[np.floating]) -> NDArray[np.float32]:
+    """(..., 3) RGB 0 to 255 of values 0 to 1."""
+    position = np.clip(share, 0, 1) * (len(_RAMP) - 1)
+    low = np.minimum(position.astype(np.intp), len(_RAMP) - 2)
+    part = (position - low)[..., None].astype(np.float32)
+    return _RAMP[low] * (1 - part) + _RAMP[low + 1] * part
+
+
+def picture(view: RenderOutput, channel: str) -> NDArray[np.uint8]:
+    """(H, W, 4) uint8, blue, green, red, 255. Raises ValueError when the channel was not rendered."""
+    if channel == "rgb" and view.rgb is not None:
+        rgb = view.rgb * np.float32(255)
+    elif channel == "alpha" and view.alpha is not None:
+        rgb = np.repeat(view.alpha[..., None] * np.float32(255), 3, axis=-1)
+    elif channel == "normal" and view.normal is not None and view.alpha is not None:
+        rgb = (view.normal * np.float32(0.5) + np.float32(0.5)) * np.float32(255)
+        rgb = _over_empty(rgb, view.alpha)
+    elif channel == "depth" and view.depth is not None and view.alpha is not None:
+        low, high = np.log(DEPTH_RANGE)
+        share = (np.log(np.maximum(view.depth, DEPTH_RANGE[0])) - low) / (high - low)
+        rgb = _over_empty(ramp(1 - share), view.alpha)
+    else:
+        raise ValueError(f"the channel {channel!r} was not rendered")
+    result = np.empty((*rgb.shape[:2], 4), np.uint8)
+    np.clip(rgb, 0, 255, out=rgb)
+    result[..., :3] = rgb[..., ::-1]
+    result[..., 3] = 255
+    return result
+
+
+def _over_empty(rgb: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
+    weight = np.clip(alpha, 0, 1)[..., None]
+    return (rgb * weight + _EMPTY * (1 - weight)).astype(np.float32)

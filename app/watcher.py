@@ -1,0 +1,62 @@
+"""Keeps the document up to date: a thread that reads the project and looks for changes once a second."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+
+from app.loading import ProjectReader
+from nvsim.errors import InputError
+
+PERIOD = 1.0  # seconds
+
+
+class ProjectWatcher(QObject):
+    """read(Contents) from the thread after every change; failed(str) once per different trouble."""
+
+    read = Signal(object)
+    failed = Signal(str)
+
+    def __init__(self, path: Path, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._path = path
+        self._stop = threading.Event()
+        self._soon = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="project watcher", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def refresh(self) -> None:
+        """Looks at once."""
+        self._soon.set()
+
+    def stop(self) -> None:
+        """Returns when the thread has ended."""
+        self._stop.set()
+        self._soon.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        reader: ProjectReader | None = None
+        trouble = ""
+        while not self._stop.is_set():
+            try:
+                if reader is None:
+                    reader = ProjectReader(self._path)
+                for contents in reader.updates():
+                    if self._stop.is_set():
+                        break
+                    self.read.emit(contents)
+                trouble = ""
+            except InputError as error:
+                if str(error) != trouble:
+                    trouble = str(error)
+                    self.failed.emit(trouble)
+            self._soon.wait(PERIOD)
+            self._soon.clear()
+        if reader is not None:
+            reader.close()
