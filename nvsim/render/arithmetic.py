@@ -37,7 +37,7 @@ def _bits_of_float(typing_context: Any, value: Any) -> Any:
 @njit(forceinline=True)
 def depth_key(depth: Any) -> Any:
     """Positive floats keep their order when their bits are read as an unsigned integer."""
-    return _bits_of_float(depth)
+    return _bits_of_float(depth)  # type: ignore[call-arg]
 
 
 @njit(forceinline=True, fastmath=True)
@@ -49,7 +49,8 @@ def _scaled(whole: Any, f: Any) -> Any:
     p = p * f + _F(2.40221204e-1)
     p = p * f + _F(6.93146978e-1)
     p = p * f + _F(1.00000007)
-    return _float_of_bits((whole + np.int32(127)) << np.int32(23)) * p
+    exponent = (whole + np.int32(127)) << np.int32(23)
+    return _float_of_bits(exponent) * p  # type: ignore[call-arg]
 
 
 @njit(forceinline=True, fastmath=True)

@@ -1,0 +1,142 @@
+"""The floor texture along one ray: where the ray meets the floor surface, how much floor a pixel covers there, and the
+levels that it can see. Compiled into the background kernel; the texels of all levels lie in one array.
+
+A level is a residual over the coarser ones, so it is faded out, rather than filtered, where a pixel covers more floor
+than its texels do: what is left is the coarser picture, as with mip levels, and nothing has to be made in advance.
+"""
+
+from __future__ import annotations
+
+import math
+import weakref
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.arithmetic import FLAGS
+from nvsim.splats.types import FloorTexture
+
+_F = np.float32
+_ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
+_FLATTEST = _F(-0.02)  # as FloorSurface.meet
+_ITERATIONS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class PackedTexture:
+    """A FloorTexture as the kernels take it.
+
+    texels   (n, 3) float32, all levels one after the other
+    table    (levels, 3) int64: first texel, rows, columns
+    sizes    (levels,) float32: texel size in metres, the larger of its sides
+    bounds   (4,) float32: low x, low y, high x, high y
+    """
+
+    texels: NDArray[np.float32]
+    table: NDArray[np.int64]
+    sizes: NDArray[np.float32]
+    bounds: NDArray[np.float32]
+
+
+_packed: weakref.WeakKeyDictionary[FloorTexture, PackedTexture] = weakref.WeakKeyDictionary()
+NO_TEXTURE = PackedTexture(
+    np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64), np.zeros(0, np.float32), np.zeros(4, np.float32)
+)
+
+
+def pack_texture(texture: FloorTexture | None) -> PackedTexture:
+    """Remembered as long as the texture lives: its levels must not be changed in place once it has been drawn."""
+    if texture is None or not texture.levels:
+        return NO_TEXTURE
+    known = _packed.get(texture)
+    if known is None:
+        known = _packed[texture] = _pack(texture)
+    return known
+
+
+def _pack(texture: FloorTexture) -> PackedTexture:
+    table, sizes, first = [], [], 0
+    width, height = texture.high[0] - texture.low[0], texture.high[1] - texture.low[1]
+    for level in texture.levels:
+        rows, columns = level.shape[:2]
+        table.append((first, rows, columns))
+        sizes.append(max(width / columns, height / rows))
+        first += rows * columns
+    texels = np.concatenate([np.asarray(level, np.float32).reshape(-1, 3) for level in texture.levels])
+    bounds = np.array([*texture.low, *texture.high], np.float32)
+    return PackedTexture(texels, np.array(table, np.int64), np.array(sizes, np.float32), bounds)
+
+
+def pack_floor(floor: FloorSurface) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Heights (rows, columns), and origin x, y and spacing (3,)."""
+    heights = np.require(floor.heights, np.float32, ["C", "A", "W"])
+    return heights, np.array([*floor.origin, floor.spacing], np.float32)
+
+
+@njit(forceinline=True, fastmath=FLAGS)
+def level_weight(footprint: Any, texel: Any) -> Any:
+    """How much of a level of this texel size a pixel of this footprint sees (both metres): all of it up to one texel,
+    nothing from three on."""
+    return min(max(_F(1.5) - _HALF * footprint / texel, _ZERO), _ONE)
+
+
+@njit(forceinline=True, fastmath=FLAGS)
+def height_at(heights: Any, grid: Any, x: Any, y: Any) -> Any:
+    """FloorSurface.height_at; `grid` from `pack_floor`."""
+    rows, columns = heights.shape
+    c = min(max((x - grid[0]) / grid[2], _ZERO), _F(columns - 1))
+    r = min(max((y - grid[1]) / grid[2], _ZERO), _F(rows - 1))
+    c0, r0 = np.int64(c), np.int64(r)
+    c1, r1 = min(c0 + 1, columns - 1), min(r0 + 1, rows - 1)
+    fc, fr = c - _F(c0), r - _F(r0)
+    low = heights[r0, c0] * (_ONE - fc) + heights[r0, c1] * fc
+    high = heights[r1, c0] * (_ONE - fc) + heights[r1, c1] * fc
+    return low * (_ONE - fr) + high * fr
+
+
+@njit(forceinline=True, fastmath=FLAGS)
+def distance_to_floor(heights: Any, grid: Any, ex: Any, ey: Any, ez: Any, dx: Any, dy: Any, dz: Any) -> Any:
+    """FloorSurface.meet: metres along the unit direction from the eye, -1 where the ray does not meet the floor."""
+    if not dz < _FLATTEST:
+        return -_ONE
+    distance = (height_at(heights, grid, ex, ey) - ez) / dz
+    if heights.size > 1:
+        for _ in range(_ITERATIONS):
+            distance = (height_at(heights, grid, ex + distance * dx, ey + distance * dy) - ez) / dz
+    return distance if distance > _ZERO else -_ONE
+
+
+@njit(forceinline=True, fastmath=FLAGS)
+def footprint_of(distance: Any, forward: Any, dz: Any, focal: Any) -> Any:
+    """Metres of floor that a pixel covers: the geometric mean of its width and its length. `forward` is the ray's
+    component along the optical axis, `focal` the focal length in pixels."""
+    return distance * forward / (focal * math.sqrt(-dz))
+
+
+@njit(fastmath=FLAGS)
+def texture_colour(texels: Any, table: Any, sizes: Any, bounds: Any, x: Any, y: Any, footprint: Any) -> Any:
+    """Red, green and blue at world x, y: the levels' bilinear samples, each by its weight."""
+    red = green = blue = _ZERO
+    for level in range(table.shape[0]):
+        weight = level_weight(footprint, sizes[level])
+        if weight <= _ZERO:
+            continue
+        first, rows, columns = table[level, 0], table[level, 1], table[level, 2]
+        c = (x - bounds[0]) / (bounds[2] - bounds[0]) * _F(columns) - _HALF
+        r = (y - bounds[1]) / (bounds[3] - bounds[1]) * _F(rows) - _HALF
+        c, r = min(max(c, _ZERO), _F(columns - 1)), min(max(r, _ZERO), _F(rows - 1))
+        c0, r0 = np.int64(c), np.int64(r)
+        right, up = min(c0 + 1, columns - 1) - c0, (min(r0 + 1, rows - 1) - r0) * columns
+        fc, fr = c - _F(c0), r - _F(r0)
+        at = first + r0 * columns + c0
+        w00, w01 = weight * (_ONE - fr) * (_ONE - fc), weight * (_ONE - fr) * fc
+        w10, w11 = weight * fr * (_ONE - fc), weight * fr * fc
+        a, b, c_, d = texels[at], texels[at + right], texels[at + up], texels[at + up + right]
+        red += w00 * a[0] + w01 * b[0] + w10 * c_[0] + w11 * d[0]
+        green += w00 * a[1] + w01 * b[1] + w10 * c_[1] + w11 * d[1]
+        blue += w00 * a[2] + w01 * b[2] + w10 * c_[2] + w11 * d[2]
+    return red, green, blue
