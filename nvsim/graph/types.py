@@ -71,7 +71,7 @@ class Evidence:
     target      (x, y) where the step leads
     joins       id of the existing viewpoint that the corridor leads to, "" for a lattice step
     decision    the words of the decision under the thresholds it was built with: "open", or the first criterion that
-                failed: "alpha", "normal", "unknown", "distance", "limit", "merge"
+                failed: "alpha", "normal", "unknown", "distance", "limit", "merge", "return" (the corridor back)
     """
 
     viewpoint: str

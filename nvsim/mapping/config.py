@@ -41,8 +41,8 @@ class MappingConfig:
     """Metres; a place of the walk without a viewpoint this near, in line, starts another search."""
     lattice_offset: float = 7.5
     """Degrees that the eight directions are turned by, so that none lies between two of R2R's 30-degree views."""
-    view_size: int = 160
-    """Pixels of the square views, 90 degrees wide and pitched 45 degrees down, that the corridors are read from."""
+    view_size: int = 192
+    """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
 
     @staticmethod
     def paper() -> MappingConfig:

@@ -1,0 +1,200 @@
+"""From trained models and a walk to the navigation graph: searches, where they start, and what is reported."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.events import Listener, Log, Progress, Warning, silent
+from nvsim.graph.components import components
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import HeightAt, SupportAt
+from nvsim.mapping.draft import Draft
+from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.person import keep_edits
+from nvsim.mapping.search import Search
+from nvsim.mapping.source import ViewSource
+from nvsim.mapping.walk import Walk
+
+STAGE = "map"
+_TRIES = 3  # places on either side of a gap in the walk that a joining start is tried at
+_CROWD = 0.3  # metres; a joining start keeps this far from existing viewpoints
+
+
+@dataclass(frozen=True, eq=False)
+class BuildResult:
+    """`report` is JSON-able: viewpoints, edges, components, starts, rendered_viewpoints, rendered_views, seconds,
+    viewpoints_per_s, decisions (word -> count), walk_uncovered (places), isolated_removed, limited, stopped."""
+
+    graph: NavGraph
+    report: dict[str, Any]
+
+
+def _never() -> bool:
+    return False
+
+
+def build_map(
+    source: ViewSource,
+    trajectory: NDArray[np.floating],
+    floor_at: HeightAt,
+    support: SupportAt,
+    config: MappingConfig,
+    *,
+    scan: str,
+    previous: NavGraph | None = None,
+    listen: Listener = silent,
+    should_stop: Callable[[], bool] = _never,
+) -> BuildResult:
+    """Builds the navigation graph of the camera positions `trajectory` (N, 3).
+
+    `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
+    `previous` is decided again instead of being rendered, and what a person added to it is kept.
+
+    Raises InputError when the trajectory is empty or nobody can stand anywhere on it.
+    Source: paper, section III-D, Algorithm 1.
+    """
+    if len(trajectory) == 0 or not np.isfinite(trajectory).all():
+        raise InputError("The walk has no camera with a finite position; check the capture with `nvsim check`.")
+    started = time.monotonic()
+    remembered = () if previous is None else tuple(previous.evidence.values())
+    measurements = Measurements(source, floor_at, support, config, remembered)
+    walk = Walk(trajectory, support)
+    search = Search(Draft(scan), measurements, walk, floor_at, config)
+    explorer = _Explorer(search, walk, config, listen, should_stop)
+    explorer.cover()
+    explorer.bridge()
+    draft = search.draft
+    if not draft.viewpoints and not should_stop():
+        raise InputError(
+            "Nobody can stand anywhere on the walk: the models show obstacles, or no known floor, under every camera; "
+            "look at the floor masks and the floor heights."
+        )
+    uncovered = sum(not explorer.is_covered(p) for p in walk.places)
+    isolated = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
+    for id in isolated:
+        draft.remove(id)
+    graph = keep_edits(draft.graph(), previous)
+    seconds = time.monotonic() - started
+    words: dict[str, int] = {}
+    for evidence in graph.evidence.values():
+        words[evidence.decision] = words.get(evidence.decision, 0) + 1
+    groups = components(graph)
+    report = {
+        "viewpoints": len(graph.viewpoints),
+        "edges": len(graph.edges),
+        "components": len(groups),
+        "component_sizes": [len(g) for g in groups[:20]],
+        "starts": sum(v.origin == "start" for v in graph.viewpoints.values()),
+        "rendered_viewpoints": measurements.rendered_viewpoints,
+        "rendered_views": measurements.rendered_views,
+        "seconds": round(seconds, 3),
+        "viewpoints_per_s": round(measurements.rendered_viewpoints / max(seconds, 1e-9), 3),
+        "decisions": dict(sorted(words.items())),
+        "walk_uncovered": uncovered,
+        "isolated_removed": len(isolated),
+        "limited": search.limited,
+        "stopped": should_stop(),
+    }
+    _say(report, len(walk.places), config, listen)
+    return BuildResult(graph, report)
+
+
+def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Listener) -> None:
+    """The sentences a person should read about a build."""
+    if report["limited"]:
+        listen(
+            Warning(
+                f"The search stopped at {config.max_viewpoints} viewpoints; raise max_viewpoints for the rest.", STAGE
+            )
+        )
+    if report["decisions"].get("distance"):
+        count = report["decisions"]["distance"]
+        listen(Log(f"{count} free steps would have led farther than {config.max_distance} m from the walk.", STAGE))
+    if report["components"] > 1:
+        sizes = ", ".join(map(str, report["component_sizes"]))
+        text = f"The graph has {report['components']} parts that do not reach each other ({sizes} viewpoints)."
+        listen(Warning(text, STAGE))
+    if report["walk_uncovered"]:
+        text = f"{report['walk_uncovered']} of {places} places of the walk have no viewpoint near."
+        listen(Log(text, STAGE))
+
+
+class _Explorer:
+    """Starts searches until the walk is covered and, where it is connected, so is the graph."""
+
+    def __init__(
+        self, search: Search, walk: Walk, config: MappingConfig, listen: Listener, should_stop: Callable[[], bool]
+    ) -> None:
+        self._search, self._walk, self._config = search, walk, config
+        self._listen, self._should_stop = listen, should_stop
+        self._tried: set[int] = set()
+
+    def cover(self) -> None:
+        """Starts at the place with the most clearance, then at those that are not covered yet, in the same order."""
+        # Stable: of equal clearances the earliest. The order is fixed, so one pass meets every place.
+        for place in np.argsort(-np.round(self._walk.clearance, 6), kind="stable"):
+            if self._should_stop():
+                return
+            if not self.is_covered(self._walk.places[place]):
+                self._start(int(place))
+
+    def bridge(self) -> None:
+        """Puts starts where the walk goes from one component of the graph to another."""
+        progress = True
+        while progress and not self._should_stop():
+            progress = False
+            for i in self._gaps():
+                for k in [i + d for n in range(_TRIES) for d in (-n, n + 1)]:
+                    free = 0 <= k < len(self._walk.places) and k not in self._tried
+                    if free and not self._search.draft.near(self._walk.places[k, :2], _CROWD):
+                        progress = self._start(k) or progress
+                        break
+                if progress:
+                    break
+
+    def is_covered(self, place: NDArray[np.floating]) -> bool:
+        return self._coverer(place) is not None
+
+    def _coverer(self, place: NDArray[np.floating]) -> str | None:
+        """The nearest viewpoint in line with a place of the walk."""
+        for viewpoint in self._search.draft.near(place[:2], self._config.cover_distance):
+            if self._walk.in_line(np.array(viewpoint.position[:2]), place[:2]):
+                return viewpoint.id
+        return None
+
+    def _gaps(self) -> list[int]:
+        """Places i of the walk such that i is covered by one component and the next covered one by another, with
+        nothing but the walk between."""
+        owner = self._search.draft.components()
+        gaps, last = [], -1
+        for i, place in enumerate(self._walk.places):
+            if i and not self._walk.joined[i - 1]:
+                last = -1
+            coverer = self._coverer(place)
+            if coverer is None:
+                continue
+            if last >= 0 and owner[coverer] != last:
+                gaps.append(i - 1)
+            last = owner[coverer]
+        return gaps
+
+    def _start(self, place: int) -> bool:
+        self._tried.add(place)
+        if not self._search.start(self._walk.places[place]):
+            return False
+        self._search.run(self._should_stop, self._progress)
+        self._progress()
+        return True
+
+    def _progress(self) -> None:
+        found = len(self._search.draft.viewpoints)
+        done = found - self._search.waiting
+        self._listen(Progress(STAGE, max(0, done), max(1, found), f"{found} viewpoints"))

@@ -1,0 +1,168 @@
+"""Corridors on the floor and how they are read out of views that look down on it.
+
+A corridor is measured wider than any robot that may be asked about, in cells of equal ground area, so that the same
+evidence answers for another robot. Directions: number k is `lattice_offset` + 45 k degrees, 0 is +y, right is positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.graph.types import Evidence
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.source import ViewSource
+
+HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
+SupportAt = Callable[[NDArray[np.floating]], NDArray[np.bool_]]
+
+DIRECTIONS = 8
+NEAR, DEPTH, WIDTH = 0.05, 0.1, 0.9  # metres: start of the first row, depth of a row, measured width
+CELLS = 18  # across the width: 0.05 m each
+_PITCH = -np.pi / 4
+# 5 degrees behind straight down and above the horizon, so that a corridor between two directions fits either view.
+_FOV = np.radians(100.0)
+# Half of the measured width: the largest radius that can be asked about later.
+_BEYOND = WIDTH / 2
+
+
+def headings(config: MappingConfig) -> NDArray[np.float64]:
+    """(8,) radians."""
+    return np.radians(config.lattice_offset + 45.0 * np.arange(DIRECTIONS))
+
+
+def ahead(heading: float, distance: float) -> NDArray[np.float64]:
+    """(2,) world x, y offset."""
+    return distance * np.array([np.sin(heading), np.cos(heading)])
+
+
+def camera_towards(position: NDArray[np.floating], heading: float, config: MappingConfig) -> Camera:
+    """A view from a little behind straight down to a little above the horizon: it holds every cell of a corridor within
+    22.5 degrees of `heading`."""
+    size = config.view_size
+    return Camera(Intrinsics.from_fov(size, size, _FOV), look(position, heading, _PITCH))
+
+
+@dataclass(frozen=True)
+class Corridor:
+    """start and target (x, y) metres, world."""
+
+    start: tuple[float, float]
+    target: tuple[float, float]
+
+    @property
+    def length(self) -> float:
+        return float(np.hypot(self.target[0] - self.start[0], self.target[1] - self.start[1]))
+
+    @property
+    def heading(self) -> float:
+        """Radians in [0, 2 pi)."""
+        return float(np.arctan2(self.target[0] - self.start[0], self.target[1] - self.start[1]) % (2 * np.pi))
+
+    @property
+    def rows(self) -> int:
+        return max(1, int(np.ceil((self.length + _BEYOND - NEAR) / DEPTH - 1e-9)))
+
+    def cells(self) -> NDArray[np.float64]:
+        """(rows, CELLS, 2) world x, y of the cell centres, rows from near to far, cells from left to right."""
+        along = NEAR + (np.arange(self.rows) + 0.5) * DEPTH
+        across = ((np.arange(CELLS) + 0.5) / CELLS - 0.5) * WIDTH
+        forward = ahead(self.heading, 1.0)
+        right = np.array([forward[1], -forward[0]])
+        return np.array(self.start) + along[:, None, None] * forward + across[None, :, None] * right
+
+
+@dataclass(frozen=True, eq=False)
+class FloorView:
+    """A view of the floor: alpha (H, W) and normal_z (H, W), the world z of the Gaussians' normals, float32."""
+
+    submap: int
+    camera: Camera
+    alpha: NDArray[np.float32]
+    normal_z: NDArray[np.float32]
+
+
+def look_down(
+    source: ViewSource, position: NDArray[np.floating], directions: Sequence[int], config: MappingConfig
+) -> dict[int, FloorView]:
+    """Renders a view for each of the lattice `directions`."""
+    towards = headings(config)
+    cameras = [camera_towards(position, towards[k], config) for k in directions]
+    submap, outputs = source.views(np.asarray(position, np.float64), cameras)
+    views = {}
+    for k, camera, output in zip(directions, cameras, outputs, strict=True):
+        if output.alpha is None or output.normal is None:
+            raise ValueError("the source rendered no alpha or no normal")
+        views[k] = FloorView(submap, camera, output.alpha, np.ascontiguousarray(output.normal[..., 2]))
+    return views
+
+
+def view_of(corridor: Corridor, config: MappingConfig) -> int:
+    """The lattice direction whose view shows `corridor`: the nearest. One rule for all corridors, so that evidence is
+    the same whether a whole turn was rendered or one view alone."""
+    off = np.abs((corridor.heading - headings(config) + np.pi) % (2 * np.pi) - np.pi)
+    return int(np.argmin(np.round(off, 6)))
+
+
+def measure(
+    view: FloorView,
+    viewpoint: str,
+    direction: int,
+    corridor: Corridor,
+    floor_at: HeightAt,
+    support: SupportAt,
+    joins: str = "",
+) -> Evidence:
+    """What `view` shows on the floor cells of `corridor`; the decision is left empty.
+
+    The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
+    background's floor, whose normal points up, and adds to the z of the Gaussians' normals.
+    """
+    xy = corridor.cells()
+    points = np.concatenate([xy, np.asarray(floor_at(xy), np.float64)[..., None]], axis=-1)
+    pixels, depth = view.camera.project(points)
+    inside = (depth > 0) & _inside(pixels, view.alpha.shape)
+    alpha = np.where(inside, _bilinear(view.alpha, pixels), 1.0)
+    normal_z = np.where(inside, _bilinear(view.normal_z, pixels), 0.0)
+    return Evidence(
+        viewpoint,
+        direction,
+        corridor.heading,
+        corridor.length,
+        _bytes(alpha),
+        _bytes((1.0 - alpha) + normal_z),
+        np.asarray(support(xy), bool),
+        NEAR,
+        DEPTH,
+        WIDTH,
+        view.submap,
+        corridor.target,
+        joins,
+    )
+
+
+def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.round(np.clip(values, 0.0, 1.0) * 255).astype(np.uint8)
+
+
+def _inside(pixels: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Whether a point lies in the picture, with a pixel's grace at its border."""
+    u, v = pixels[..., 0], pixels[..., 1]
+    return np.asarray((u > -1) & (v > -1) & (u < shape[1] + 1) & (v < shape[0] + 1))
+
+
+def _bilinear(picture: NDArray[np.float32], pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(...) values at pixels (..., 2); pixel centres at halves, border values outside."""
+    height, width = picture.shape
+    u = np.clip(pixels[..., 0] - 0.5, 0, width - 1)
+    v = np.clip(pixels[..., 1] - 0.5, 0, height - 1)
+    u0, v0 = u.astype(np.int64), v.astype(np.int64)
+    u1, v1 = np.minimum(u0 + 1, width - 1), np.minimum(v0 + 1, height - 1)
+    fu, fv = u - u0, v - v0
+    top = picture[v0, u0] * (1 - fu) + picture[v0, u1] * fu
+    bottom = picture[v1, u0] * (1 - fu) + picture[v1, u1] * fu
+    return np.asarray(top * (1 - fv) + bottom * fv, np.float64)

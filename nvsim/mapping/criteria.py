@@ -1,0 +1,73 @@
+"""The decision from stored evidence alone: pure functions of the evidence and the thresholds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Evidence
+from nvsim.mapping.config import MappingConfig
+
+OPEN = "open"
+
+
+def decide(evidence: Evidence, config: MappingConfig) -> str:
+    """ "open", or the first criterion that fails: "alpha", "normal" (paper Algorithm 1, line 6), "unknown"."""
+    rows, cells = _robot(evidence, config)
+    alpha = evidence.alpha[rows, cells] / 255.0
+    up = evidence.up[rows, cells] / 255.0
+    if alpha.mean() >= config.tau_alpha:
+        return "alpha"
+    if config.rule == "worst" and (alpha.mean(axis=1).max() >= config.row_alpha or alpha.max() >= config.cell_alpha):
+        return "alpha"
+    if up.mean() <= config.tau_normal:
+        return "normal"
+    if config.rule == "worst" and up.mean(axis=1).min() <= config.row_normal:
+        return "normal"
+    if evidence.support[rows, cells].mean(axis=1).min() < config.support:
+        return "unknown"
+    return OPEN
+
+
+def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
+    """Whether the floor under a viewpoint is free: the cells within the robot's radius of it, in every direction that
+    was measured, under the rule's limit for the mean of a row."""
+    alpha, support = [], []
+    for evidence in around:
+        along, across = _centres(evidence)
+        near = np.hypot(along[:, None], across[None, :]) <= config.robot_radius
+        alpha.append(evidence.alpha[near] / 255.0)
+        support.append(evidence.support[near])
+    if not alpha:
+        return False
+    limit = config.row_alpha if config.rule == "worst" else config.tau_alpha
+    return bool(np.concatenate(alpha).mean() < limit and np.concatenate(support).mean() >= config.support)
+
+
+def answers(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
+    """Whether stored evidence holds what a corridor of this length and heading needs under `config`."""
+    turn = abs((evidence.heading - heading + np.pi) % (2 * np.pi) - np.pi)
+    return bool(
+        abs(evidence.length - length) < 1e-6
+        and turn < 1e-6
+        and evidence.near + len(evidence.alpha) * evidence.depth >= length + config.robot_radius - 1e-9
+        and evidence.width >= 2 * config.robot_radius - 1e-9
+    )
+
+
+def _centres(evidence: Evidence) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """(rows,) metres ahead and (cells,) metres to the right of the cell centres."""
+    rows, cells = evidence.alpha.shape
+    along = evidence.near + (np.arange(rows) + 0.5) * evidence.depth
+    return along, ((np.arange(cells) + 0.5) / cells - 0.5) * evidence.width
+
+
+def _robot(evidence: Evidence, config: MappingConfig) -> tuple[slice, slice]:
+    """The rows up to the end of the step and the robot's radius beyond, the cells within its radius of the middle; at
+    least one of each, so that a point-like robot has a corridor as well."""
+    along, across = _centres(evidence)
+    rows = max(1, int((along - evidence.depth / 2 < evidence.length + config.robot_radius - 1e-9).sum()))
+    inside = np.flatnonzero(np.abs(across) <= max(config.robot_radius, evidence.width / evidence.alpha.shape[1]) + 1e-9)
+    return slice(0, rows), slice(int(inside[0]), int(inside[-1]) + 1)

@@ -1,0 +1,124 @@
+"""The graph while it grows: viewpoints found by place, edges by viewpoint, evidence by viewpoint and direction."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint, edge
+from nvsim.mapping.corridor import DIRECTIONS
+
+_BUCKET = 2.5  # metres
+SAME = 0.01  # metres: two ways of steps that lead to one place
+
+
+class Draft:
+    """viewpoints  id -> viewpoint, in the order they were found
+    evidence    id -> direction -> evidence
+    """
+
+    def __init__(self, scan: str) -> None:
+        self.scan = scan
+        self.viewpoints: dict[str, Viewpoint] = {}
+        self.evidence: dict[str, dict[int, Evidence]] = {}
+        self._edges: dict[tuple[str, str], Edge] = {}
+        self._joined: dict[str, set[str]] = {}
+        self._buckets: dict[tuple[int, int], list[str]] = {}
+
+    def put(self, viewpoint: Viewpoint) -> None:
+        """Adds a viewpoint, or replaces the one with its id, which must stand at the same place."""
+        if viewpoint.id not in self.viewpoints:
+            self._buckets.setdefault(_bucket(viewpoint.position), []).append(viewpoint.id)
+            self._joined[viewpoint.id] = set()
+            self.evidence[viewpoint.id] = {}
+        self.viewpoints[viewpoint.id] = viewpoint
+
+    def remove(self, id: str) -> None:
+        """Forgets a viewpoint, its edges, and the evidence from it and of the corridors to it."""
+        for other in self.joined(id):
+            self.cut(id, other)
+        self._buckets[_bucket(self.viewpoints[id].position)].remove(id)
+        del self.viewpoints[id], self.evidence[id], self._joined[id]
+        for found in self.evidence.values():
+            for direction in [k for k, e in found.items() if e.joins == id]:
+                del found[direction]
+
+    def join(self, a: str, b: str, origin: str) -> None:
+        new = edge(a, b, origin)
+        self._edges.setdefault(new.key, new)
+        self._joined[a].add(b)
+        self._joined[b].add(a)
+
+    def cut(self, a: str, b: str) -> None:
+        del self._edges[min(a, b), max(a, b)]
+        self._joined[a].discard(b)
+        self._joined[b].discard(a)
+
+    def joined(self, id: str) -> list[str]:
+        """Ids that have an edge with `id`, sorted."""
+        return sorted(self._joined[id])
+
+    def are_joined(self, a: str, b: str) -> bool:
+        return b in self._joined[a]
+
+    def near(self, xy: NDArray[np.floating], reach: float) -> list[Viewpoint]:
+        """Viewpoints within `reach` metres of (2,) as seen from above, the nearest first."""
+        steps = math.ceil(reach / _BUCKET)
+        x, y = _bucket((float(xy[0]), float(xy[1])))
+        found = []
+        for i in range(x - steps, x + steps + 1):
+            for j in range(y - steps, y + steps + 1):
+                for id in self._buckets.get((i, j), ()):
+                    distance = apart(self.viewpoints[id], xy)
+                    if distance <= reach:
+                        found.append((round(distance, 6), id))
+        return [self.viewpoints[id] for _, id in sorted(found)]
+
+    def step_towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Evidence | None:
+        """The evidence of the step from `viewpoint` that ends exactly at `other`."""
+        for k in range(DIRECTIONS):
+            evidence = self.evidence[viewpoint.id].get(k)
+            if evidence is not None and apart(other, evidence.target) < SAME:
+                return evidence
+        return None
+
+    def number_towards(self, viewpoint: str, other: str) -> int:
+        """The direction that the corridor between two viewpoints has, or the next free one from 8 on."""
+        for k, evidence in self.evidence[viewpoint].items():
+            if evidence.joins == other:
+                return k
+        return max([*self.evidence[viewpoint], DIRECTIONS - 1]) + 1
+
+    def components(self) -> dict[str, int]:
+        """id -> number of its component."""
+        owner: dict[str, int] = {}
+        for number, start in enumerate(self.viewpoints):
+            front = [] if start in owner else [start]
+            while front:
+                id = front.pop()
+                if id not in owner:
+                    owner[id] = number
+                    front.extend(self._joined[id])
+        return owner
+
+    def graph(self) -> NavGraph:
+        """The graph as a value, evidence in the order of the viewpoints and their directions."""
+        evidence = {(id, k): self.evidence[id][k] for id in self.viewpoints for k in sorted(self.evidence[id])}
+        return NavGraph(self.scan, self.viewpoints, self._edges, evidence)
+
+    def id_at(self, xy: NDArray[np.floating]) -> str:
+        """32 hex digits from the scan and the place to the millimetre: the same in every run."""
+        x, y = (round(float(value) * 1000) for value in xy)
+        return hashlib.blake2b(f"{self.scan} {x} {y}".encode(), digest_size=16).hexdigest()
+
+
+def apart(viewpoint: Viewpoint, xy: NDArray[np.floating] | tuple[float, float]) -> float:
+    """Metres between a viewpoint and a place (2,), as seen from above."""
+    return math.hypot(viewpoint.position[0] - float(xy[0]), viewpoint.position[1] - float(xy[1]))
+
+
+def _bucket(place: tuple[float, ...]) -> tuple[int, int]:
+    return math.floor(place[0] / _BUCKET), math.floor(place[1] / _BUCKET)

@@ -1,0 +1,93 @@
+"""Evidence on demand: remembered where it was measured before, rendered where it was not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from nvsim.graph.types import Evidence, Viewpoint
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import (
+    DIRECTIONS,
+    Corridor,
+    FloorView,
+    HeightAt,
+    SupportAt,
+    ahead,
+    headings,
+    look_down,
+    measure,
+    view_of,
+)
+from nvsim.mapping.criteria import answers
+from nvsim.mapping.source import ViewSource
+
+
+class Measurements:
+    """rendered_viewpoints  viewpoints that a whole turn was rendered at
+    rendered_views       single views, those of the turns included
+    """
+
+    def __init__(
+        self,
+        source: ViewSource,
+        floor_at: HeightAt,
+        support: SupportAt,
+        config: MappingConfig,
+        remembered: Iterable[Evidence] = (),
+    ) -> None:
+        self._source, self._floor_at, self._support, self._config = source, floor_at, support, config
+        self._headings = headings(config)
+        self._lattice: dict[tuple[str, int], Evidence] = {}
+        self._joins: dict[tuple[str, str], Evidence] = {}
+        for evidence in remembered:
+            if evidence.joins:
+                self._joins[evidence.viewpoint, evidence.joins] = evidence
+            else:
+                self._lattice[evidence.key] = evidence
+        self._views: tuple[str, dict[int, FloorView]] = ("", {})
+        self.rendered_viewpoints = 0
+        self.rendered_views = 0
+
+    def around(self, viewpoint: Viewpoint) -> list[Evidence]:
+        """The evidence of the eight lattice directions."""
+        found = [self._lattice.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
+        corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
+        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c)]
+        if len(known) == DIRECTIONS:
+            return known
+        views = look_down(self._source, np.array(viewpoint.position), range(DIRECTIONS), self._config)
+        self._views = (viewpoint.id, views)
+        self.rendered_viewpoints += 1
+        self.rendered_views += DIRECTIONS
+        measured = []
+        for k, corridor in enumerate(corridors):
+            evidence = measure(views[k], viewpoint.id, k, corridor, self._floor_at, self._support)
+            self._lattice[evidence.key] = evidence
+            measured.append(evidence)
+        return measured
+
+    def between(self, viewpoint: Viewpoint, other: Viewpoint) -> Evidence:
+        """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number."""
+        corridor = Corridor(viewpoint.position[:2], other.position[:2])
+        found = self._joins.get((viewpoint.id, other.id))
+        if found is not None and self._holds(found, corridor):
+            return found
+        k = view_of(corridor, self._config)
+        owner, views = self._views
+        if owner == viewpoint.id:
+            view = views[k]
+        else:
+            view = look_down(self._source, np.array(viewpoint.position), [k], self._config)[k]
+            self.rendered_views += 1
+        evidence = measure(view, viewpoint.id, -1, corridor, self._floor_at, self._support, other.id)
+        self._joins[viewpoint.id, other.id] = evidence
+        return evidence
+
+    def _step(self, viewpoint: Viewpoint, k: int) -> Corridor:
+        x, y = viewpoint.position[:2] + ahead(self._headings[k], self._config.tau_dist)
+        return Corridor(viewpoint.position[:2], (float(x), float(y)))
+
+    def _holds(self, evidence: Evidence, corridor: Corridor) -> bool:
+        return answers(evidence, corridor.length, corridor.heading, self._config)

@@ -1,0 +1,164 @@
+"""The breadth-first search of the paper's Algorithm 1, with checked merges and corridors that must pass both ways."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Evidence, Viewpoint
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import DIRECTIONS, HeightAt
+from nvsim.mapping.criteria import OPEN, can_stand, decide
+from nvsim.mapping.draft import SAME, Draft, apart
+from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.walk import Walk
+
+_CROWDED = 0.5  # share of the merge radius within which no second viewpoint is placed, whatever stands between
+_LINKS = 6  # viewpoints that a new start is joined to
+
+
+class Search:
+    """`draft` is what was found; `expanded` the ids whose eight directions were decided; `limited` whether the search
+    stopped at the cap."""
+
+    def __init__(
+        self, draft: Draft, measurements: Measurements, walk: Walk, floor_at: HeightAt, config: MappingConfig
+    ) -> None:
+        self._measurements, self._walk, self._floor_at, self._config = measurements, walk, floor_at, config
+        self._queue: deque[str] = deque()
+        self._refused: set[str] = set()
+        self.draft = draft
+        self.expanded: set[str] = set()
+        self.limited = False
+
+    @property
+    def waiting(self) -> int:
+        return len(self._queue)
+
+    def start(self, position: NDArray[np.floating]) -> bool:
+        """Puts a viewpoint on the walk (3,) and joins it to those around. False when nobody can stand there, when a
+        viewpoint is there already, or when the graph is full."""
+        xy = position[:2]
+        id = self.draft.id_at(xy)
+        if id in self.draft.viewpoints or id in self._refused or self._is_full():
+            return False
+        viewpoint = self._viewpoint(xy, "start", float(position[2]))
+        if not can_stand(self._measurements.around(viewpoint), self._config):
+            self._refused.add(id)
+            return False
+        # The corridors to the viewpoints around are decided before the steps, which then find them joined.
+        self._look_around(viewpoint)
+        links = 0
+        for other in self.draft.near(xy, self._config.tau_dist):
+            if links < _LINKS and other.id != id and self._join(viewpoint, other) == OPEN:
+                links += 1
+        self._step_out(viewpoint)
+        return True
+
+    def run(self, should_stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+        """Expands until nothing waits."""
+        while self._queue and not should_stop():
+            viewpoint = self.draft.viewpoints.get(self._queue.popleft())
+            if viewpoint is not None and self._arrive(viewpoint):
+                self._step_out(viewpoint)
+            progress()
+
+    def _arrive(self, viewpoint: Viewpoint) -> bool:
+        """Looks around from a viewpoint that steps led to: its floor and the corridors back must be free too."""
+        around = self._look_around(viewpoint)
+        stands = can_stand(around, self._config)
+        for id in self.draft.joined(viewpoint.id):
+            other = self.draft.viewpoints[id]
+            back = OPEN if not self._config.both_ways else self._way(viewpoint, other)
+            if not stands or back != OPEN:
+                self.draft.cut(viewpoint.id, id)
+                self._withdraw(id, viewpoint)
+        if self.draft.joined(viewpoint.id):
+            return True
+        self.draft.remove(viewpoint.id)
+        self._refused.add(viewpoint.id)
+        return False
+
+    def _look_around(self, viewpoint: Viewpoint) -> list[Evidence]:
+        around = self._measurements.around(viewpoint)
+        self.draft.put(replace(viewpoint, submap=around[0].submap))
+        for evidence in around:
+            self._keep(replace(evidence, decision=decide(evidence, self._config)))
+        self.expanded.add(viewpoint.id)
+        return around
+
+    def _step_out(self, viewpoint: Viewpoint) -> None:
+        for k in range(DIRECTIONS):
+            evidence = self.draft.evidence[viewpoint.id][k]
+            if evidence.decision == OPEN:
+                self._keep(replace(evidence, decision=self._step(viewpoint, evidence)))
+
+    def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> str:
+        """Where an open corridor leads: to an existing viewpoint, to a new one, or nowhere for the reason returned."""
+        target = np.array(evidence.target)
+        if self._walk.distance(target) > self._config.max_distance:
+            return "distance"
+        around = [v for v in self.draft.near(target, self._config.merge_radius) if v.id != viewpoint.id]
+        if around and apart(around[0], target) < SAME:
+            return self._join(viewpoint, around[0])
+        if any(self._join(viewpoint, other) == OPEN for other in around):
+            return OPEN
+        if around and apart(around[0], target) < _CROWDED * self._config.merge_radius:
+            return "merge"
+        id = self.draft.id_at(target)
+        if id in self._refused:
+            return "return"
+        if self._is_full():
+            return "limit"
+        self.draft.put(self._viewpoint(target, "step", self._walk.height(target)))
+        self.draft.join(viewpoint.id, id, "step")
+        self._queue.append(id)
+        return OPEN
+
+    def _join(self, viewpoint: Viewpoint, other: Viewpoint) -> str:
+        """Adds the edge to an existing viewpoint when its corridor passes, and back where that is known already; else
+        the reason."""
+        if self.draft.are_joined(viewpoint.id, other.id):
+            return OPEN
+        decision = self._way(viewpoint, other)
+        if decision != OPEN:
+            return decision
+        if self._config.both_ways and other.id in self.expanded and self._way(other, viewpoint) != OPEN:
+            self._withdraw(viewpoint.id, other)
+            return "return"
+        step = self.draft.step_towards(viewpoint, other) is not None
+        self.draft.join(viewpoint.id, other.id, "step" if step else "merge")
+        return OPEN
+
+    def _way(self, viewpoint: Viewpoint, other: Viewpoint) -> str:
+        """The decision about the corridor from one viewpoint to another; its evidence is kept."""
+        step = self.draft.step_towards(viewpoint, other)
+        if step is not None:
+            return decide(step, self._config)
+        found = self._measurements.between(viewpoint, other)
+        decision = decide(found, self._config)
+        direction = self.draft.number_towards(viewpoint.id, other.id)
+        self._keep(replace(found, direction=direction, decision=decision))
+        return decision
+
+    def _withdraw(self, id: str, other: Viewpoint) -> None:
+        """Says in the evidence from `id` that the corridor back from `other` did not pass."""
+        for evidence in list(self.draft.evidence[id].values()):
+            leads = evidence.joins == other.id or apart(other, evidence.target) < SAME
+            if leads and evidence.decision == OPEN:
+                self._keep(replace(evidence, decision="return"))
+
+    def _keep(self, evidence: Evidence) -> None:
+        self.draft.evidence[evidence.viewpoint][evidence.direction] = evidence
+
+    def _viewpoint(self, xy: NDArray[np.floating], origin: str, z: float) -> Viewpoint:
+        floor = float(self._floor_at(np.asarray(xy, np.float64)))
+        return Viewpoint(self.draft.id_at(xy), (float(xy[0]), float(xy[1]), z), z - floor, -1, True, origin)
+
+    def _is_full(self) -> bool:
+        self.limited = self.limited or len(self.draft.viewpoints) >= self._config.max_viewpoints
+        return self.limited

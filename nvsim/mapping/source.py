@@ -1,0 +1,20 @@
+"""Where the builder's views come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.render.types import RenderOutput
+
+
+class ViewSource(Protocol):
+    """The ensemble of submap models, or whatever stands in for it."""
+
+    def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
+        """The submap that renders `position` (3,) and a view with alpha and normal for every camera."""
+        ...

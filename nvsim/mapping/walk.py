@@ -1,0 +1,69 @@
+"""The walk that the capture was taken on, as the builder uses it: heights, distances, places to start from."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.mapping.corridor import SupportAt
+
+_SPACING = 0.4  # metres between the places that are looked at
+_JUMP = 1.5  # metres between neighbours beyond which the walk is not taken as connected
+_CELL = 0.1  # metres, of the grid that clearance is measured on
+_REACH = 3.0  # metres, the largest clearance that is told apart
+
+
+class Walk:
+    """places     (M, 3) camera positions, thinned along the walk, metres, world
+    clearance  (M,) metres to the nearest floor that nothing supports, at most 3
+    joined     (M - 1,) bool, whether a place and the next belong to one continuous walk
+    """
+
+    def __init__(self, positions: NDArray[np.floating], support: SupportAt) -> None:
+        from scipy.spatial import cKDTree
+
+        self._positions = np.asarray(positions, np.float64).reshape(-1, 3)
+        self._support = support
+        self._tree = cKDTree(self._positions[:, :2])
+        kept, broken = [0], []
+        jump = False
+        for i in range(1, len(self._positions)):
+            jump = jump or _apart(self._positions[i], self._positions[i - 1]) > _JUMP
+            if _apart(self._positions[i], self._positions[kept[-1]]) >= _SPACING:
+                kept.append(i)
+                broken.append(jump)
+                jump = False
+        self.places = self._positions[kept]
+        self.joined = ~np.array(broken, bool)
+        self.clearance = self._clearance()
+
+    def distance(self, xy: NDArray[np.floating]) -> float:
+        """Metres from (2,) to the nearest camera, seen from above."""
+        return float(self._tree.query(np.asarray(xy))[0])
+
+    def height(self, xy: NDArray[np.floating]) -> float:
+        """World z of the nearest camera (paper, section III-D)."""
+        return float(self._positions[int(self._tree.query(np.asarray(xy))[1]), 2])
+
+    def in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
+        """Whether all floor on the straight line between two places (2,) is supported."""
+        count = max(2, int(np.ceil(np.hypot(*(b - a)) / 0.05)) + 1)
+        share = np.linspace(0.0, 1.0, count)[:, None]
+        return bool(np.all(self._support(a + share * (b - a))))
+
+    def _clearance(self) -> NDArray[np.float64]:
+        from scipy.ndimage import distance_transform_edt
+
+        low = self.places[:, :2].min(axis=0) - _REACH
+        high = self.places[:, :2].max(axis=0) + _REACH
+        columns, rows = np.ceil((high - low) / _CELL).astype(int)
+        x = low[0] + (np.arange(columns) + 0.5) * _CELL
+        y = low[1] + (np.arange(rows) + 0.5) * _CELL
+        known = np.pad(np.asarray(self._support(np.stack(np.meshgrid(x, y), axis=-1)), bool), 1)
+        distance = distance_transform_edt(known)[1:-1, 1:-1] * _CELL
+        index = np.floor((self.places[:, :2] - low) / _CELL).astype(int)
+        return np.asarray(np.minimum(distance[index[:, 1], index[:, 0]], _REACH))
+
+
+def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(a - b))
