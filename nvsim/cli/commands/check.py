@@ -7,7 +7,6 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.cli import show
 from nvsim.cli.arguments import Positional
 
 
@@ -30,9 +29,10 @@ def run(arguments: Arguments) -> int:
     findings = [dataclasses.asdict(f) for f in report.findings]
     if arguments.json:
         print(json.dumps({"refused": report.refused, "findings": findings}))
-    elif findings:
-        rows = [(f["severity"], f["where"], f["message"], f["consequence"]) for f in findings]
-        show.table(("severity", "where", "what", "what it causes"), rows, str(arguments.capture))
+    else:
+        # Lines, not a table: a place that is cut short cannot be found.
+        for f in findings:
+            print(f"{f['severity']}: {f['where']}: {f['message']} ({f['consequence']})")
     if not arguments.json:
         print("The capture cannot be used as it is." if report.refused else "The capture can be used.")
     return 2 if report.refused else 0
