@@ -21,11 +21,12 @@ from nvsim.geometry.rotation import smallest_rotation
 
 UNTOUCHED_DEGREES = 2.0
 PLAUSIBLE_HEIGHT = (0.1, 6.0)  # metres of a camera above the floor: from a vacuum robot's to a raised pole's
+_UNSURE_DEGREES = 20.0  # of an up that all cameras together may lean away from
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-def find_up(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) unit vector from camera-to-world poses (N, 4, 4), N > 0.
+def find_up(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """(3,) unit vector from camera-to-world poses (N, 4, 4), N > 0, and how many degrees it may be off.
 
     The geometric median of the cameras' up-vectors, so that a few cameras mounted on their side do not count. Where the
     cameras look in several directions, the direction that their right-vectors are most nearly perpendicular to is
@@ -38,15 +39,15 @@ def find_up(poses: NDArray[np.float64]) -> NDArray[np.float64]:
         median = (weights[:, None] * ups).sum(axis=0) / weights.sum()
     length = float(np.linalg.norm(median))
     if length < 1e-6:
-        return _Z.copy()
-    up = median / length
+        return _Z.copy(), _UNSURE_DEGREES
+    up, unsure = median / length, _UNSURE_DEGREES
     upright = rights[ups @ up > 0.5]
     if len(upright) >= 3:
         values, vectors = np.linalg.eigh(upright.T @ upright / len(upright))
         level = vectors[:, 0] * np.sign(vectors[:, 0] @ up)
         if values[1] > 0.05 and values[1] > 5 * values[0] and level @ up > np.cos(np.radians(40)):
-            up = level
-    return np.asarray(up / np.linalg.norm(up))
+            up, unsure = level, float(np.clip(1.5 * np.degrees(np.sqrt(max(values[0], 0.0))), 1.5, 12.0))
+    return np.asarray(up / np.linalg.norm(up)), unsure
 
 
 def align(
@@ -60,9 +61,9 @@ def align(
     poses = np.array([f.camera_to_world for f in raw.frames if f.camera_to_world is not None])
     if not len(poses):
         return Alignment(np.eye(3), scale or 1.0, scale is not None), None
-    up = find_up(poses)
+    up, unsure = find_up(poses)
     positions = poses[:, :3, 3]
-    floor = None if raw.cloud is None else find_floor(raw.cloud.points, positions, up)
+    floor = None if raw.cloud is None else find_floor(raw.cloud.points, positions, up, unsure)
     if floor is not None:
         up = floor.normal
     tilt = float(np.degrees(np.arccos(np.clip(up[2], -1, 1))))

@@ -66,7 +66,7 @@ class Findings:
         for finding in errors:
             places.setdefault(finding.message, []).append(finding.where)
         kinds = []
-        for message, wheres in places.items():
+        for message, wheres in sorted(places.items(), key=lambda kind: -len(kind[1])):
             listed = ", ".join(wheres[:_LISTED])
             more = f" and {len(wheres) - _LISTED} more" if len(wheres) > _LISTED else ""
             count = f"{len(wheres)} times " if len(wheres) > 1 else ""

@@ -1,4 +1,4 @@
-"""The dominant floor plane of a cloud: the direction near "up" and the height below the cameras at which points pile up.
+"""The dominant floor plane of a cloud: the direction near "up" and the height under the cameras where points pile up.
 
 One plane for the whole capture is enough to say where up is and how high the cameras are; heights of the floor itself
 are local and are estimated elsewhere.
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 _SAMPLE = 20_000  # points that the search looks at
 _LEAST_POINTS = 30
-_LEAST_SHARE = 0.03  # of the points below the cameras
+_LEAST_SHARE = 0.02  # of the points below the cameras
+_CONTRAST = 1.5  # times as full as the same thickness of space above it: less is the foot of a wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +34,13 @@ class FloorPlane:
 def find_floor(
     points: NDArray[np.floating], positions: NDArray[np.float64], up: NDArray[np.float64], cone_degrees: float = 20.0
 ) -> FloorPlane | None:
-    """The floor among `points` (N, 3) below the camera `positions` (M, 3), its normal within `cone_degrees` of the unit
-    vector `up` (3,); None where nothing piles up. Works in any unit: the layer's thickness is 1 % of the median distance
-    from a point to the nearest camera. Deterministic.
+    """The floor among `points` (N, 3) below the camera `positions` (M, 3), its normal within `cone_degrees` of the
+    unit vector `up` (3,); None where nothing piles up. Works in any unit: a layer is 1 % as thick as the median
+    distance from a point to the nearest camera is long. Deterministic.
 
-    Directions are searched from coarse to fine; for each, points are counted in layers along it. The floor is the lowest
-    layer that is at least half as full as the fullest, because a desk may outshine a floor but nothing lies below one.
+    Directions are searched from coarse to fine; for each, points are counted in layers along it. The floor is the
+    layer that holds most points after as many are taken off as lie below it: a desk may outshine a floor, but nothing
+    lies below one.
     """
     from scipy.spatial import cKDTree
 
@@ -54,30 +56,34 @@ def find_floor(
     if thickness <= 0:
         return None
     normal, low = up / np.linalg.norm(up), 0.0
-    for spread, step, layer in ((cone_degrees, 4.0, 4.0), (4.0, 1.0, 2.0), (1.0, 0.25, 1.0)):
-        found = _best_layer(near, _directions(normal, spread, step), layer * thickness)
+    for spread, layer in ((cone_degrees, 4.0), (cone_degrees / 4, 2.0), (cone_degrees / 12, 1.0)):
+        found = _best_layer(near, _directions(normal, spread, spread / 5), layer * thickness)
         if found is None:
             return None
         normal, low = found
-    for _ in range(4):
-        on_plane = np.abs(near @ normal - low) < 1.5 * thickness
+    searched = normal
+    on_plane = np.abs(near @ normal - low) < 1.5 * thickness
+    for _ in range(2):
         if np.count_nonzero(on_plane) < _LEAST_POINTS:
             return None
         centre = near[on_plane].mean(axis=0)
         axes = np.linalg.svd(near[on_plane] - centre, full_matrices=False)[2]
-        if axes[2] @ up < 0:
-            axes = -axes
-        normal, low = axes[2], float(centre @ axes[2])
-    on_plane = np.abs(near @ normal - low) < 1.5 * thickness
-    share = np.count_nonzero(on_plane) / max(1, np.count_nonzero(near @ normal < 0))
-    if normal @ up < np.cos(np.radians(cone_degrees + 6)) or share < _LEAST_SHARE or low >= 0:
+        normal = axes[2] * (1.0 if axes[2] @ up >= 0 else -1.0)
+        if normal @ up < np.cos(np.radians(cone_degrees)):
+            normal = searched  # too few points to fit a tilt; the cameras know better
+        low = float(centre @ normal)
+        on_plane = np.abs(near @ normal - low) < 1.5 * thickness
+    share = np.count_nonzero(on_plane) / max(1, int(np.count_nonzero(near @ normal < 0)))
+    heights = near @ normal - low
+    above = np.count_nonzero((heights > 3 * thickness) & (heights < 9 * thickness)) / 2
+    if share < _LEAST_SHARE or low >= 0 or np.count_nonzero(on_plane) < _CONTRAST * above:
         return None
     return FloorPlane(normal, float(low + origin @ normal), float(share))
 
 
 def _directions(axis: NDArray[np.float64], spread: float, step: float) -> NDArray[np.float64]:
     """(K, 3) unit vectors within `spread` degrees of `axis`, about `step` degrees apart."""
-    side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     side /= np.linalg.norm(side)
     other = np.cross(axis, side)
     ticks = np.tan(np.radians(np.arange(-spread, spread + step / 2, step)))
@@ -90,17 +96,18 @@ def _directions(axis: NDArray[np.float64], spread: float, step: float) -> NDArra
 def _best_layer(
     points: NDArray[np.float64], directions: NDArray[np.float64], thickness: float
 ) -> tuple[NDArray[np.float64], float] | None:
-    """The direction whose fullest layer below the origin is fullest, and the height of its lowest full layer."""
-    best, best_count, best_height = None, 0, 0.0
+    """The direction with the best floor below the origin, and that floor's height; None where none beats its rest."""
+    best, best_score, best_height = None, 0, 0.0
     for direction in directions:
         heights = points @ direction
         heights = heights[(heights < 0) & (heights > -10_000 * thickness)]
-        if not len(heights):
+        if len(heights) < _LEAST_POINTS:
             continue
-        counts = np.bincount((-heights / thickness).astype(np.int64))
-        pairs = counts[:-1] + counts[1:] if len(counts) > 1 else counts  # a floor may straddle two layers
-        if pairs.max() > best_count:
-            layer = int(np.flatnonzero(pairs >= 0.5 * pairs.max())[-1])
-            best, best_count = direction, int(pairs.max())
-            best_height = -(layer + 1) * thickness
+        counts = np.bincount((-heights / thickness).astype(np.int64), minlength=2)
+        on = counts[:-1] + counts[1:]  # a floor may straddle two layers
+        below = np.maximum(len(heights) - np.cumsum(counts)[1:], 0)
+        scores = on - np.append(below[1:], 0)  # the layer next below is the floor's own noise
+        lowest = int(np.argmax(scores))
+        if scores[lowest] > best_score:
+            best, best_score, best_height = direction, int(scores[lowest]), -(lowest + 1) * thickness
     return None if best is None else (best, best_height)

@@ -61,7 +61,7 @@ def read_image(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.uint8]:
         shrinking = size[0] < width or size[1] < height
         return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA if shrinking else cv2.INTER_LINEAR))
     finer, mapping = _sampling(lens, intrinsics)
-    sampled = cv2.remap(image, mapping, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    sampled = cv2.remap(image, mapping[..., 0], mapping[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     if finer == 1:
         return np.asarray(sampled)
     return np.asarray(cv2.resize(sampled, size, interpolation=cv2.INTER_AREA))

@@ -28,7 +28,10 @@ _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 _EXTENSIONS = (".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG")
 _PERSPECTIVE = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV", "PERSPECTIVE"}
 _FISHEYE = {"OPENCV_FISHEYE", "FISHEYE"}
-_LENS_KEYS = "camera_model is_fisheye fl_x fl_y cx cy w h camera_angle_x camera_angle_y k1 k2 k3 k4 p1 p2".split()
+_LENS_KEYS = (
+    *("camera_model", "is_fisheye", "w", "h", "camera_angle_x", "camera_angle_y"),
+    *("fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2"),
+)
 
 
 def read_nerfstudio(path: Path, findings: Findings) -> RawCapture:
@@ -98,7 +101,7 @@ def _name(listed: str) -> str:
 
 
 def _resolve(folder: Path, listed: str) -> Path:
-    """Where `listed` lies: as written, with forward slashes, or with the extension that the old synthetic files omit."""
+    """Where `listed` lies: as written, with forward slashes, or with the extension that older files leave out."""
     candidates = [listed, listed.replace("\\", "/")]
     if not Path(candidates[1]).suffix:
         candidates += [candidates[1] + extension for extension in _EXTENSIONS]

@@ -32,7 +32,7 @@ def read_cloud(path: Path, findings: Findings, kind: str = "lidar") -> Cloud:
     if missing:
         raise InputError(f"{path} has no point coordinate {', '.join(missing)}; export it with x, y and z.")
     points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
-    good = np.isfinite(points).all(axis=1) & (np.abs(np.nan_to_num(points, nan=np.inf)) < FARTHEST).all(axis=1)
+    good = np.asarray((np.abs(np.nan_to_num(points, nan=np.inf)) < FARTHEST).all(axis=1))
     colors = _colors(columns)
     if not good.all():
         findings.warning(
@@ -49,7 +49,7 @@ def _colors(columns: Columns) -> NDArray[np.uint8] | None:
         if all(name in columns for name in names):
             values = np.stack([columns[name] for name in names], axis=1)
             if values.dtype == np.uint16:
-                return (values >> 8).astype(np.uint8)
+                return (values.astype(np.uint16) >> 8).astype(np.uint8)
             scale = 255.0 if values.dtype.kind == "f" else 1.0
             return np.clip(np.nan_to_num(values.astype(np.float64)) * scale, 0, 255).round().astype(np.uint8)
     packed = columns.get("rgb", columns.get("rgba"))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim import atomic
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
@@ -18,12 +19,12 @@ VERSION = 1
 
 
 def save_capture(capture: Capture, folder: Path) -> None:
-    """Writes capture.json and, where there is a cloud, cloud-HASH.npz. The name of the cloud is in capture.json, which is
-    written last, so that the two always belong together. Raises InputError when the disk refuses."""
+    """Writes capture.json and, where there is a cloud, cloud-HASH.npz. capture.json names the cloud and is written
+    last, so that the two always belong together. Raises InputError when the disk refuses."""
     cloud_name = None
     if capture.cloud is not None:
         cloud_name = f"cloud-{_cloud_hash(capture.cloud).hexdigest()[:16]}.npz"
-        arrays = {"points": capture.cloud.points}
+        arrays: dict[str, NDArray[np.generic]] = {"points": capture.cloud.points}
         if capture.cloud.colors is not None:
             arrays["colors"] = capture.cloud.colors
         with atomic.replacing(folder / cloud_name) as temporary, open(temporary, "wb") as out:
@@ -105,7 +106,7 @@ def _load_cloud(path: Path, kind: str) -> Cloud:
 
     try:
         with np.load(path, allow_pickle=False) as arrays:
-            return Cloud(arrays["points"], arrays["colors"] if "colors" in arrays else None, kind)
+            return Cloud(arrays["points"], arrays["colors"] if "colors" in arrays.files else None, kind)
     except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
         raise InputError(f"{path} is missing or damaged; import the capture again.") from error
 

@@ -25,6 +25,7 @@ def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Itera
             yield project, journal
         except Exception as error:
             journal.end("failed", str(error))
+            project.discard_if_new()
             raise
         except BaseException:
             journal.end("stopped", "stopped by request")

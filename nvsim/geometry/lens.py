@@ -76,9 +76,33 @@ class Lens:
 
     @cached_property
     def pinhole(self) -> Intrinsics:
-        """The pinhole of the undistorted image: same size, focal lengths and principal point."""
+        """The pinhole of the undistorted image: same size, principal point and, where that leaves no pixel outside the
+        stored image, the same focal lengths; otherwise both longer by the least factor that does."""
         (fx, fy), (cx, cy) = self.focal, self.principal_point
-        return Intrinsics(self.width, self.height, fx, fy, cx, cy)
+        zoom = 1.0 if not self.is_distorted or self._covers(1.0) else self._least_zoom()
+        return Intrinsics(self.width, self.height, fx * zoom, fy * zoom, cx, cy)
+
+    def _least_zoom(self, most: float = 4.0) -> float:
+        low, high = 1.0, most
+        for _ in range(20):
+            middle = (low + high) / 2
+            low, high = (low, middle) if self._covers(middle) else (middle, high)
+        return high
+
+    def _covers(self, zoom: float) -> bool:
+        """Whether the pinhole `zoom` times as long sees only what the stored image holds: along rays from the principal
+        point to the border the samples move outwards (a polynomial may turn back beyond its range) and stay inside."""
+        (fx, fy), (cx, cy) = self.focal, self.principal_point
+        t = np.linspace(0, 1, 33)
+        corners = np.array([[0, 0], [self.width, 0], [self.width, self.height], [0, self.height]], np.float64)
+        border = (corners[:, None] * (1 - t[:, None]) + np.roll(corners, -1, axis=0)[:, None] * t[:, None]).reshape(
+            -1, 2
+        )
+        ends = (border - (cx, cy)) / (fx * zoom, fy * zoom)
+        samples = self.distort(ends[:, None] * t[:, None])
+        outwards = np.linalg.norm(samples - (cx, cy), axis=-1)
+        inside = (samples > -0.5).all() and (samples < (self.width + 0.5, self.height + 0.5)).all()
+        return bool(inside and (np.diff(outwards, axis=1) > -1e-9).all())
 
     def distort(self, normalized: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixels (..., 2) in the stored image of undistorted normalized coordinates (..., 2)."""

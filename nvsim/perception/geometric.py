@@ -29,6 +29,8 @@ class GeometricConfig:
     farthest: float = 20.0
     longest_side: int = 320
     shrink: float = 0.03
+    margin: float = 0.998
+    contact: float = 0.95
     refine: RefineConfig = RefineConfig()
 
 
@@ -42,11 +44,11 @@ class GeometricFloor:
 
     def segment(self, camera: Camera, image: Image) -> FloorMask:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
-        mask = refine(self.project(camera), image, self.config.refine)
+        mask = refine(*self.project(camera), image, self.config.refine)
         return FloorMask(mask, mask)
 
-    def project(self, camera: Camera) -> Mask:
-        """The floor by geometry alone, (h, w) bool at the working size."""
+    def project(self, camera: Camera) -> tuple[Mask, Float32]:
+        """The floor by geometry alone, (h, w) bool at the working size, and the pixels of the full image per metre."""
         import cv2
 
         small = Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
@@ -57,13 +59,17 @@ class GeometricFloor:
         meets = small.position[:2] + distance[..., None] * rays[..., :2]
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
         depth = splat_depth(self._standing.points, self._standing.radii, small)
-        hidden = ~met | (depth < floor_depth * 0.985 - 0.01)
+        hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
         inside = cv2.distanceTransform(hidden.astype(np.uint8), cv2.DIST_L2, 3)
-        hidden &= ~(met & (inside < self._border(depth, small)))
+        # Above a foot the floor next to a border lies behind the thing, and the border is a silhouette drawn too large;
+        # at a foot the floor lies before it, and the border is where it should be.
+        silhouette = depth < floor_depth * self.config.contact
+        hidden &= ~(met & silhouette & (inside < self._border(depth, small)))
         floor: Mask = met & ~hidden
         if self._standing.confirmed is not None:
             floor &= self._standing.confirmed.at(meets)
-        return floor
+        nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))
+        return floor, (camera.intrinsics.fx / nearest).astype(np.float32)
 
     def _border(self, depth: Float32, camera: Camera) -> Float32:
         """Pixels that `shrink` covers at `depth`."""

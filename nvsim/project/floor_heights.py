@@ -1,4 +1,4 @@
-"""The floor of the whole project as one surface: each place takes the height of the submap whose cameras are nearest."""
+"""The floor of the whole project as one surface: each place takes the height of the submap with the nearest camera."""
 
 from __future__ import annotations
 

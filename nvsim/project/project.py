@@ -37,6 +37,7 @@ class Project:
         self.connection = connection
         self._lock = lock
         self._capture: tuple[int, Capture] | None = None
+        self._fresh = False
 
     # Opening ----------------------------------------------------------------------------------------------------
 
@@ -72,10 +73,24 @@ class Project:
         make_folder(layout.root)
         lock = WriterLock(layout.lock)
         try:
-            return Project(layout, database.create(layout.database), lock)
+            project = Project(layout, database.create(layout.database), lock)
+            project._fresh = True
+            return project
         except BaseException:
             lock.release()
             raise
+
+    def discard_if_new(self) -> None:
+        """Takes back a project that was made a moment ago and in which no stage began: a refused import leaves no
+        trace. Other files in its folder stay."""
+        if not self._fresh or self.connection.execute("SELECT 1 FROM stages").fetchone():
+            return
+        self.close()
+        for name in (self.layout.database.name, *(f"{self.layout.database.name}-{s}" for s in ("wal", "shm"))):
+            (self.layout.root / name).unlink(missing_ok=True)
+        self.layout.lock.unlink(missing_ok=True)
+        if not any(self.layout.root.iterdir()):
+            self.layout.root.rmdir()
 
     def close(self) -> None:
         self.connection.close()

@@ -73,3 +73,11 @@ def test_the_library_never_imports_qt():
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert int(result.stdout) > 40
+
+
+def test_a_refused_import_leaves_no_trace(tmp_path):
+    (tmp_path / "capture").mkdir()
+    (tmp_path / "capture" / "transforms.json").write_text("{")
+    result = run("import", str(tmp_path / "capture"), "--project", str(tmp_path / "house.nvsim"))
+    assert result.returncode == 2, result.stderr
+    assert not (tmp_path / "house.nvsim").exists()

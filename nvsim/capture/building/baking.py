@@ -20,8 +20,8 @@ from nvsim.capture.building.raycast import Solids, normal, trace
 from nvsim.capture.building.solids import BOTTOM, TOP, Box
 
 LEVELS = 6
-_FLOOR_TEXEL, _WALL_TEXEL, _FINE_TEXEL, _CEILING_TEXEL, _LIGHT_TEXEL = 0.01, 0.02, 0.0125, 0.04, 0.1
-_AMBIENT = 0.62
+_FLOOR_TEXEL, _WALL_TEXEL, _FINE_TEXEL, _CEILING_TEXEL, _LIGHT_TEXEL = 0.01, 0.015, 0.0125, 0.04, 0.1
+_AMBIENT = 0.8
 _LAMP = 0.3  # half the side of a lamp panel, metres
 
 
@@ -65,7 +65,7 @@ def bake(plan: Plan, boxes: list[Box], solids: Solids, rng: np.random.Generator)
     albedos += [floor, np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)]
     lamps = lamp_places(plan)
     light = _light(places, solids, lamps)
-    gain = 0.95 / float(np.mean(light[ceiling - 1]))
+    gain = 0.88 / float(np.mean(light[ceiling - 1]))
     chains = []
     for surface, albedo in enumerate(albedos):
         if albedo is None:
@@ -115,7 +115,8 @@ def _places(plan: Plan, boxes: list[Box]) -> list[_Place]:
 def _albedo(box: Box, face: int, place: _Place, rng: np.random.Generator) -> Image | None:
     if place.hidden:
         return None
-    return paint_face(box.face_paint(face), place.extent[0], place.extent[1], place.texel, rng)
+    at = place.corner[place.axes[0]], place.corner[place.axes[1]]
+    return paint_face(box.face_paint(face), at, place.extent[0], place.extent[1], place.texel, rng)
 
 
 def _light(places: list[_Place], solids: Solids, lamps: NDArray[np.float64]) -> list[NDArray[np.float32]]:
@@ -147,7 +148,7 @@ def _hemisphere() -> NDArray[np.float64]:
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)])
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, error_model="numpy")
 def _irradiance(points, surfaces, solids, lamps, hemisphere):  # type: ignore[no-untyped-def]
     """(N,) float32: ambient light with occlusion within 1.5 m, and the lamps."""
     boxes = solids.lo.shape[0]
@@ -181,7 +182,7 @@ def _irradiance(points, surfaces, solids, lamps, hemisphere):  # type: ignore[no
             t, _, _ = trace(x, y, z, dx, dy, dz, solids, nobody)
             if t >= d - 1e-3:
                 fade = 1.0 - square / 36.0
-                total += 2.6 * facing * dz / max(square, 0.3) * fade * fade
+                total += 1.9 * facing * dz / max(square, 0.3) * fade * fade
         out[i] = total
     return out
 

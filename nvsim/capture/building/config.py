@@ -16,6 +16,6 @@ class BuildingConfig:
     width: int = 480
     height: int = 360
     horizontal_fov: float = 80.0
-    step: float = 0.39  # metres between images on a straight line
-    turn: float = 15.5  # degrees between images while turning
+    step: float = 0.4  # metres between images on a straight line
+    turn: float = 16.0  # degrees between images while turning
     people: bool = True

@@ -18,7 +18,7 @@ def paint_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Ima
     gloss = np.zeros((rows, columns), np.float32)
     for room in plan.rooms:
         size, plank = float(rng.choice([0.3, 0.36, 0.4])), 0.12
-        tile_color = np.clip(np.array([0.52, 0.50, 0.47]) + rng.uniform(-0.06, 0.06, 3), 0, 1)
+        tile_color = np.clip(np.array([0.52, 0.50, 0.47]) + rng.uniform(-0.03, 0.03, 3), 0, 1)
         wood_color = np.array([0.56, 0.42, 0.29]) * rng.uniform(0.85, 1.15)
         for rect in room.rects:
             r0, r1, c0, c1 = (round(v / texel) for v in (rect.y0, rect.y1, rect.x0, rect.x1))
@@ -46,7 +46,7 @@ def _tiles(
     noise = np.random.Generator(np.random.PCG64(int(rng.integers(1 << 30)))).normal(0, 0.03, (64, 64))
     tone = _TONES[key] + noise[j[:, None] % 64, i[None, :] % 64]
     shape = (r1 - r0, c1 - c0)
-    tone = tone + 0.075 * blotches(*shape, (0.07 / texel, 0.07 / texel), rng)
+    tone = tone + 0.05 * blotches(*shape, (0.07 / texel, 0.07 / texel), rng)
     grout = (np.mod(y, size) < 0.018)[:, None] | (np.mod(x, size) < 0.018)[None, :]
     tone = np.where(grout, -0.24, tone)
     return (color + tone[..., None]).astype(np.float32)
@@ -86,7 +86,7 @@ def _rug_place(room: Room, rng: np.random.Generator) -> Rect:
 def _rug(rows: int, columns: int, texel: float, rng: np.random.Generator) -> Image:
     """Diamonds within a border, in three colours."""
     y, x = (np.arange(rows) + 0.5)[:, None] * texel, (np.arange(columns) + 0.5)[None, :] * texel
-    dark, light, warm = rng.uniform(0.14, 0.28, 3), rng.uniform(0.55, 0.72, 3), np.array([0.55, 0.25, 0.2])
+    dark, light, warm = rng.uniform(0.16, 0.28, 3), rng.uniform(0.55, 0.68, 3), np.array([0.50, 0.28, 0.24])
     warm = np.roll(warm, int(rng.integers(3)))
     diamond = np.abs(np.mod(x / 0.28, 1) - 0.5) + np.abs(np.mod(y / 0.28, 1) - 0.5)
     image = np.where((diamond < 0.24)[..., None], light, np.where((diamond < 0.5)[..., None], warm, dark))

@@ -55,17 +55,18 @@ def _small(rng: np.random.Generator) -> Plan:
 
 def _full(rng: np.random.Generator) -> Plan:
     """Columns of two rooms left and right, a room below and above, a ring of corridors about a glazed core."""
-    left, right = _uniform(rng, 4.9, 5.4), _uniform(rng, 4.9, 5.4)
-    below, above = _uniform(rng, 4.5, 5.0), _uniform(rng, 4.5, 5.0)
-    corridor = _uniform(rng, 1.65, 1.85)
-    core_w = _uniform(rng, 4.0, 4.6)
-    width = left + right + 2 * corridor + core_w
-    depth = round(300.0 / width * 20) / 20
+    left, right = _uniform(rng, 5.2, 5.7), _uniform(rng, 5.2, 5.7)
+    below, above = _uniform(rng, 5.0, 5.4), _uniform(rng, 5.0, 5.4)
+    corridor = _uniform(rng, 1.6, 1.75)
+    core_w = _uniform(rng, 3.5, 4.0)
+    width = round(left + right + 2 * corridor + core_w, 2)
+    depth = round(round(300.0 / width * 20) / 20, 2)
     x1, x2 = left, width - right
     y1, y2 = below, depth - above
     core = Rect(x1 + corridor, y1 + corridor, x2 - corridor, y2 - corridor)
     split_l = _uniform(rng, (y1 + y2) / 2 - 0.5, (y1 + y2) / 2 + 0.5)
-    split_r = _uniform(rng, (y1 + y2) / 2 - 0.5, (y1 + y2) / 2 + 0.5)
+    split_r = _uniform(rng, (y1 + y2) / 2 - 0.2, (y1 + y2) / 2 + 0.2)
+    xl, xr, yb, yt = x1 + corridor / 2, x2 - corridor / 2, y1 + corridor / 2, y2 - corridor / 2
     walls = [
         *_outer(width, depth),
         Wall("y", x1, 0.0, depth),
@@ -83,14 +84,16 @@ def _full(rng: np.random.Generator) -> Plan:
     def door(along: str, line: float, centre: float) -> Opening:
         return Opening(along, line, centre, _uniform(rng, 0.95, 1.1))
 
-    door_l1 = door("y", x1, _uniform(rng, y1 + 0.85, y1 + 1.1))
-    door_l2 = door("y", x1, _uniform(rng, y2 - 1.1, y2 - 0.85))
-    door_r1 = door("y", x2, _uniform(rng, y1 + 0.85, split_r - 0.9))
-    door_r2 = door("y", x2, _uniform(rng, split_r + 0.9, y2 - 0.85))
+    # The doors on the left end the corridors, those on the right lie beside one
+    door_l1 = door("y", x1, yb)
+    door_l2 = door("y", x1, yt)
+    door_r1 = door("y", x2, yb + _uniform(rng, 0.85, 1.1))
+    door_r2 = door("y", x2, yt - _uniform(rng, 0.85, 1.1))
     middle = (x1 + x2) / 2
     door_b = door("x", y1, _uniform(rng, middle - 1.5, middle + 1.5))
     opening_t = Opening("x", y2, _uniform(rng, middle - 1.2, middle + 1.2), _uniform(rng, 1.6, 2.0), 2.3, False)
     opening_l = Opening("x", split_l, _uniform(rng, left * 0.4, left * 0.6), _uniform(rng, 1.3, 1.6), 2.3, False)
+    opening_r = Opening("x", split_r, width - _uniform(rng, right * 0.4, right * 0.6), _uniform(rng, 1.0, 1.1))
     door_c = door("x", core.y1, _uniform(rng, middle - 0.8, middle + 0.8))
     ring = (
         Rect(x1, y1, x2, core.y0),
@@ -110,35 +113,32 @@ def _full(rng: np.random.Generator) -> Plan:
     ]
     rooms = [Room(name, k, f, (rect,)) for (name, rect), k, f in zip(places, kinds, floors)]
     rooms += [Room("core", "meeting", "wood", (core,)), Room("corridor", "corridor", "tiles", ring)]
-    half = corridor / 2
-    xl, xr, yb, yt = x1 + half, x2 - half, y1 + half, y2 - half
-    low_l, high_l = (0.5 * left, split_l * 0.36), (0.5 * left, depth - (depth - split_l) * 0.36)
-
-    def detour_right(o: Opening, y_low: float, y_high: float) -> list[Stop]:
-        """From the right corridor through `o` to both ends of the room and back."""
-        x = x2 + right * 0.5
-        inside = Stop(x2 + _ENTRY, o.centre)
-        far, near = y_low + (y_high - y_low) * 0.3, y_low + (y_high - y_low) * 0.7
-        first, second = (far, near) if abs(far - o.centre) > abs(near - o.centre) else (near, far)
-        return [
-            Stop(xr, o.centre),
-            inside,
-            Stop(x, first, True),
-            Stop(x + 0.2, second, True),
-            inside,
-            Stop(xr, o.centre),
-        ]
+    low_l, high_l = (0.5 * left, split_l * 0.4), (0.5 * left, depth - (depth - split_l) * 0.4)
+    low_r, high_r = (width - 0.5 * right, split_r * 0.4), (width - 0.5 * right, depth - (depth - split_r) * 0.4)
 
     def detour_across(o: Opening, line: float, sign: float, reach: float) -> list[Stop]:
         """From the corridor at y = `line` through `o` to both ends of the room below or above, and back."""
         inside = Stop(o.centre, o.line + sign * _ENTRY)
         y = o.line + sign * reach * 0.52
         a, b = x1 + (x2 - x1) * 0.28, x1 + (x2 - x1) * 0.72
-        return [Stop(o.centre, line), inside, Stop(a, y, True), Stop(b, y, True), inside, Stop(o.centre, line)]
+        far, near = (a, b) if abs(a - o.centre) > abs(b - o.centre) else (b, a)
+        return [Stop(o.centre, line), inside, Stop(far, y, True), Stop(near, y), inside, Stop(o.centre, line)]
 
     stops = [
+        # once around: up on the left, the room above and the core on the way, the room below
+        Stop(xl, door_l1.centre),
+        Stop(xl, yt),
+        *detour_across(opening_t, yt, 1.0, above),
+        Stop(door_c.centre, yt),
+        Stop(door_c.centre, core.y1 - _ENTRY),
+        Stop(middle, (core.y0 + core.y1) / 2 - 0.2, True),
+        Stop(door_c.centre, core.y1 - _ENTRY),
+        Stop(door_c.centre, yt),
+        Stop(xr, yt),
+        Stop(xr, yb),
+        *detour_across(door_b, yb, -1.0, below),
+        Stop(xl, yb),
         # through both rooms on the left
-        Stop(xl, door_l1.centre + 0.9),
         Stop(xl, door_l1.centre),
         Stop(x1 - _ENTRY, door_l1.centre),
         Stop(*low_l, True),
@@ -147,26 +147,19 @@ def _full(rng: np.random.Generator) -> Plan:
         Stop(*high_l, True),
         Stop(x1 - _ENTRY, door_l2.centre),
         Stop(xl, door_l2.centre),
-        # once around, with two rooms and the core on the way
-        Stop(xl, yt),
-        *detour_across(opening_t, yt, 1.0, above),
-        Stop(door_c.centre, yt),
-        Stop(door_c.centre, core.y1 - _ENTRY),
-        Stop(middle, (core.y0 + core.y1) / 2 - 0.1, True),
-        Stop(door_c.centre, core.y1 - _ENTRY),
-        Stop(door_c.centre, yt),
-        Stop(xr, yt),
-        *detour_right(door_r2, split_r, depth),
-        Stop(xr, yb),
+        # and around the other way, through both rooms on the right
         Stop(xl, yb),
-        Stop(xl, yt),
-        # and around the other way, from where the first round ended
-        Stop(xl, yb),
-        *detour_across(door_b, yb, -1.0, below),
         Stop(xr, yb),
-        *detour_right(door_r1, 0.0, split_r),
+        Stop(xr, door_r1.centre),
+        Stop(x2 + _ENTRY, door_r1.centre),
+        Stop(*low_r, True),
+        Stop(opening_r.centre, split_r - 0.6),
+        Stop(opening_r.centre, split_r + 0.6),
+        Stop(*high_r, True),
+        Stop(x2 + _ENTRY, door_r2.centre),
+        Stop(xr, door_r2.centre),
         Stop(xr, yt),
         Stop(xl, yt),
     ]
-    openings = (door_l1, door_l2, door_r1, door_r2, door_b, opening_t, opening_l, door_c)
+    openings = (door_l1, door_l2, door_r1, door_r2, door_b, opening_t, opening_l, opening_r, door_c)
     return Plan(Rect(0, 0, width, depth), tuple(rooms), tuple(walls), openings, tuple(stops))

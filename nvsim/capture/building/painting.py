@@ -42,13 +42,13 @@ def _wood(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Ge
 
 def _cloth(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     return _filled(rows, columns, paint.color) * (
-        1 + 0.06 * blotches(rows, columns, (0.08 / texel,) * 2, rng)[..., None]
+        1 + 0.035 * blotches(rows, columns, (0.08 / texel,) * 2, rng)[..., None]
     )
 
 
 def _leaves(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     return _filled(rows, columns, paint.color) * (
-        1 + 0.25 * blotches(rows, columns, (0.09 / texel,) * 2, rng)[..., None]
+        1 + 0.16 * blotches(rows, columns, (0.09 / texel,) * 2, rng)[..., None]
     )
 
 
@@ -126,12 +126,16 @@ def _screen(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.
     return image
 
 
+def _muted(rng: np.random.Generator, tone: float) -> NDArray[np.float64]:
+    return np.asarray(tone + rng.uniform(-0.12, 0.12, 3))
+
+
 def _picture(image: Image, texel: float, x: float, y: float, w: float, h: float, rng: np.random.Generator) -> None:
     """A framed print: a sky over a ground, with a sun and a few hills."""
     _rectangle(image, texel, x - 0.04, y - 0.04, w + 0.08, h + 0.08, (0.2, 0.17, 0.14))
     rows, columns = max(2, round(h / texel)), max(2, round(w / texel))
     v, u = np.mgrid[0:rows, 0:columns] / np.array([rows, columns]).reshape(2, 1, 1)
-    sky, ground = rng.uniform(0.45, 0.85, 3), rng.uniform(0.2, 0.55, 3)
+    sky, ground = _muted(rng, 0.72), _muted(rng, 0.4)
     print_ = sky * (1 - 0.25 * v[..., None]) + 0 * u[..., None]
     for k in range(3):
         phase, high = rng.uniform(0, 6.28), 0.55 - 0.15 * k
@@ -144,12 +148,13 @@ def _picture(image: Image, texel: float, x: float, y: float, w: float, h: float,
     target[...] = print_[: target.shape[0], : target.shape[1]]
 
 
-def _wall(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
+def _wall(
+    rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator, at: tuple[float, float]
+) -> Image:
     """Painted plaster: plain, striped or panelled, with a skirting board and, except on "wall-bare", pictures."""
     image = _filled(rows, columns, paint.color)
     w, h = columns * texel, rows * texel
-    v = (np.arange(rows) + 0.5) * texel
-    u = (np.arange(columns) + 0.5) * texel
+    u, v = at[0] + (np.arange(columns) + 0.5) * texel, at[1] + (np.arange(rows) + 0.5) * texel
     if paint.kind == "wall-stripes":
         image[:, np.floor(u / 0.3).astype(int) % 2 == 1] = paint.accent
     elif paint.kind == "wall-panel":
@@ -157,7 +162,6 @@ def _wall(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Ge
         image[(v > 0.98) & (v < 1.06)] = (0.85, 0.84, 0.8)
     elif paint.kind == "wall-band":
         image[(v > 1.5) & (v < 1.8)] = paint.accent
-    image *= 1 + 0.012 * blotches(rows, columns, (0.5 / texel, 0.5 / texel), rng)[..., None]
     if paint.kind != "wall-bare" and h > 2.5:
         x = float(rng.uniform(0.25, 0.7))
         while x < w - 0.7:
@@ -165,8 +169,7 @@ def _wall(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Ge
             if x + pw < w - 0.15 and rng.random() < 0.75:
                 _picture(image, texel, x, float(rng.uniform(1.25, 1.45)), pw, ph, rng)
             x += pw + float(rng.uniform(0.4, 1.2))
-    if h > 2.5:
-        image[v < 0.09] = (0.42, 0.36, 0.30)
+    image[v < 0.09] = (0.42, 0.36, 0.30)
     return image
 
 
@@ -181,11 +184,15 @@ _PAINTERS: dict[str, Callable[[int, int, float, Paint, np.random.Generator], Ima
     "books": _books,
     "desk": _desk_top,
     "screen": _screen,
-    **{f"wall-{k}": _wall for k in ("plain", "bare", "stripes", "panel", "band")},
 }
 
 
-def paint_face(paint: Paint, width: float, height: float, texel: float, rng: np.random.Generator) -> Image:
-    """The albedo of a face of `width` x `height` metres at about `texel` metres per texel, at least 2 x 2 texels."""
+def paint_face(
+    paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: np.random.Generator
+) -> Image:
+    """The albedo of a face of `width` x `height` metres at about `texel` metres per texel, at least 2 x 2 texels.
+    `at` is its lower corner in the world, so that patterns continue from one piece of a wall to the next."""
     rows, columns = max(2, round(height / texel)), max(2, round(width / texel))
+    if paint.kind.startswith("wall"):
+        return _wall(rows, columns, texel, paint, rng, at)
     return _PAINTERS[paint.kind](rows, columns, texel, paint, rng)

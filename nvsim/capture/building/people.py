@@ -65,7 +65,8 @@ def _dressed(x: float, y: float, first: int, last: int, rng: np.random.Generator
         (0.00, 0.95, 1.30, 0.175, shirt),
         (-0.23, 0.85, 1.36, 0.055, shirt),
         (0.23, 0.85, 1.36, 0.055, shirt),
-        (0.00, 1.60, 1.66, 0.105, skin),
+        (0.00, 1.50, 1.62, 0.095, skin),
+        (0.00, 1.62, 1.66, 0.105, (0.18, 0.14, 0.11)),
     ]
     capsules = np.array([(x + u * c, y + u * s, z0 * tall, z1 * tall, r) for u, z0, z1, r, _ in parts])
     return Person(np.round(capsules, 4), np.array([p[4] for p in parts]), first, last)

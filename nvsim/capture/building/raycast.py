@@ -52,7 +52,7 @@ def make_solids(plan: Plan, boxes: list[Box]) -> Solids:
     return Solids(lo, hi, glass, start, items, origin, np.array([rows, columns]), _CELL, HEIGHT)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-def]
     """The first opaque surface along a ray: (distance, surface, distance of the first glass before it or inf).
 
@@ -118,7 +118,7 @@ def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-de
     return best, surface, glass if glass < best else np.inf
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _capsule(ox, oy, oz, dx, dy, dz, x, y, z0, z1, r):  # type: ignore[no-untyped-def]
     """Distance to a vertical capsule, inf when missed or when the ray starts inside."""
     px, py = ox - x, oy - y
@@ -141,7 +141,7 @@ def _capsule(ox, oy, oz, dx, dy, dz, x, y, z0, z1, r):  # type: ignore[no-untype
     return t if t > 0 else np.inf
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def normal(surface, boxes):  # type: ignore[no-untyped-def]
     """The outward normal of a surface of the building (people excepted: they need the point)."""
     if surface == 6 * boxes:

@@ -47,7 +47,7 @@ def render(
     return view
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sample(textures, surface, u, v, level):  # type: ignore[no-untyped-def]
     """Bilinear within a level, linear between levels; u, v from 0 to 1 over the surface."""
     level = min(max(level, 0.0), LEVELS - 1.001)
@@ -73,7 +73,7 @@ def _sample(textures, surface, u, v, level):  # type: ignore[no-untyped-def]
     return r / 255.0, g / 255.0, b / 255.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
     """Colour of a point that a ray met after t metres; `spread` is the width of the ray per metre."""
     boxes = solids.lo.shape[0]
@@ -111,7 +111,7 @@ def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, 
     return red / probes, green / probes, blue / probes
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _ray(px, py, pose, lens):  # type: ignore[no-untyped-def]
     """Unit direction through a pixel position and its share along the optical axis."""
     a, b = (px - lens[2]) / lens[0], (py - lens[3]) / lens[1]
@@ -122,7 +122,7 @@ def _ray(px, py, pose, lens):  # type: ignore[no-untyped-def]
     return dx, dy, dz, scale
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrored):  # type: ignore[no-untyped-def]
     """Colour, depth and surface through a pixel position: the surface, the floor's gloss, the glass before it."""
     ox, oy, oz = pose[0, 3], pose[1, 3], pose[2, 3]
@@ -166,7 +166,7 @@ def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrore
     return r, g, b, t * scale, surface
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pane_faces_x(x, y, z, solids):  # type: ignore[no-untyped-def]
     """Whether the glass at a point is thin along x."""
     for k in range(solids.lo.shape[0]):
@@ -177,7 +177,7 @@ def _pane_faces_x(x, y, z, solids):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, error_model="numpy")
 def _mirror(pose, lens, rows, columns, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
     """(rows, columns, 3): what a mirror on the floor would show at the centres of coarse pixels, one beyond each edge."""
     out = np.zeros((rows, columns, 3), np.float32)
@@ -196,7 +196,7 @@ def _mirror(pose, lens, rows, columns, solids, textures, people, clothes):  # ty
     return out
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, error_model="numpy")
 def _first_pass(pose, lens, solids, textures, people, clothes, mirrored, color, depth, surface):  # type: ignore[no-untyped-def]
     for row in prange(depth.shape[0]):
         for column in range(depth.shape[1]):
@@ -207,7 +207,7 @@ def _first_pass(pose, lens, solids, textures, people, clothes, mirrored, color, 
             depth[row, column], surface[row, column] = t, hit
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, error_model="numpy")
 def _smooth_edges(pose, lens, solids, textures, people, clothes, mirrored, color, depth, surface):  # type: ignore[no-untyped-def]
     """Averages 2 x 2 rays in the pixels where a neighbour shows another surface."""
     rows, columns = depth.shape

@@ -13,7 +13,7 @@ from nvsim.capture.building.scene import CAMERA_HEIGHT, Scene
 from nvsim.capture.types import Cloud
 
 _RANGE, _NOISE, _GLASS_RETURNS = 12.0, 0.01, 0.04
-_EVERY = 1.0  # metres of the walk between scans
+_EVERY = 1.2  # metres of the walk between scans
 _VOXEL = 0.045
 _MOST = 340_000
 
@@ -22,7 +22,7 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
     """One point per voxel, in an order that does not depend on the machine; coordinates in whole millimetres."""
     moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1))])
     places = scene.path[np.searchsorted(moved, np.arange(0.0, moved[-1], _EVERY)), :2]
-    beams, turns = np.radians(np.linspace(-62, 48, 100)), 720
+    beams, turns = np.radians(np.linspace(-62, 48, 84)), 600
     points, colors = [], []
     for x, y in places:
         azimuth = np.radians(np.arange(turns) * 360 / turns + rng.uniform(0, 360 / turns))
@@ -46,7 +46,7 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
     return Cloud(np.round(cloud[first], 3).astype(np.float32), rgb[first])
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, error_model="numpy")
 def _sweep(origin, directions, chance, solids, textures):  # type: ignore[no-untyped-def]
     count = directions.shape[0]
     ranges, colors = np.empty(count), np.empty((count, 3), np.uint8)
