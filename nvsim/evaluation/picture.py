@@ -1,0 +1,99 @@
+"""The navigation graph drawn over a map, for a person to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.evaluation.graph import judge
+from nvsim.graph.types import NavGraph
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+
+# BGR
+_STATES = {int(FREE): (252, 252, 252), int(OCCUPIED): (70, 70, 70), int(UNKNOWN): (214, 214, 214)}
+_WALK, _EDGE, _MERGE, _NODE, _START, _BAD = (
+    (200, 170, 90),
+    (90, 140, 60),
+    (150, 110, 160),
+    (60, 100, 30),
+    (20, 140, 230),
+    (40, 40, 220),
+)
+
+
+def draw_graph(
+    graph: NavGraph,
+    occupancy: OccupancyMap | None,
+    trajectory_xy: NDArray[np.floating],
+    path: Path,
+    longest_side: int = 1600,
+) -> Path:
+    """Writes a picture (PNG by its suffix) with y upwards: the map, the walk (N, 2), edges (steps green, merges
+    violet), viewpoints (starts orange); what is not on free cells is red. Without a map nothing is judged.
+
+    Raises InputError when the disk refuses or the suffix is no picture's.
+    """
+    import cv2
+
+    nodes: dict[str, bool] = {}
+    edges: dict[tuple[str, str], bool] = {}
+    if occupancy is not None:
+        nodes, edges = judge(graph, occupancy)
+    walk = np.asarray(trajectory_xy, np.float64).reshape(-1, 2)
+    places = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
+    low, high = _extent(occupancy, np.concatenate([walk, places]))
+    scale = longest_side / float((high - low).max())
+    width, height = np.maximum(np.ceil((high - low) * scale), 1).astype(int)
+    picture = np.full((height, width, 3), _STATES[int(UNKNOWN)], np.uint8)
+    if occupancy is not None:
+        x = low[0] + (np.arange(width) + 0.5) / scale
+        y = high[1] - (np.arange(height) + 0.5) / scale
+        table = np.zeros((256, 3), np.uint8)
+        for state, colour in _STATES.items():
+            table[state] = colour
+        picture = np.ascontiguousarray(table[occupancy.at(np.stack(np.meshgrid(x, y), axis=-1))])
+
+    def at(xy: NDArray[np.float64] | tuple[float, ...]) -> tuple[int, int]:
+        # Sixteenths of a pixel: cv2's `shift` of 4.
+        return round((xy[0] - low[0]) * scale * 16), round((high[1] - xy[1]) * scale * 16)
+
+    size = max(1.0, scale * 0.02)
+    for a, b in zip(walk[:-1], walk[1:], strict=True):
+        if np.hypot(*(a - b)) < 2.0:
+            cv2.line(picture, at(a), at(b), _WALK, max(1, round(size)), cv2.LINE_AA, 4)
+    for key, edge in graph.edges.items():
+        a, b = (graph.viewpoints[id].position for id in key)
+        colour = _BAD if edges.get(key) is False else _MERGE if edge.origin == "merge" else _EDGE
+        cv2.line(picture, at(a), at(b), colour, max(1, round(1.5 * size)), cv2.LINE_AA, 4)
+    for id, v in graph.viewpoints.items():
+        colour = _BAD if nodes.get(id) is False else _START if v.origin == "start" else _NODE
+        cv2.circle(picture, at(v.position), round(5 * size * 16), colour, -1 if v.included else 1, cv2.LINE_AA, 4)
+    try:
+        done, data = cv2.imencode(path.suffix or ".png", picture)
+    except cv2.error:
+        done, data = False, None
+    if not done or data is None:
+        raise InputError(f"{path} has no suffix of a picture; name a .png file.")
+    atomic.write_bytes(path, data.tobytes())
+    return path
+
+
+def _extent(
+    occupancy: OccupancyMap | None, points: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper corner of what is worth drawing: the known part of the map and all points, with a margin."""
+    boxes = [points] if len(points) else []
+    if occupancy is not None:
+        rows, columns = np.nonzero(occupancy.cells != UNKNOWN)
+        if len(rows):
+            index = np.stack([columns, rows], axis=-1)
+            corners = np.stack([index.min(axis=0), index.max(axis=0) + 1]) * occupancy.resolution
+            boxes.append(corners + np.array(occupancy.origin))
+    if not boxes:
+        return np.zeros(2), np.ones(2)
+    everything = np.concatenate(boxes)
+    return everything.min(axis=0) - 0.5, everything.max(axis=0) + 0.5
