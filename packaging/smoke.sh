@@ -19,7 +19,7 @@ PYTHON
 "$bin/nvsim" --version
 "$bin/nvsim" --help >/dev/null
 QT_QPA_PLATFORM=offscreen "$bin/nvsim" bench startup --runs 1
-"$bin/nvsim" demo --small --no-window --project "$work/small.nvsim" --config.train.steps 40
+"$bin/nvsim" demo --small --no-window --project "$work/small.nvsim" --train.steps 40
 "$bin/nvsim" export r2r --project "$work/small.nvsim" --out "$work/connectivity"
 test -s "$work/connectivity/scans.txt"
 echo "The wheel works outside the checkout."

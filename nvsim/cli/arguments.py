@@ -5,31 +5,15 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from types import ModuleType
+from typing import Annotated, Any, TypeVar
 
 import tyro
 
 T = TypeVar("T")
-
-
-def parse(kind: type[T], argv: list[str], verb: str, description: str) -> T:
-    """An instance of the dataclass `kind`. Prints usage and exits with code 2 on a wrong option."""
-    text = description.split("\n\n")[0]
-    try:
-        return tyro.cli(
-            kind,
-            args=argv,
-            prog=f"nvsim {verb}",
-            description=text,
-            config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes if verb in _FLAT else _keep),
-        )
-    except SystemExit as stop:
-        # argparse's convention is kept whatever tyro's version answers: 0 for help, 2 for a wrong option.
-        sys.exit(0 if stop.code in (0, None) else 2)
-
-
-_keep = tyro.conf.AvoidSubcommands
-_FLAT = {"submaps", "train", "map"}
+Positional = Annotated[T, tyro.conf.Positional]
+Inline = Annotated[T, tyro.conf.arg(name="")]
+"""A configuration whose fields are flags without a prefix."""
 
 
 @dataclass(frozen=True)
@@ -42,4 +26,32 @@ class ProjectArguments:
     """Print typed events, or the result, as JSON."""
 
 
-Positional = Annotated[T, tyro.conf.Positional]
+def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
+    """The command's Arguments. A command with presets offers `defaults(argv)`, the Arguments that the other flags then
+    change. Prints usage and exits with code 2 on a wrong option."""
+    text = (command.__doc__ or "").split("\n\n")[0]
+    options: dict[str, Any] = {}
+    if hasattr(command, "defaults"):
+        options["default"] = command.defaults(argv)
+    try:
+        return tyro.cli(
+            command.Arguments,
+            args=argv,
+            prog=f"nvsim {verb}",
+            description=text,
+            config=(tyro.conf.FlagCreatePairsOff,),
+            **options,
+        )
+    except SystemExit as stop:
+        # argparse's convention is kept whatever tyro's version answers: 0 for help, 2 for a wrong option.
+        sys.exit(0 if stop.code in (0, None) else 2)
+
+
+def given(argv: list[str], flag: str, default: str) -> str:
+    """The value of `flag` in `argv`, before anything is parsed; `default` where it is not there."""
+    for i, word in enumerate(argv):
+        if word == flag and i + 1 < len(argv):
+            return argv[i + 1]
+        if word.startswith(flag + "="):
+            return word[len(flag) + 1 :]
+    return default

@@ -28,7 +28,7 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
     signal.signal(signal.SIGINT, _stop)
     as_json = "--json" in argv
     try:
-        code = command.run(parse(command.Arguments, argv, verb, command.__doc__ or ""))
+        code = command.run(parse(command, argv, verb))
         sys.stdout.flush()
         return int(code or 0)
     except InputError as error:
@@ -40,7 +40,7 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except MemoryError:
-        return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--train.max-gaussians)", 2, as_json)
+        return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--train.gaussian-cap)", 2, as_json)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
             place = f" at {error.filename}" if error.filename else ""

@@ -14,7 +14,7 @@ class CaptureConfig:
     """How the source is understood."""
 
     scale: float | None = None
-    """Metres per unit of the source, when the source does not know."""
+    """Metres per unit of the capture, when it does not know."""
     camera_height: float | None = None
     """Metres of the cameras above the floor; gives the scale of a capture that has none."""
     hold_out: int = 8
@@ -23,9 +23,8 @@ class CaptureConfig:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Everything that `nvsim run` needs to know."""
+    """The stages after the import."""
 
-    capture: CaptureConfig = field(default_factory=CaptureConfig)
     submaps: SubmapConfig = field(default_factory=SubmapConfig)
     train: TrainingConfig = field(default_factory=TrainingConfig)
     map: MappingConfig = field(default_factory=MappingConfig)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from nvsim.events import Listener
-from nvsim.project.config import RunConfig
+from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import floors, imported, mapped, submaps, trained
 
 
-def run(project: Project, source: Path, config: RunConfig, listen: Listener) -> None:
+def run(project: Project, source: Path, understood: CaptureConfig, config: RunConfig, listen: Listener) -> None:
     """A posed walk in, a navigation graph in the project out. Raises InputError for what a person can mend."""
-    imported.run(project, source, config.capture, listen)
+    imported.run(project, source, understood, listen)
     submaps.run(project, config.submaps, listen)
     floors.run(project, listen)
     trained.run(project, config.train, listen)

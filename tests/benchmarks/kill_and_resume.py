@@ -25,7 +25,7 @@ from nvsim.project.project import Project
 
 def command(capture: Path, project: Path, steps: int) -> list[str]:
     return [sys.executable, "-m", "nvsim", "run", str(capture), "--project", str(project), "--json",
-            "--config.train.steps", str(steps)]  # fmt: skip
+            "--train.steps", str(steps)]  # fmt: skip
 
 
 def run_killed(argv: list[str], seconds: float, rng: random.Random, kills: int) -> list[str]:

@@ -19,7 +19,7 @@ def nvsim(*argv):
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     root = tmp_path_factory.mktemp("demo") / "rooms.nvsim"
-    result = nvsim("demo", "--small", "--no-window", "--project", root, "--config.train.steps", STEPS)
+    result = nvsim("demo", "--small", "--no-window", "--project", root, "--train.steps", STEPS)
     assert result.returncode == 0, result.stderr
     assert "Open the window with: nvsim app --project" in result.stdout
     return root
@@ -67,7 +67,7 @@ def test_the_export_loads_as_agents_load_it(demo):
 
 
 def test_a_second_run_finds_everything_up_to_date(demo):
-    result = nvsim("run", demo / "capture", "--project", demo, "--config.train.steps", STEPS)
+    result = nvsim("run", demo / "capture", "--project", demo, "--train.steps", STEPS)
     assert result.returncode == 0, result.stderr
     for words in ("capture is unchanged", "submaps are up to date", "masks are up to date", "graph is up to date"):
         assert words in result.stderr

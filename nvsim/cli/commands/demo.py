@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from nvsim.cli import show, window
+from nvsim.cli.arguments import Inline
 from nvsim.cli.session import working
 from nvsim.project import pipeline
-from nvsim.project.config import RunConfig
+from nvsim.project.config import CaptureConfig, RunConfig
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Arguments:
     """Do not open the window at the end."""
     json: bool = False
     """Print typed events as JSON lines."""
-    config: RunConfig = field(default_factory=RunConfig)
+    config: Inline[RunConfig] = field(default_factory=RunConfig)
 
 
 def run(arguments: Arguments) -> int:
@@ -34,7 +35,7 @@ def run(arguments: Arguments) -> int:
     with working(arguments.project, "demo", arguments.json, create=True) as (project, listen):
         config = BuildingConfig(seed=arguments.seed, size="small" if arguments.small else "full")
         generate(project.layout.root, config, listen)
-        pipeline.run(project, project.layout.built_in_capture, arguments.config, listen)
+        pipeline.run(project, project.layout.built_in_capture, CaptureConfig(), arguments.config, listen)
         truth = read_map(project.layout.ground_truth / "map.yaml")
         positions = project.need_capture().positions[:, :2]
         figures = evaluate_graph(project.need_graph(), truth, positions)

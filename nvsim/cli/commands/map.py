@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, cast
 
-from nvsim.cli.arguments import ProjectArguments
+import tyro
+
+from nvsim.cli.arguments import Inline, ProjectArguments, given
 from nvsim.cli.session import working
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.stages import mapped
@@ -14,7 +18,15 @@ from nvsim.project.stages import mapped
 class Arguments(ProjectArguments):
     reapply: bool = False
     """Decide the stored evidence again under these thresholds; render only what newly opens."""
-    config: MappingConfig = field(default_factory=MappingConfig)
+    preset: Literal["nvsim", "paper"] = "nvsim"
+    """What the other flags start from: our defaults, or the paper's."""
+    config: Inline[MappingConfig] = field(default_factory=MappingConfig)
+
+
+def defaults(argv: list[str]) -> Arguments:
+    name = given(argv, "--preset", "nvsim")
+    config = MappingConfig.paper() if name == "paper" else MappingConfig()
+    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:

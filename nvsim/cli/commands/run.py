@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from nvsim.cli.arguments import Positional
+from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.session import working
 from nvsim.project import pipeline
-from nvsim.project.config import RunConfig
+from nvsim.project.config import CaptureConfig, RunConfig
 
 
 @dataclass(frozen=True)
@@ -17,24 +17,13 @@ class Arguments:
     """A folder or file: nerfstudio transforms.json, COLMAP, or kapture."""
     project: Path
     """The project folder to make or to go on with."""
-    scale: float | None = None
-    """Metres per unit of the capture, when it does not know."""
-    camera_height: float | None = None
-    """Metres of the cameras above the floor: gives the scale of a capture that has none."""
     json: bool = False
     """Print typed events as JSON lines."""
-    config: RunConfig = field(default_factory=RunConfig)
+    understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
+    config: Inline[RunConfig] = field(default_factory=RunConfig)
 
 
 def run(arguments: Arguments) -> int:
-    from dataclasses import replace
-
-    config = arguments.config
-    capture = replace(
-        config.capture,
-        scale=arguments.scale or config.capture.scale,
-        camera_height=arguments.camera_height or config.capture.camera_height,
-    )
     with working(arguments.project, "run", arguments.json, create=True) as (project, listen):
-        pipeline.run(project, arguments.capture, replace(config, capture=capture), listen)
+        pipeline.run(project, arguments.capture, arguments.understood, arguments.config, listen)
     return 0

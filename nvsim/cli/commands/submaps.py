@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass, field
 
 from nvsim.cli import show
-from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.session import working
 from nvsim.project.stages import submaps
 from nvsim.submaps.split import SubmapConfig, describe
@@ -14,7 +14,7 @@ from nvsim.submaps.split import SubmapConfig, describe
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
-    config: SubmapConfig = field(default_factory=SubmapConfig)
+    config: Inline[SubmapConfig] = field(default_factory=SubmapConfig)
 
 
 def run(arguments: Arguments) -> int:

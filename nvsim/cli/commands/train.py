@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, cast
 
-from nvsim.cli.arguments import ProjectArguments
+import tyro
+
+from nvsim.cli.arguments import Inline, ProjectArguments, given
 from nvsim.cli.session import working
 from nvsim.project.stages import trained
-from nvsim.training.config import TrainingConfig
+from nvsim.training.config import TrainingConfig, preset
 
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     submaps: tuple[int, ...] = ()
     """Which submaps to train; all when none is named."""
-    config: TrainingConfig = field(default_factory=TrainingConfig)
+    preset: Literal["nvsim", "splatfacto-i", "3dgs"] = "nvsim"
+    """What the other flags start from: our defaults, or the paper's."""
+    config: Inline[TrainingConfig] = field(default_factory=TrainingConfig)
+
+
+def defaults(argv: list[str]) -> Arguments:
+    name = given(argv, "--preset", "nvsim")
+    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), config=preset(name))
 
 
 def run(arguments: Arguments) -> int:
