@@ -1,0 +1,164 @@
+"""What training can be told: one frozen dataclass, grouped, with the paper's values and symbols."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from nvsim.errors import InputError
+
+
+@dataclass(frozen=True)
+class LossConfig:
+    """Every term is a mean over all pixels of the image, so that a weight means the same at every size. A weight of 0
+    switches its term off."""
+
+    ssim: float = 0.2
+    """lambda_SSIM: share of 1 - SSIM against L1 in the reconstruction loss (paper, section III-C)."""
+    suppression: float = 1.0
+    """lambda_supp: weight of |M * alpha|, which keeps Gaussians off the floor (paper, L_floor_supp)."""
+    floor: float = 1.0
+    """lambda_bg: weight of |M * (background - image)|, which paints the floor (paper, L_floor_bg)."""
+    fill: float = 0.1
+    """Weight of (1 - M) * (1 - alpha), the mirror image of the suppression: what is not floor is a surface. Not in the
+    paper."""
+
+
+@dataclass(frozen=True)
+class RateConfig:
+    """Learning rates of Adam, for scenes in metres."""
+
+    means: float = 5e-4
+    means_end: float = 5e-5
+    """Decays exponentially from the first to the last step."""
+    log_scales: float = 5e-3
+    quats: float = 1e-3
+    opacity_logits: float = 3e-2
+    sh_dc: float = 2.5e-3
+    sh_rest: float = 1.25e-4
+    network: float = 2e-3
+    network_end: float = 2e-4
+    texture: float = 4e-3
+    texture_end: float = 2e-4
+    """A constant rate leaves coloured noise on the floor."""
+
+
+@dataclass(frozen=True)
+class DensifyConfig:
+    """Growth up to the cap by the mean absolute screen gradient (AbsGS), and pruning."""
+
+    enabled: bool = True
+    every: int = 100
+    """Steps between refinements."""
+    start: float = 0.1
+    stop: float = 0.7
+    """The shares of all steps between which the model grows."""
+    growth: float = 0.1
+    """At most this share of the Gaussians is added by one refinement: those with the largest gradients."""
+    gradient: float = 2e-4
+    """Least mean absolute gradient, per half image, of a Gaussian worth dividing."""
+    prune_opacity: float = 0.02
+    """Fainter Gaussians are removed."""
+    largest: float = 1.0
+    """Standard deviation in metres above which a Gaussian is removed."""
+
+
+@dataclass(frozen=True)
+class RobustConfig:
+    """Transients (people walking by) are taken out of the losses: blocks of pixels that stay wrong although the rest
+    of the model fits."""
+
+    enabled: bool = True
+    start: float = 0.4
+    """Share of all steps before anything is masked: until then everything is wrong."""
+    threshold: float = 0.15
+    """A block is an outlier when its mean absolute colour error exceeds this..."""
+    factor: float = 4.0
+    """...and this many times the median over the image's blocks."""
+    most: float = 0.4
+    """No more than this share of an image is masked (Splatfacto-W's upper bound)."""
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """How one submap is trained. `preset` makes the named ones."""
+
+    name: str = "nvsim"
+    """The preset this was made from."""
+    steps: int = 2000
+    image_size: int = 640
+    """Longest side of the training images, pixels."""
+    coarse_share: float = 0.5
+    """Share of the steps, from the first, that train at half that size."""
+    gaussian_cap: int = 80_000
+    """The model never has more Gaussians than this."""
+    seed_share: float = 0.7
+    """Share of the cap that is placed at the start, when the cloud has that many points."""
+    seed_height: float = 0.04
+    """Metres above the floor below which the cloud seeds no Gaussian; 0 or less keeps all points."""
+    sh_degree: int = 1
+    background: bool = True
+    """Whether a background network fills what the Gaussians leave open (paper, section III-C)."""
+    texture: bool = True
+    """Whether the floor surface carries a learned texture. Not in the paper."""
+    antialiased: bool = True
+    """Opacity compensation of Mip-Splatting, so that training at half size and drawing at full size agree."""
+    loss: LossConfig = field(default_factory=LossConfig)
+    rate: RateConfig = field(default_factory=RateConfig)
+    densify: DensifyConfig = field(default_factory=DensifyConfig)
+    robust: RobustConfig = field(default_factory=RobustConfig)
+    threads: int = 0
+    """Threads of the kernels; 0 means all cores. Runs are repeatable for one count."""
+    checkpoint_seconds: float = 15.0
+    """Least time between two checkpoints."""
+
+    def __post_init__(self) -> None:
+        for what, fine in (
+            ("steps must be at least 1", self.steps >= 1),
+            ("image_size must be at least 32 pixels", self.image_size >= 32),
+            ("gaussian_cap must be at least 100", self.gaussian_cap >= 100),
+            ("sh_degree must be 0 to 3", 0 <= self.sh_degree <= 3),
+            ("coarse_share must lie in 0 to 1", 0 <= self.coarse_share <= 1),
+            ("seed_share must lie above 0 and at most at 1", 0 < self.seed_share <= 1),
+            ("texture needs background", self.background or not self.texture),
+        ):
+            if not fine:
+                raise InputError(f"Training configuration: {what}; change it and try again.")
+
+    @property
+    def floor_aware(self) -> bool:
+        """Whether any term treats the floor in its own way."""
+        return self.loss.suppression > 0 or self.loss.floor > 0
+
+
+def _splatfacto_i() -> TrainingConfig:
+    base = TrainingConfig()
+    return replace(base, name="splatfacto-i", texture=False, loss=replace(base.loss, fill=0.0))
+
+
+def _gaussians_only() -> TrainingConfig:
+    return TrainingConfig(
+        name="3dgs",
+        seed_height=0.0,
+        background=False,
+        texture=False,
+        loss=LossConfig(suppression=0.0, floor=0.0, fill=0.0),
+        robust=RobustConfig(enabled=False),
+    )
+
+
+_PRESETS = {"nvsim": TrainingConfig, "splatfacto-i": _splatfacto_i, "3dgs": _gaussians_only}
+PRESETS = tuple(_PRESETS)
+
+
+def preset(name: str) -> TrainingConfig:
+    """The configuration of a name.
+
+    "nvsim"         the default: the paper's method with floor texture and fill
+    "splatfacto-i"  the paper: floor suppression and background floor loss, no texture, no fill
+    "3dgs"          Gaussians only: no floor terms, no background, no robust mask
+
+    Raises InputError for another name.
+    """
+    if name not in _PRESETS:
+        raise InputError(f"There is no training preset {name!r}; choose one of {', '.join(PRESETS)}.")
+    return _PRESETS[name]()

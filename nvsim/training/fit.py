@@ -1,0 +1,228 @@
+"""One model in the making: draw a view, take the loss, send its gradient back, move every parameter.
+
+The rasteriser's kernels are driven by hand instead of through torch's tape: only the background network needs one, and
+a step costs what its kernels cost.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.floor_texture import pack_floor
+from nvsim.render.workspace import LOCK, Workspace
+from nvsim.splats.types import Gaussians, SubmapModel
+from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
+from nvsim.training.background import COEFFICIENTS, BackgroundNetwork
+from nvsim.training.config import RateConfig, TrainingConfig
+from nvsim.training.densify import Refinement
+from nvsim.training.losses import FloorAwareLoss, LossValues
+from nvsim.training.optimizer import Group
+from nvsim.training.texture import LearnedTexture, meet_floor
+from nvsim.training.views import TrainingView
+
+Float32 = NDArray[np.float32]
+FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
+
+
+@dataclass(eq=False)
+class Canvas:
+    """The buffers of one image size."""
+
+    loss: FloorAwareLoss
+    background: Float32
+    hits: Float32
+    rows: Float32
+    no_depth: Float32
+    inlier: NDArray[np.bool_]
+
+    @staticmethod
+    def of(config: TrainingConfig, width: int, height: int) -> Canvas:
+        return Canvas(
+            FloorAwareLoss(config.loss, width, height),
+            np.zeros((3, height, width), np.float32),
+            np.empty((3, height, width), np.float32),
+            np.empty((height, COEFFICIENTS, 3), np.float32),
+            np.zeros((height, width), np.float32),
+            np.ones((height, width), np.bool_),
+        )
+
+
+def rates_of(name: str, rate: RateConfig, sh_count: int) -> Float32 | float:
+    """The learning rate of a group of Gaussian parameters, per column where columns differ."""
+    if name == "sh":
+        return np.array([rate.sh_dc] * 3 + [rate.sh_rest] * (3 * sh_count - 3), np.float32)
+    return float(getattr(rate, name))
+
+
+class Fit:
+    """Parameters, their moments and what densification counts. `parts` are the milliseconds of the last step."""
+
+    def __init__(
+        self,
+        gaussians: Gaussians,
+        network: BackgroundNetwork | None,
+        texture: LearnedTexture | None,
+        floor: FloorSurface,
+        config: TrainingConfig,
+    ) -> None:
+        self.config, self.floor = config, floor
+        self.network, self.texture = network, texture
+        self.sums = np.zeros((len(gaussians), 3), np.float32)
+        self.parts: dict[str, float] = {}
+        sh_count = gaussians.sh.shape[1]
+        self.groups = {
+            name: Group.of(getattr(gaussians, name), rates_of(name, config.rate, sh_count)) for name in FIELDS
+        }
+        if network is not None:
+            self.groups["network"] = Group.of(network.values, config.rate.network, network.gradient)
+        if texture is not None:
+            self.groups["texture"] = Group.of(texture.values, config.rate.texture, texture.gradient)
+        self._workspace = Workspace()
+        self._canvases: dict[tuple[int, int], Canvas] = {}
+        self._heights, self._grid = pack_floor(floor)
+        self._coefficients = torch.zeros(0)
+
+    @property
+    def gaussians(self) -> Gaussians:
+        """The live arrays."""
+        return Gaussians(*(self.groups[name].values for name in FIELDS))
+
+    @property
+    def gradients(self) -> Gaussians:
+        return Gaussians(*(self.groups[name].gradient for name in FIELDS))
+
+    def canvas(self, width: int, height: int) -> Canvas:
+        key = (width, height)
+        if key not in self._canvases:
+            self._canvases[key] = Canvas.of(self.config, width, height)
+        return self._canvases[key]
+
+    def paint(self, camera: Camera) -> Float32:
+        """(3, H, W) the background of a view, in a buffer that the next view of this size overwrites."""
+        canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
+        if self.network is None:
+            return canvas.background
+        packed = pack_camera(camera)
+        self._coefficients = self.network(torch.from_numpy(camera.position.astype(np.float32)))
+        evaluate(packed, self._coefficients.detach().numpy(), canvas.background)
+        if self.texture is not None:
+            meet_floor(packed, self._heights, self._grid, canvas.hits)
+            self.texture.add(canvas.hits, canvas.background)
+        return canvas.background
+
+    def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
+        """Colour of the Gaussians (H, W, 3) and transmittance (H, W)."""
+        k = camera.intrinsics
+        self._workspace.project(self.gaussians, camera, self.config.antialiased, sh_degree)
+        self._workspace.bin()
+        rgb, transmittance, _, _ = self._workspace.draw(k.height, k.width, False)
+        return rgb, transmittance
+
+    def composite(self, camera: Camera) -> tuple[Float32, Float32]:
+        """The picture (H, W, 3), not clamped, and alpha (H, W)."""
+        with LOCK:
+            rgb, transmittance = self.draw(camera)
+            background = self.paint(camera)
+        return rgb + transmittance[..., None] * background.transpose(1, 2, 0), 1 - transmittance
+
+    def differentiate(self, view: TrainingView, inlier: NDArray[np.bool_], sh_degree: int) -> LossValues:
+        """Draws a view and fills every group's gradient. The error of every pixel is in the canvas's loss."""
+        camera = view.camera
+        canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
+        watch = _Stopwatch()
+        with LOCK:
+            rgb, transmittance = self.draw(camera, sh_degree)
+            watch.lap("forward")
+            background = self.paint(camera)
+            watch.lap("background")
+            loss = canvas.loss
+            values = loss(rgb, 1 - transmittance, background, view.image, view.floor, inlier)
+            watch.lap("loss")
+            self._workspace.draw_gradient(transmittance, loss.d_rgb, loss.d_alpha, canvas.no_depth)
+            self._workspace.project_gradient(self.gaussians, self.gradients, self.sums)
+            watch.lap("backward")
+            if self.network is not None:
+                evaluate_gradient(pack_camera(camera), loss.d_background, canvas.rows)
+                self.network.gradient[:] = 0
+                self._coefficients.backward(torch.from_numpy(canvas.rows.sum(axis=0)))
+            if self.texture is not None:
+                self.texture.collect(canvas.hits, loss.d_texture)
+            watch.lap("background_backward")
+        self.parts = watch.laps
+        return values
+
+    def move(self, step: int) -> None:
+        """Update number `step` (from 1) of every parameter."""
+        started = time.perf_counter()
+        share, rate = (step - 1) / self.config.steps, self.config.rate
+        decay = {
+            "means": rate.means_end / rate.means,
+            "network": rate.network_end / rate.network,
+            "texture": rate.texture_end / rate.texture,
+        }
+        with LOCK:
+            for name, group in self.groups.items():
+                group.step(step, decay.get(name, 1.0) ** share)
+        self.parts["optimizer"] = 1e3 * (time.perf_counter() - started)
+
+    def refine(self, refinement: Refinement) -> None:
+        """Replaces the Gaussians; the survivors keep their moments, the new ones start with none."""
+        for name in FIELDS:
+            group, born = self.groups[name], getattr(refinement.born, name)
+            fresh = np.zeros_like(born)
+            values = np.concatenate([group.values[refinement.kept], born])
+            group.first = np.concatenate([group.first[refinement.kept], fresh])
+            group.second = np.concatenate([group.second[refinement.kept], fresh])
+            group.values, group.gradient = values, np.empty_like(values)
+        self.sums = np.zeros((refinement.count, 3), np.float32)
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        """Everything that a step changes, by name."""
+        arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums}
+        for name, group in self.groups.items():
+            arrays[f"{name}.values"] = group.values
+            arrays[f"{name}.first"], arrays[f"{name}.second"] = group.first, group.second
+        return arrays
+
+    def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
+        """The inverse of `state`, in a fit of the same configuration and views."""
+        self.sums = np.ascontiguousarray(arrays["sums"], np.float32)
+        for name, group in self.groups.items():
+            values = np.ascontiguousarray(arrays[f"{name}.values"], np.float32)
+            if name in FIELDS:
+                group.values, group.gradient = values, np.empty_like(values)
+            else:
+                group.values[:] = values  # network and texture look into these arrays
+            group.first = np.ascontiguousarray(arrays[f"{name}.first"], np.float32)
+            group.second = np.ascontiguousarray(arrays[f"{name}.second"], np.float32)
+
+    def model(self, info: dict[str, object]) -> SubmapModel:
+        """A copy of what has been learned."""
+        return SubmapModel(
+            Gaussians(*(self.groups[name].values.copy() for name in FIELDS)),
+            None if self.network is None else self.network.exported(),
+            None if self.texture is None else self.texture.exported(),
+            self.floor,
+            self.config.antialiased,
+            info,
+        )
+
+
+class _Stopwatch:
+    """Milliseconds between laps."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = 1e3 * (now - self._last)
+        self._last = now

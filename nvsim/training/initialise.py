@@ -1,0 +1,160 @@
+"""The Gaussians that training starts from: a cloud as far as the views see it, or points at random in their frusta."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from nvsim.capture.types import Cloud
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.harmonics import DC
+from nvsim.splats.types import Gaussians
+from nvsim.training.backdrop import pack_camera
+from nvsim.training.config import TrainingConfig
+from nvsim.training.views import TrainingView
+
+FARTHEST = 15.0
+"""Metres beyond which a point does not count as seen."""
+CELLS = 64
+"""Columns of the coarse depth image that tells hidden points from seen ones."""
+NEAR, FAR = 0.5, 6.0
+"""Depths in metres between which points are placed at random."""
+LEAST_SCALE, LARGEST_SCALE = 0.005, 0.3
+"""Bounds of the first standard deviations, metres."""
+_FEW = 500
+# Fewer seen points than this are no basis for a model.
+Float32 = NDArray[np.float32]
+_F = np.float32
+
+
+@njit(inline="always")
+def _cell(camera: Any, size: Any, rows: Any, columns: Any, x: Any, y: Any, z: Any) -> Any:
+    # Row, column and depth of a world point in the coarse image; row -1 where the view does not show it.
+    dx, dy, dz = x - camera[9], y - camera[10], z - camera[11]
+    depth = camera[2] * dx + camera[5] * dy + camera[8] * dz
+    if depth < _F(0.1) or depth > _F(FARTHEST):
+        return -1, -1, depth
+    u = camera[12] * (camera[0] * dx + camera[3] * dy + camera[6] * dz) / depth + camera[14]
+    v = camera[13] * (camera[1] * dx + camera[4] * dy + camera[7] * dz) / depth + camera[15]
+    if not (u >= 0 and v >= 0 and u < size[0] and v < size[1]):
+        return -1, -1, depth
+    return int(v * rows / size[1]), int(u * columns / size[0]), depth
+
+
+@njit(parallel=True, cache=True)
+def _nearest_depths(points: Any, cameras: Any, sizes: Any, depths: Any) -> None:
+    _, rows, columns = depths.shape
+    for view in prange(len(cameras)):
+        for i in range(len(points)):
+            r, c, d = _cell(cameras[view], sizes[view], rows, columns, points[i, 0], points[i, 1], points[i, 2])
+            if r >= 0 and d < depths[view, r, c]:
+                depths[view, r, c] = d
+
+
+@njit(parallel=True, cache=True)
+def _closest_sight(points: Any, cameras: Any, sizes: Any, depths: Any, best: Any, distance: Any) -> None:
+    # Per point: the view that sees it from nearest, or -1. Seen: not far behind the nearest point of its cell.
+    _, rows, columns = depths.shape
+    for i in prange(len(points)):
+        best[i], distance[i] = -1, _F(1e9)
+        for view in range(len(cameras)):
+            r, c, d = _cell(cameras[view], sizes[view], rows, columns, points[i, 0], points[i, 1], points[i, 2])
+            if r >= 0 and d < distance[i] and d < depths[view, r, c] * _F(1.15) + _F(0.15):
+                best[i], distance[i] = view, d
+
+
+def initial_gaussians(
+    views: Sequence[TrainingView],
+    cloud: Cloud | None,
+    floor: FloorSurface,
+    config: TrainingConfig,
+    rng: np.random.Generator,
+) -> Gaussians:
+    """At most `seed_share` of the cap; every Gaussian half opaque, round, as wide as its neighbours are apart."""
+    count = max(int(config.gaussian_cap * config.seed_share), 1)
+    points, colors = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+    if cloud is not None:
+        points, colors = seen_points(views, cloud)
+        points, colors = _above(points, colors, floor, config)
+    if len(points) > count:
+        chosen = np.sort(rng.choice(len(points), count, replace=False))
+        points, colors = points[chosen], colors[chosen]
+    elif len(points) < _FEW:
+        more, more_colors = random_points(views, count - len(points), rng)
+        more, more_colors = _above(more, more_colors, floor, config)
+        points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
+    return gaussians_at(points, colors, config.sh_degree)
+
+
+def gaussians_at(points: Float32, colors: Float32, sh_degree: int) -> Gaussians:
+    """Gaussians at `points` (N, 3) of `colors` (N, 3) in 0 to 1."""
+    n = len(points)
+    neighbours = min(4, n)
+    spacing = np.full(n, LARGEST_SCALE)
+    if neighbours > 1:
+        spacing = cKDTree(points).query(points, k=neighbours)[0][:, 1:].mean(axis=1)
+    log_scales = np.log(np.clip(spacing, LEAST_SCALE, LARGEST_SCALE)).astype(np.float32)
+    sh = np.zeros((n, (sh_degree + 1) ** 2, 3), np.float32)
+    sh[:, 0] = (colors - 0.5) / DC
+    quats = np.zeros((n, 4), np.float32)
+    quats[:, 0] = 1
+    means = np.ascontiguousarray(points, np.float32)
+    return Gaussians(means, np.repeat(log_scales[:, None], 3, axis=1), quats, np.zeros(n, np.float32), sh)
+
+
+def seen_points(views: Sequence[TrainingView], cloud: Cloud) -> tuple[Float32, Float32]:
+    """The points (N, 3) that some view sees, hidden ones left out by a coarse depth image of the cloud itself, and
+    their colours (N, 3) in 0 to 1: the cloud's, or of the pixel in the view that sees a point from nearest."""
+    finite = np.isfinite(cloud.points).all(axis=1)
+    points = np.ascontiguousarray(cloud.points[finite], np.float32)
+    cameras = np.stack([pack_camera(v.camera) for v in views])
+    sizes = np.array([(v.camera.intrinsics.width, v.camera.intrinsics.height) for v in views], np.float32)
+    depths = np.full((len(views), max(round(CELLS * sizes[0, 1] / sizes[0, 0]), 1), CELLS), np.inf, np.float32)
+    best, distance = np.empty(len(points), np.int64), np.empty(len(points), np.float32)
+    _nearest_depths(points, cameras, sizes, depths)
+    _closest_sight(points, cameras, sizes, depths, best, distance)
+    seen = best >= 0
+    if cloud.colors is not None:
+        return points[seen], cloud.colors[finite][seen].astype(np.float32) / np.float32(255)
+    return points[seen], _pixel_colors(views, points[seen], best[seen])
+
+
+def _pixel_colors(views: Sequence[TrainingView], points: Float32, best: NDArray[np.int64]) -> Float32:
+    colors = np.empty((len(points), 3), np.float32)
+    for i, view in enumerate(views):
+        mine = best == i
+        pixels, _ = view.camera.project(points[mine])
+        u = np.clip(pixels[:, 0].astype(int), 0, view.image.shape[1] - 1)
+        v = np.clip(pixels[:, 1].astype(int), 0, view.image.shape[0] - 1)
+        colors[mine] = view.image[v, u].astype(np.float32) / 255
+    return colors
+
+
+def random_points(views: Sequence[TrainingView], count: int, rng: np.random.Generator) -> tuple[Float32, Float32]:
+    """`count` points (N, 3) on the rays of random pixels that are not floor, and the colours (N, 3) of the pixels."""
+    per_view = np.bincount(rng.integers(0, len(views), count), minlength=len(views))
+    points, colors = [], []
+    for view, n in zip(views, per_view, strict=True):
+        candidates = np.flatnonzero(~view.floor.reshape(-1))
+        if n == 0 or len(candidates) == 0:
+            continue
+        chosen = rng.choice(candidates, n)
+        depth = NEAR * (FAR / NEAR) ** rng.random(n)
+        rays = view.camera.rays().reshape(-1, 3)[chosen]
+        points.append((view.camera.position + rays * depth[:, None]).astype(np.float32))
+        colors.append(view.image.reshape(-1, 3)[chosen].astype(np.float32) / 255)
+    if not points:
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+    return np.concatenate(points), np.concatenate(colors)
+
+
+def _above(points: Float32, colors: Float32, floor: FloorSurface, config: TrainingConfig) -> tuple[Float32, Float32]:
+    if config.seed_height <= 0:
+        return points, colors
+    above = points[:, 2] > floor.height_at(points[:, :2]) + config.seed_height
+    return points[above], colors[above]

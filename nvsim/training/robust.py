@@ -1,0 +1,78 @@
+"""Which pixels are transients: a running error per block of every view, and the blocks that stay wrong.
+
+Splatfacto-W masks a share of each image that follows the mean error, whatever the picture shows. Here a view keeps the
+error of each of its blocks over its visits, and a block is left out while its error is large both in absolute terms and
+against the other blocks of the image: a person who walked by stays wrong however long one trains, a static scene that
+fits loses nothing. As in Splatfacto-W every part of the image may be masked (never_mask_upper = 0) and at most 40 % of
+it. Where the mask says floor, the error is the background's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from nvsim.training.config import RobustConfig
+
+BLOCK = 8
+"""Side of a block in pixels of the full-size image."""
+MEMORY = 0.5
+"""Share of the running error that each visit keeps."""
+Float32 = NDArray[np.float32]
+
+
+@njit(parallel=True, cache=True, fastmath=True)
+def _block_means(error: Any, blocks: Any) -> None:
+    height, width = error.shape
+    rows, columns = blocks.shape
+    for r in prange(rows):
+        y0, y1 = r * height // rows, (r + 1) * height // rows
+        for c in range(columns):
+            x0, x1 = c * width // columns, (c + 1) * width // columns
+            total = np.float32(0)
+            for y in range(y0, y1):
+                for x in range(x0, x1):
+                    total += error[y, x]
+            blocks[r, c] = total / np.float32(max((y1 - y0) * (x1 - x0), 1))
+
+
+@njit(parallel=True, cache=True)
+def _spread(outliers: Any, inlier: Any) -> None:
+    height, width = inlier.shape
+    rows, columns = outliers.shape
+    for r in prange(rows):
+        for y in range(r * height // rows, (r + 1) * height // rows):
+            for c in range(columns):
+                keep = outliers[r, c] == 0
+                for x in range(c * width // columns, (c + 1) * width // columns):
+                    inlier[y, x] = keep
+
+
+class RobustMask:
+    """The running errors of `count` views. `errors` (count, rows, columns) is all its state; -1 where never seen."""
+
+    def __init__(self, config: RobustConfig, count: int, width: int, height: int) -> None:
+        self._config = config
+        self.errors = np.full((count, max(height // BLOCK, 1), max(width // BLOCK, 1)), -1, np.float32)
+
+    def observe(self, view: int, error: Float32) -> None:
+        """Takes in the error (H, W) of a visit to `view`, at any size."""
+        seen = np.empty(self.errors.shape[1:], np.float32)
+        _block_means(error, seen)
+        known = self.errors[view]
+        self.errors[view] = np.where(known < 0, seen, MEMORY * known + (1 - MEMORY) * seen)
+
+    def outliers(self, view: int) -> NDArray[np.uint8]:
+        """(rows, columns), 1 where a block is masked: the outliers and the blocks beside them."""
+        c, errors = self._config, self.errors[view]
+        limit = max(c.threshold, c.factor * float(np.median(errors)), float(np.quantile(errors, 1 - c.most)))
+        found = (errors > limit).astype(np.uint8)
+        return np.asarray(cv2.dilate(found, np.ones((3, 3), np.uint8)), np.uint8) if found.any() else found
+
+    def inlier(self, view: int, out: NDArray[np.bool_]) -> None:
+        """Writes the inlier mask of `view` at the size of `out` (H, W)."""
+        _spread(self.outliers(view), out)

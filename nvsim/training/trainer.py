@@ -1,0 +1,210 @@
+"""Training of one submap, from views to a model: the order of the views, the schedule, refinement, events, resuming."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numba
+import numpy as np
+import torch
+
+from nvsim.atomic import replacing
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+from nvsim.events import Listener, Log, Metric, Preview, Progress, Warning, silent
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.types import SubmapModel
+from nvsim.training import checkpoint as files
+from nvsim.training.config import TrainingConfig
+from nvsim.training.densify import Densifier
+from nvsim.training.fit import Fit
+from nvsim.training.floor_paint import first_paint
+from nvsim.training.initialise import initial_gaussians
+from nvsim.training.losses import LossValues
+from nvsim.training.robust import RobustMask
+from nvsim.training.views import TrainingView
+
+STAGE = "train"
+REPORT_SECONDS = 0.4
+PREVIEW_SECONDS = 5.0
+SH_SHARE = 0.15
+"""Share of the steps after which each further degree of the spherical harmonics joins."""
+_SMOOTHING = 0.95
+
+
+def train_submap(
+    views: Sequence[TrainingView],
+    cloud: Cloud | None,
+    floor: FloorSurface,
+    config: TrainingConfig,
+    *,
+    checkpoint: Path | None = None,
+    seed: int = 0,
+    submap: int = 0,
+    listen: Listener = silent,
+    preview: Path | None = None,
+) -> SubmapModel:
+    """The floor-aware model of one submap (paper, section III-C).
+
+    views       what is trained on; frames held out for evaluation must not be among them
+    cloud       where Gaussians start; without it they start at matched image features, or at random
+    floor       the local floor, on which the texture lies and below which nothing is
+    checkpoint  a file that is written now and then, and continued from when it belongs to the same inputs
+    submap      goes into the events
+    preview     a picture file that is rewritten now and then: a view beside its image
+
+    The result depends on the inputs, `seed` and the number of threads alone, interrupted or not. Raises InputError when
+    there are no views, or when the disk refuses a file.
+    """
+    if not views:
+        raise InputError("A submap without images cannot be trained; give it frames or merge it with its neighbour.")
+    threads, torch_threads = numba.get_num_threads(), torch.get_num_threads()
+    cores = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    chosen = min(config.threads or cores, cores)
+    numba.set_num_threads(chosen)
+    torch.set_num_threads(1)  # its work here is too small to share, and a second pool would fight with numba's
+    try:
+        run = _Run(views, cloud, floor, config, seed, submap, listen)
+        if checkpoint is not None:
+            run.attach(checkpoint, files.fingerprint(views, cloud, floor, config, seed, chosen))
+        return run.finish(preview)
+    finally:
+        numba.set_num_threads(threads)
+        torch.set_num_threads(torch_threads)
+
+
+class _Run:
+    def __init__(
+        self,
+        views: Sequence[TrainingView],
+        cloud: Cloud | None,
+        floor: FloorSurface,
+        config: TrainingConfig,
+        seed: int,
+        submap: int,
+        listen: Listener,
+    ) -> None:
+        self._config, self._submap, self._listen = config, submap, listen
+        self._views = views
+        self._halves = [v.halved() for v in views] if config.coarse_share > 0 else []
+        self._rng = np.random.default_rng(seed)
+        gaussians = initial_gaussians(self._halves or views, cloud, floor, config, self._rng)
+        network, texture = first_paint(self._halves or views, floor, config, seed)
+        self.fit = Fit(gaussians, network, texture, floor, config)
+        self._densifier = Densifier(config, floor)
+        k = views[0].camera.intrinsics
+        self._robust = RobustMask(config.robust, len(views), k.width, k.height)
+        self._step = 0
+        self._order: list[int] = []
+        self._figures = {"loss": 0.0, "psnr": 0.0}
+        self._seconds = 0.0
+        self._path: Path | None = None
+        self._key = ""
+
+    def attach(self, path: Path, key: str) -> None:
+        """Continues from the file at `path` where it fits, and saves to it from now on."""
+        self._path, self._key = path, key
+        if not path.exists():
+            return
+        try:
+            found = files.load(path, key)
+        except InputError as error:
+            self._listen(Warning(f"{error} Training starts again.", STAGE))
+            return
+        if found is None:
+            self._listen(Warning(f"{path} belongs to other inputs; training starts again.", STAGE))
+            return
+        arrays, progress = found.arrays, found.progress
+        self.fit.restore(arrays)
+        self._robust.errors[:] = arrays["robust.errors"]
+        self._rng.bit_generator.state = progress["random"]
+        self._order, self._figures = list(progress["order"]), dict(progress["figures"])
+        self._seconds, self._step = float(progress["seconds"]), found.step
+        self._listen(Log(f"Submap {self._submap} continues from step {self._step}.", STAGE))
+
+    def finish(self, preview: Path | None) -> SubmapModel:
+        """All remaining steps."""
+        c = self._config
+        started = reported = saved = time.monotonic()
+        previewed, counted = started - PREVIEW_SECONDS, self._step
+        before = self._seconds
+        while self._step < c.steps:
+            values = self._advance()
+            now = time.monotonic()
+            self._seconds = before + now - started
+            last = self._step == c.steps
+            if last or now - reported >= REPORT_SECONDS:
+                self._report(values, (self._step - counted) / max(now - reported, 1e-9))
+                reported, counted = now, self._step
+            if preview is not None and (last or now - previewed >= PREVIEW_SECONDS):
+                self._show(preview)
+                previewed = time.monotonic()
+            if self._path is not None and (last or now - saved >= c.checkpoint_seconds):
+                self._save(self._path)
+                saved = time.monotonic()
+        return self.fit.model(self._info())
+
+    def _advance(self) -> LossValues:
+        c, step = self._config, self._step + 1
+        share = self._step / c.steps
+        if not self._order:
+            self._order = self._rng.permutation(len(self._views)).tolist()
+        index = self._order.pop()
+        view = (self._halves if share < c.coarse_share else self._views)[index]
+        canvas = self.fit.canvas(view.camera.intrinsics.width, view.camera.intrinsics.height)
+        canvas.inlier[:] = True
+        if c.robust.enabled and share >= c.robust.start:
+            self._robust.inlier(index, canvas.inlier)
+        values = self.fit.differentiate(view, canvas.inlier, int(share / SH_SHARE))
+        self.fit.move(step)
+        if c.robust.enabled:
+            self._robust.observe(index, canvas.loss.error)
+        if self._densifier.is_due(step):
+            self.fit.refine(self._densifier.refine(self.fit.gaussians, _mean_gradient(self.fit.sums), step))
+        keep = _SMOOTHING if step > 1 else 0.0
+        for name, value in (("loss", values.total), ("psnr", values.psnr)):
+            self._figures[name] = keep * self._figures[name] + (1 - keep) * value
+        self._step = step
+        return values
+
+    def _report(self, values: LossValues, rate: float) -> None:
+        c, step = self._config, self._step
+        count = len(self.fit.sums)
+        self._listen(Progress(STAGE, step, c.steps, f"{self._figures['psnr']:.1f} dB, {count} Gaussians"))
+        figures = {**self._figures, "gaussians": float(count), "steps_per_second": rate}
+        for name, value in figures.items():
+            self._listen(Metric(STAGE, name, float(value), step, self._submap))
+
+    def _show(self, path: Path) -> None:
+        view = (self._halves or self._views)[len(self._views) // 2]
+        drawn, _ = self.fit.composite(view.camera)
+        picture = np.concatenate([view.image, (np.clip(drawn, 0, 1) * 255).astype(np.uint8)], axis=1)
+        with replacing(path) as temporary:
+            cv2.imwrite(str(temporary), picture[..., ::-1])
+        self._listen(Preview(STAGE, str(path), f"submap {self._submap}, step {self._step}: image and model"))
+
+    def _save(self, path: Path) -> None:
+        arrays = {**self.fit.state(), "robust.errors": self._robust.errors}
+        progress: dict[str, Any] = {
+            "random": self._rng.bit_generator.state,
+            "order": self._order,
+            "figures": self._figures,
+            "seconds": self._seconds,
+        }
+        files.save(path, files.Checkpoint(self._step, arrays, progress), self._key)
+
+    def _info(self) -> dict[str, object]:
+        return {
+            "preset": self._config.name,
+            "steps": self._step,
+            "training_seconds": round(self._seconds, 1),
+            "training_psnr": round(self._figures["psnr"], 2),
+        }
+
+
+def _mean_gradient(sums: np.ndarray) -> np.ndarray:
+    return sums[:, 0] / np.maximum(sums[:, 1], 1)

@@ -1,0 +1,40 @@
+"""What is trained on: an image, its camera, and where it shows floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingView:
+    """name    of the frame
+    camera     its size is that of `image`
+    image      (H, W, 3) uint8 RGB, undistorted
+    floor      (H, W) bool, the floor mask M
+    """
+
+    name: str
+    camera: Camera
+    image: NDArray[np.uint8]
+    floor: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        k = self.camera.intrinsics
+        if self.image.shape != (k.height, k.width, 3) or self.floor.shape != (k.height, k.width):
+            raise ValueError(
+                f"{self.name}: image {self.image.shape} and mask {self.floor.shape} do not fit {k.width}x{k.height}"
+            )
+
+    def halved(self) -> TrainingView:
+        """The view at half its size, by area."""
+        k = self.camera.intrinsics
+        width, height = max(1, round(k.width / 2)), max(1, round(k.height / 2))
+        image = np.asarray(cv2.resize(self.image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        share = cv2.resize(self.floor.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+        return TrainingView(self.name, self.camera.scaled(width, height), image, share > 0.5)
