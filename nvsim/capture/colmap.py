@@ -78,7 +78,7 @@ def find_model(folder: Path) -> Path | None:
 
 def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
     """The capture of a model folder. `root` is the folder that the person named; images are looked for in `images`
-    beside the model, above it, up to the parent of `root`. Raises InputError when a file cannot be parsed."""
+    beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
     from nvsim.capture import colmap_binary, colmap_text
 
     extension = model_extension(model)
@@ -120,13 +120,7 @@ def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
 
 def _image_folder(model: Path, root: Path, rows: list[ImageRow]) -> Path:
     """The first folder that has one of the first images; `root/images` when none has."""
-    bases = []
-    base = model
-    for _ in range(5):
-        bases.append(base)
-        if base == root.parent or base == base.parent:
-            break
-        base = base.parent
+    bases = [model, *model.parents[:3]]  # sparse/0 lies two below the images, colmap/sparse/0 three
     for folder in [b / sub for b in bases for sub in ("images", "input", "")]:
         if any(file_size(folder / row.name) is not None for row in rows[:20]):
             return folder

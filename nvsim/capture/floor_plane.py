@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 _SAMPLE = 20_000  # points that the search looks at
 _LEAST_POINTS = 30
 _LEAST_SHARE = 0.02  # of the points below the cameras
-_CONTRAST = 1.5  # times as full as the same thickness of space above it: less is the foot of a wall
+_CONTRAST = 1.5  # times as full as the same thickness of space some layers above it: less is the foot of a wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ def find_floor(
         on_plane = np.abs(near @ normal - low) < 1.5 * thickness
     share = np.count_nonzero(on_plane) / max(1, int(np.count_nonzero(near @ normal < 0)))
     heights = near @ normal - low
-    above = np.count_nonzero((heights > 3 * thickness) & (heights < 9 * thickness)) / 2
+    above = np.count_nonzero((heights > 6 * thickness) & (heights < 12 * thickness)) / 2
     if share < _LEAST_SHARE or low >= 0 or np.count_nonzero(on_plane) < _CONTRAST * above:
         return None
     return FloorPlane(normal, float(low + origin @ normal), float(share))

@@ -32,12 +32,13 @@ def smallest_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float6
     a = np.asarray(source, dtype=np.float64)
     b = np.asarray(target, dtype=np.float64)
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
-    cosine = float(a @ b)
-    if cosine < -1 + 1e-12:
-        helper = np.eye(3)[np.argmin(np.abs(a))]
-        axis = np.cross(a, helper)
-        axis /= np.linalg.norm(axis)
-        return 2 * np.outer(axis, axis) - np.eye(3)
-    v = np.cross(a, b)
+    cosine, v = float(a @ b), np.cross(a, b)
+    sine = float(np.linalg.norm(v))
+    if sine < 1e-12:
+        if cosine > 0:
+            return np.eye(3)
+        v, sine = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))]), 0.0
+    # Rodrigues with a unit axis: dividing by 1 + cosine instead loses all digits near opposite directions.
+    v = v / np.linalg.norm(v)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.eye(3) + cross + cross @ cross / (1 + cosine)
+    return np.eye(3) + sine * cross + (1 - cosine) * cross @ cross

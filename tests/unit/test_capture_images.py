@@ -1,0 +1,116 @@
+"""Images: undistorted as OpenCV does it, filtered when they shrink, refused when broken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Frame
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Intrinsics
+from nvsim.geometry.lens import Lens
+
+WIDTH, HEIGHT = 320, 240
+PIXEL = (210.0, 205.0, 158.3, 121.6)
+
+
+def smooth(seed: int = 0) -> np.ndarray:
+    """(H, W, 3) without detail finer than some pixels, so that interpolation hardly matters."""
+    noise = np.random.default_rng(seed).uniform(0, 255, (HEIGHT // 16, WIDTH // 16, 3))
+    return cv2.resize(noise, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC).clip(0, 255).astype(np.uint8)
+
+
+def frame(tmp_path: Path, image: np.ndarray, lens: Lens) -> Frame:
+    path = tmp_path / "image.png"
+    assert cv2.imwrite(str(path), image[..., ::-1])
+    return Frame("image.png", path, lens, np.eye(4))
+
+
+def opencv_matrix(k: Intrinsics) -> np.ndarray:
+    return np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]])
+
+
+def test_a_pinhole_of_the_same_size_is_read_pixel_by_pixel(tmp_path: Path) -> None:
+    image = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    one = frame(tmp_path, image, Lens("PINHOLE", WIDTH, HEIGHT, PIXEL))
+    assert np.array_equal(read_image(one, one.intrinsics), image)
+
+
+def test_undistortion_is_opencvs(tmp_path: Path) -> None:
+    k = np.array([-0.15, 0.03, 0.002, -0.001])
+    one = frame(tmp_path, smooth(), Lens("OPENCV", WIDTH, HEIGHT, (*PIXEL, *k)))
+    stored = opencv_matrix(Intrinsics(WIDTH, HEIGHT, *PIXEL))
+    expected = cv2.undistort(smooth(), stored, k, None, opencv_matrix(one.intrinsics))
+    difference = np.abs(read_image(one, one.intrinsics).astype(int) - expected)[2:-2, 2:-2]
+    assert difference.mean() < 0.1 and difference.max() <= 3
+
+
+def test_fisheye_undistortion_is_opencvs(tmp_path: Path) -> None:
+    k = np.array([0.05, -0.02, 0.004, -0.001])
+    one = frame(tmp_path, smooth(), Lens("OPENCV_FISHEYE", WIDTH, HEIGHT, (*PIXEL, *k)))
+    stored = opencv_matrix(Intrinsics(WIDTH, HEIGHT, *PIXEL))
+    expected = cv2.fisheye.undistortImage(smooth(), stored, k, None, opencv_matrix(one.intrinsics))
+    difference = np.abs(read_image(one, one.intrinsics).astype(int) - expected)[2:-2, 2:-2]
+    assert difference.mean() < 0.1 and difference.max() <= 3
+
+
+@pytest.mark.parametrize("distorted", [False, True])
+def test_shrinking_averages_areas_instead_of_skipping_pixels(tmp_path: Path, distorted: bool) -> None:
+    checkers = np.indices((HEIGHT, WIDTH)).sum(axis=0) % 2 * 255
+    image = np.repeat(checkers[..., None], 3, axis=2).astype(np.uint8)
+    lens = Lens("OPENCV", WIDTH, HEIGHT, (*PIXEL, 1e-9 if distorted else 0.0, 0, 0, 0))
+    one = frame(tmp_path, image, lens)
+    small = read_image(one, one.intrinsics.scaled(WIDTH // 4, HEIGHT // 4))
+    assert small.shape == (HEIGHT // 4, WIDTH // 4, 3)
+    assert np.abs(small.astype(int) - 127.5).max() < 8
+
+
+def test_another_pinhole_sees_the_world_where_it_should(tmp_path: Path) -> None:
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    cv2.circle(image, (200, 90), 6, (255, 0, 0), -1)
+    lens = Lens("PINHOLE", WIDTH, HEIGHT, PIXEL)
+    target = Intrinsics(160, 120, 150.0, 150.0, 70.0, 65.0)
+    red = read_image(frame(tmp_path, image, lens), target)[..., 0] > 128
+    rows, columns = np.nonzero(red)
+    x, y = (200.5 - lens.params[2]) / lens.params[0], (90.5 - lens.params[3]) / lens.params[1]
+    assert columns.mean() + 0.5 == pytest.approx(150 * x + 70, abs=0.3)
+    assert rows.mean() + 0.5 == pytest.approx(150 * y + 65, abs=0.3)
+
+
+def test_an_orientation_tag_does_not_turn_the_pixels_of_a_posed_image(tmp_path: Path) -> None:
+    ok, data = cv2.imencode(".jpg", smooth())
+    assert ok
+    tag = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
+    segment = b"\xff\xe1" + (len(tag) + 2).to_bytes(2, "big") + tag
+    path = tmp_path / "turned.jpg"
+    path.write_bytes(data.tobytes()[:2] + segment + data.tobytes()[2:])
+    assert cv2.imread(str(path)).shape[:2] == (WIDTH, HEIGHT), "the tag is one that viewers follow"
+    one = Frame("turned.jpg", path, Lens("PINHOLE", WIDTH, HEIGHT, PIXEL), np.eye(4))
+    assert read_image(one, one.intrinsics).shape[:2] == (HEIGHT, WIDTH)
+
+
+@pytest.mark.parametrize("extension", [".jpg", ".png"])
+@pytest.mark.parametrize("kept", [0.0, 0.02, 0.5, 0.98])
+def test_a_broken_image_is_refused_by_name(tmp_path: Path, extension: str, kept: float) -> None:
+    data = cv2.imencode(extension, smooth())[1].tobytes()
+    path = tmp_path / f"broken{extension}"
+    path.write_bytes(data[: int(len(data) * kept)])
+    one = Frame(path.name, path, Lens("PINHOLE", WIDTH, HEIGHT, PIXEL), np.eye(4))
+    with pytest.raises(InputError, match=f"broken{extension}"):
+        read_image(one, one.intrinsics)
+
+
+def test_a_missing_image_a_text_and_one_of_another_size_are_refused_by_name(tmp_path: Path) -> None:
+    one = frame(tmp_path, smooth(), Lens("PINHOLE", WIDTH, HEIGHT + 1, PIXEL))
+    with pytest.raises(InputError, match="image.png is 320x240 pixels but its camera is 320x241"):
+        read_image(one, one.intrinsics)
+    one.image_path.write_text("not an image")
+    with pytest.raises(InputError, match="image.png is not an image"):
+        read_image(one, one.intrinsics)
+    one.image_path.unlink()
+    with pytest.raises(InputError, match="image.png"):
+        read_image(one, one.intrinsics)
