@@ -98,7 +98,7 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
     g = gaussians
     finite = np.ones(n, bool)
     for array in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh):
-        finite &= np.isfinite(array.reshape(n, -1)).all(axis=1)
+        finite &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
     if not finite.all():
         first = int(np.argmin(finite))
         raise InputError(

@@ -1,0 +1,204 @@
+"""Model folders and PLY files: what is written comes back, and what is damaged is refused with a sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nvsim.errors import InputError
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.files import load_model, save_model
+from nvsim.splats.ply import read_ply, write_ply
+from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
+
+ARRAYS = ("means", "log_scales", "quats", "opacity_logits", "sh")
+
+
+def gaussians(count=7, degree=3, seed=0):
+    r = np.random.default_rng(seed)
+    f = np.float32
+    shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, (degree + 1) ** 2, 3))
+    return Gaussians(*(r.normal(size=s).astype(f) for s in shapes))
+
+
+def model(seed=0, **changes):
+    r = np.random.default_rng(seed)
+    weights = {"base.weight": r.normal(size=(3, 4)).astype(np.float32), "base.bias": np.ones(3, np.float32)}
+    levels = (r.normal(size=(2, 3, 3)).astype(np.float32), r.normal(size=(8, 5, 3)).astype(np.float32))
+    parts = {
+        "gaussians": gaussians(seed=seed),
+        "background": Background(weights, 3, 4.5),
+        "texture": FloorTexture(levels, (-1.0, 2.0), (3.5, 4.0)),
+        "floor": FloorSurface(r.normal(size=(3, 2)).astype(np.float32), (0.5, -0.5), 0.75),
+        "antialiased": False,
+        "info": {"preset": "nvsim", "steps": 10, "psnr": 27.5},
+    }
+    return SubmapModel(**{**parts, **changes})
+
+
+def assert_same_gaussians(a, b):
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+        array = getattr(b, name)
+        assert array.dtype == np.float32 and array.flags.c_contiguous and array.flags.writeable, name
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("count", [0, 1, 7])
+def test_gaussians_come_back_from_a_ply_file(tmp_path, degree, count):
+    g = gaussians(count, degree)
+    write_ply(tmp_path / "g.ply", g, antialiased=bool(degree % 2))
+    found, antialiased = read_ply(tmp_path / "g.ply")
+    assert_same_gaussians(g, found)
+    assert antialiased is bool(degree % 2)
+
+
+def test_a_ply_file_is_laid_out_as_other_programs_expect(tmp_path):
+    g = gaussians(3, 1)
+    write_ply(tmp_path / "g.ply", g, True)
+    head, body = (tmp_path / "g.ply").read_bytes().split(b"end_header\n")
+    names = [line.split()[-1] for line in head.decode().splitlines() if line.startswith("property")]
+    expected = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", *(f"f_rest_{i}" for i in range(9))]
+    expected += ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+    assert names == expected
+    row = np.frombuffer(body, "<f4").reshape(3, 26)[1]
+    np.testing.assert_array_equal(row[9:12], g.sh[1, 1:, 0])  # all of red before green
+    np.testing.assert_array_equal(row[12:15], g.sh[1, 1:, 1])
+    assert "comment antialiased 1" in head.decode().splitlines()
+
+
+def test_properties_may_come_in_any_order_with_others_between_and_without_normals(tmp_path):
+    g = gaussians(4, 0)
+    names = ["opacity", "rot_3", "rot_2", "rot_1", "rot_0", "extra", "z", "y", "x"]
+    names += ["scale_2", "scale_1", "scale_0", "f_dc_2", "f_dc_1", "f_dc_0"]
+    table = np.concatenate(
+        [
+            g.opacity_logits[:, None],
+            g.quats[:, ::-1],
+            np.ones((4, 1)),
+            g.means[:, ::-1],
+            g.log_scales[:, ::-1],
+            g.sh[:, 0, ::-1],
+        ],
+        axis=1,
+    )
+    header = "ply\nformat binary_big_endian 1.0\ncomment SplatRenderMode: mip\nelement vertex 4\n"
+    header += "".join(f"property double {n}\n" for n in names) + "end_header\n"
+    (tmp_path / "g.ply").write_bytes(header.encode() + table.astype(">f8").tobytes())
+    found, antialiased = read_ply(tmp_path / "g.ply")
+    assert_same_gaussians(g, found)
+    assert antialiased is True
+
+
+def damaged(tmp_path, change):
+    write_ply(tmp_path / "g.ply", gaussians(5, 1), True)
+    data = (tmp_path / "g.ply").read_bytes()
+    (tmp_path / "g.ply").write_bytes(change(data))
+    with pytest.raises(InputError) as caught:
+        read_ply(tmp_path / "g.ply")
+    assert "g.ply" in str(caught.value)
+    return str(caught.value)
+
+
+def test_damaged_ply_files_are_refused_by_name_and_reason(tmp_path):
+    assert "truncated" in damaged(tmp_path, lambda d: d[:-9])
+    assert "truncated" in damaged(tmp_path, lambda d: d[:60])
+    assert "does not begin" in damaged(tmp_path, lambda d: b"")
+    assert "does not begin" in damaged(tmp_path, lambda d: b"\x89PNG" + d)
+    assert "no property opacity" in damaged(tmp_path, lambda d: d.replace(b"float opacity", b"float opacitx"))
+    assert "9, 24 or 45" in damaged(tmp_path, lambda d: d.replace(b"float f_rest_8", b"float g_rest_8"))
+    assert "not finite" in damaged(tmp_path, lambda d: d[:-4] + np.float32(np.nan).tobytes())
+    with pytest.raises(InputError, match="absent.ply"):
+        read_ply(tmp_path / "absent.ply")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_no_damage_to_a_ply_file_does_anything_but_load_or_say_what_is_wrong(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("ply") / "g.ply"
+    write_ply(path, gaussians(3, 0), True)
+    content = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    try:
+        read_ply(path)
+    except InputError as error:
+        assert "g.ply" in str(error)
+
+
+@pytest.mark.parametrize("without", [(), ("background",), ("texture",), ("background", "texture")])
+def test_a_model_comes_back_from_its_folder(tmp_path, without):
+    saved = model(**dict.fromkeys(without))
+    save_model(saved, tmp_path / "submap")
+    found = load_model(tmp_path / "submap")
+    assert_same_gaussians(saved.gaussians, found.gaussians)
+    assert found.antialiased is saved.antialiased and found.info == saved.info
+    np.testing.assert_array_equal(found.floor.heights, saved.floor.heights)
+    assert (found.floor.origin, found.floor.spacing) == (saved.floor.origin, saved.floor.spacing)
+    if saved.background is None:
+        assert found.background is None
+    else:
+        assert (found.background.octaves, found.background.period) == (3, 4.5)
+        assert found.background.weights.keys() == saved.background.weights.keys()
+        for name, weight in saved.background.weights.items():
+            np.testing.assert_array_equal(found.background.weights[name], weight)
+    if saved.texture is None:
+        assert found.texture is None
+    else:
+        assert (found.texture.low, found.texture.high) == (saved.texture.low, saved.texture.high)
+        for a, b in zip(found.texture.levels, saved.texture.levels):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_model_replaces_the_one_before_and_leaves_nothing_else(tmp_path):
+    save_model(model(seed=1), tmp_path / "submap")
+    save_model(model(seed=2), tmp_path / "submap")
+    assert_same_gaussians(model(seed=2).gaussians, load_model(tmp_path / "submap").gaussians)
+    assert os.listdir(tmp_path) == ["submap"]
+    assert sorted(os.listdir(tmp_path / "submap")) == ["gaussians.ply", "model.json", "networks.safetensors"]
+
+
+def test_a_write_that_dies_leaves_the_model_before(tmp_path, monkeypatch):
+    save_model(model(seed=1), tmp_path / "submap")
+
+    def die(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("nvsim.splats.files.safetensors.numpy.save", die)
+    with pytest.raises(KeyboardInterrupt):
+        save_model(model(seed=2), tmp_path / "submap")
+    assert_same_gaussians(model(seed=1).gaussians, load_model(tmp_path / "submap").gaussians)
+    assert os.listdir(tmp_path) == ["submap"]
+
+
+@pytest.mark.parametrize("name", ["gaussians.ply", "networks.safetensors", "model.json"])
+def test_a_missing_truncated_or_changed_file_is_refused_by_name(tmp_path, name):
+    path = tmp_path / "submap" / name
+    save_model(model(), tmp_path / "submap")
+    data = path.read_bytes()
+    for content in (b"", data[: len(data) // 2], data[:-3] + b"abc"):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=name):
+            load_model(tmp_path / "submap")
+    path.unlink()
+    with pytest.raises(InputError, match="submap"):
+        load_model(tmp_path / "submap")
+
+
+def test_a_newer_version_and_a_missing_field_are_refused(tmp_path):
+    save_model(model(), tmp_path / "submap")
+    path = tmp_path / "submap" / "model.json"
+    description = json.loads(path.read_text())
+    path.write_text(json.dumps({**description, "version": 2}))
+    with pytest.raises(InputError, match="version 2"):
+        load_model(tmp_path / "submap")
+    for key in ("files", "floor", "texture", "background", "antialiased", "info"):
+        path.write_text(json.dumps({k: v for k, v in description.items() if k != key}))
+        with pytest.raises(InputError, match="damaged"):
+            load_model(tmp_path / "submap")
