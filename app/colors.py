@@ -11,6 +11,12 @@ CAMERA = "#ff6b6b"
 OPEN = "#3fb37f"
 BLOCKED = "#e05d5d"
 UNDECIDED = "#8d99a6"
+# The same meanings as text: dark enough for white paper, light enough for a dark one.
+RUNNING_TEXT = "#169c8f"
+OPEN_TEXT = "#2f9e6c"
+BLOCKED_TEXT = "#dd5555"
+WARNING_TEXT = "#c27c0e"
+QUIET_TEXT = "#7f8b98"
 
 # Twelve hues that stay apart for most kinds of colour vision, in an order that keeps neighbours different.
 SUBMAPS = (

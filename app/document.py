@@ -27,8 +27,10 @@ class Selection:
 
 
 class Document(QObject):
-    """contentsChanged(frozenset of names from loading.PARTS), selectionChanged()."""
+    """projectChanged() when another project takes the place of this one, before its parts are announced;
+    contentsChanged(frozenset of names from loading.PARTS); selectionChanged()."""
 
+    projectChanged = Signal()
     contentsChanged = Signal(object)
     selectionChanged = Signal()
 
@@ -59,6 +61,10 @@ class Document(QObject):
             self.graph_arrays = GraphArrays.of(contents.graph)
         if changed & {"capture", "submaps"}:
             self.trajectory = TrajectoryArrays.of(contents.capture, contents.submaps)
+        if before.path != contents.path:
+            self._selection = Selection()
+            self.projectChanged.emit()
+            self.selectionChanged.emit()
         if not changed:
             return
         self.contentsChanged.emit(changed)

@@ -15,7 +15,9 @@ from nvsim.submaps.types import Submap
 @dataclass(frozen=True, eq=False)
 class GraphArrays:
     """ids        in file order
-    positions  (N, 3) metres, world
+    positions  (N, 3) metres, world, of the camera
+    feet       (N, 3) metres, world, on the floor beneath; where the graph is drawn, because seen from a viewpoint all
+               others stand on the horizon
     edges      (M, 2) indices into ids
     submaps    (N,) submap index, -1 for none
     included   (N,) bool
@@ -24,6 +26,7 @@ class GraphArrays:
 
     ids: tuple[str, ...] = ()
     positions: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    feet: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     edges: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     submaps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     included: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
@@ -36,9 +39,13 @@ class GraphArrays:
         ids = tuple(graph.viewpoints)
         index = {id: i for i, id in enumerate(ids)}
         values = graph.viewpoints.values()
+        positions = np.array([v.position for v in values], np.float64).reshape(-1, 3)
+        feet = positions.copy()
+        feet[:, 2] -= [v.height for v in values]
         return GraphArrays(
             ids,
-            np.array([v.position for v in values], np.float64).reshape(-1, 3),
+            positions,
+            feet,
             np.array([(index[a], index[b]) for a, b in graph.edges], np.int64).reshape(-1, 2),
             np.array([v.submap for v in values], np.int64),
             np.array([v.included for v in values], bool),

@@ -112,8 +112,10 @@ class MapView(QWidget):
         self._scale.setParentItem(self.plot.getViewBox())
         self._scale.anchor((1, 1), (1, 1), offset=(-16, -14))
         self.camera.hide()
+        self._scale.hide()
         self.camera.dragged.connect(self.cameraDragged)
         self.plot.scene().sigMouseClicked.connect(self._on_click)
+        document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self._draw_selection)
         self._dress()
@@ -130,6 +132,11 @@ class MapView(QWidget):
             low, high = extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5
             self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
 
+    def _on_project(self) -> None:
+        self._framed = False
+        self._scale.hide()
+        self.camera.hide()
+
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "occupancy" in parts:
             self._draw_occupancy()
@@ -139,6 +146,7 @@ class MapView(QWidget):
             self._draw_graph()
         if not self._framed and len(self._document.extent):
             self._framed = True
+            self._scale.show()
             self.frame_everything()
 
     def _draw_occupancy(self) -> None:

@@ -20,8 +20,8 @@ MOST_LABELS = 24
 PICK_TOLERANCE = 10.0  # pixels
 # Beyond this many lines their smooth edges cost more than they give.
 SMOOTH_LINES = 4000
-_NODE_METRES = 0.11  # radius of a viewpoint's dot in the world
-_NODE_PIXELS = (3.0, 13.0)  # least and most radius of a dot
+_NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor
+_NODE_PIXELS = (3.5, 42.0)  # least and most radius of a disc
 
 
 @dataclass
@@ -62,7 +62,7 @@ class Overlays:
         arrays = self._document.graph_arrays
         if not self.layers.graph or not arrays.ids:
             return None
-        row = nearest_point(*camera.project(arrays.positions), (cursor.x(), cursor.y()), PICK_TOLERANCE)
+        row = nearest_point(*camera.project(arrays.feet), (cursor.x(), cursor.y()), PICK_TOLERANCE)
         return None if row is None else arrays.ids[row]
 
     def pick_frame(self, camera: Camera, cursor: QPointF) -> int | None:
@@ -95,46 +95,60 @@ class Overlays:
         owners = trajectory.submaps[pairs[index, 1]]
         for owner in np.unique(owners):
             color = QColor(colors.submap_color(int(owner)))
-            color.setAlpha(170)
-            painter.setPen(QPen(color, 1.6))
+            color.setAlpha(220)
+            painter.setPen(QPen(color, 2.0))
             self._primitives.draw_lines(painter, lines[owners == owner])
 
     def _paint_graph(self, painter: QPainter, camera: Camera) -> None:
         arrays = self._document.graph_arrays
         if not arrays.ids:
             return
-        ends = arrays.positions[arrays.edges]
+        ends = arrays.feet[arrays.edges]
         lines, _, depth = projected_segments(camera, ends[:, 0], ends[:, 1])
         painter.setRenderHint(QPainter.RenderHint.Antialiasing, len(lines) < SMOOTH_LINES)
-        for near, far, width, opacity in ((15.0, np.inf, 1.0, 90), (5.0, 15.0, 1.6, 150), (0.0, 5.0, 2.6, 215)):
+        for near, far, width, opacity in ((12.0, np.inf, 1.2, 170), (5.0, 12.0, 1.8, 190), (0.0, 5.0, 2.6, 225)):
             color = QColor(colors.EDGE)
             color.setAlpha(opacity)
             painter.setPen(QPen(color, width))
             self._primitives.draw_lines(painter, lines[(depth >= near) & (depth < far)])
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
 
-        pixels, depths = camera.project(arrays.positions)
+        pixels, depths = camera.project(arrays.feet)
         k = camera.intrinsics
         margin = 20
         seen = (depths > NEAR) & (pixels > -margin).all(axis=1)
         seen &= (pixels[:, 0] < k.width + margin) & (pixels[:, 1] < k.height + margin)
         radius = np.clip(_NODE_METRES * k.fy / np.maximum(depths, NEAR), *_NODE_PIXELS)
+        # A disc that lies on the floor looks flatter the more level the view of it is.
+        toward = arrays.feet - camera.position
+        flat = np.abs(toward[:, 2]) / np.maximum(np.linalg.norm(toward, axis=1), 1e-9)
+        shape = np.stack([radius, np.maximum(radius * np.maximum(flat, 0.3), 2.5)], axis=1)
         order = np.flatnonzero(seen)
         order = order[np.argsort(-depths[order])]  # far ones first
         for sprite, among in ((self._left_out, ~arrays.included), (self._node, arrays.included)):
             rows = order[among[order]]
-            self._primitives.draw_sprites(painter, pixels[rows], radius[rows] / 12, sprite)
+            self._primitives.draw_sprites(painter, pixels[rows], shape[rows] / 12, sprite)
         selected = arrays.index.get(self._document.selection.viewpoint or "")
         hovered = arrays.index.get(self.hovered or "")
         for row, scale in ((hovered, 1.25), (selected, 1.0)):
             if row is not None and seen[row]:
                 sprite = self._selected if row == selected else self._node
-                size = np.array([max(radius[row], 5.0) * scale * 1.35 / (sprite.width() / 4)])
+                size = np.maximum(shape[[row]], 4.0) * scale * 1.35 / (sprite.width() / 4)
                 self._primitives.draw_sprites(painter, pixels[[row]], size, sprite)
+        if selected is not None:
+            self._paint_stem(painter, camera, arrays.feet[selected], arrays.positions[selected])
         if self.layers.labels:
             near = order[depths[order] < LABEL_DISTANCE][-MOST_LABELS:].tolist()
             rows = dict.fromkeys([*near, *(r for r in (selected, hovered) if r is not None and seen[r])])
             self._paint_labels(painter, list(rows), pixels, radius, selected)
+
+    def _paint_stem(self, painter: QPainter, camera: Camera, foot: np.ndarray, eye: np.ndarray) -> None:
+        lines, _, _ = projected_segments(camera, foot[None], eye[None])
+        painter.setPen(QPen(QColor(colors.SELECTED), 1.6))
+        self._primitives.draw_lines(painter, lines)
+        pixel, depth = camera.project(eye[None])
+        if depth[0] > NEAR:
+            self._primitives.draw_sprites(painter, pixel, np.full((1, 2), 0.2), self._selected)
 
     def _paint_labels(
         self, painter: QPainter, rows: list[int], pixels: np.ndarray, radius: np.ndarray, selected: int | None
@@ -168,7 +182,7 @@ class Overlays:
         self._primitives.draw_lines(painter, lines)
         pixels, depth = camera.project(eye[:1])
         if depth[0] > NEAR:
-            self._primitives.draw_sprites(painter, pixels, np.array([0.5]), self._frame)
+            self._primitives.draw_sprites(painter, pixels, np.full((1, 2), 0.5), self._frame)
 
 
 def short_id(id: str) -> str:

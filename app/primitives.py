@@ -33,7 +33,7 @@ class Primitives:
     def draw_sprites(
         self, painter: QPainter, centres: NDArray[np.floating], scales: NDArray[np.floating], sprite: QPixmap
     ) -> None:
-        """The sprite at `centres` (N, 2) in pixels, each scaled by `scales` (N,)."""
+        """The sprite at `centres` (N, 2) in pixels, each scaled by `scales` (N, 2) in width and height."""
         if len(centres) == 0:
             return
         self._fragments.resize(len(centres))
@@ -42,7 +42,7 @@ class Primitives:
         data[:, :2] = centres
         data[:, 2:4] = 0
         data[:, 4], data[:, 5] = sprite.width(), sprite.height()
-        data[:, 6] = data[:, 7] = scales / sprite.devicePixelRatio()
+        data[:, 6:8] = scales / sprite.devicePixelRatio()
         data[:, 8], data[:, 9] = 0, 1
         painter.drawPixmapFragments(*self._fragments.drawargs(), sprite)
 

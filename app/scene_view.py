@@ -33,7 +33,7 @@ from app.render_child import Picture, RenderSource, Request, Trouble
 from app.render_link import RenderLink
 from nvsim.geometry.camera import Camera
 
-REST = 120  # milliseconds without movement until the sharp picture is asked for
+REST = 100  # milliseconds without movement until the sharp picture is asked for
 
 
 class SceneView(QWidget):
@@ -63,13 +63,14 @@ class SceneView(QWidget):
         self._image: QImage | None = None
         self._unseen = False
         self._number = 0
-        self._placed = False
+        self._placed = self.navigation.pose  # where the program, not the person, put the camera
         self._rest = QTimer(self, singleShot=True, interval=REST)
         self._rest.timeout.connect(self._ask_sharp)
         self.navigation.moved.connect(self._on_moved)
         self.link.arrived.connect(self._on_picture)
         self.link.opened.connect(lambda _: self._on_opened())
         self.link.troubled.connect(self._on_trouble)
+        document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self.update)
 
@@ -105,13 +106,20 @@ class SceneView(QWidget):
         self.channel = channel
         self._ask_sharp()
 
+    def _home_pose(self) -> ViewPose:
+        contents = self._document.contents
+        if contents.capture is not None and contents.capture.frames and contents.scene_stamp is not None:
+            return cameras.seen_from_frame(contents.capture.frames[0].camera)
+        return cameras.overview(self._document.extent)
+
+    def _place(self) -> None:
+        self._placed = self._home_pose()
+        self.navigation.set_pose(self._placed)
+
     def home(self) -> None:
-        """Where the walk began; without a walk, a view over the graph."""
-        capture, extent = self._document.contents.capture, self._document.extent
-        if capture is not None and capture.frames and self._document.contents.scene_stamp is not None:
-            self.navigation.go_to(cameras.seen_from_frame(capture.frames[0].camera))
-        elif len(extent):
-            self.navigation.go_to(cameras.overview(extent))
+        """Where the walk began; without a reconstruction, a view over walk and graph."""
+        if len(self._document.extent):
+            self.navigation.go_to(self._home_pose())
 
     def look_over(self) -> None:
         extent = self._document.extent
@@ -189,10 +197,12 @@ class SceneView(QWidget):
         self.troubled.emit(trouble)
         self.update()
 
+    def _on_project(self) -> None:
+        self._placed = self.pose
+
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if not self._placed and len(self._document.extent) and parts & {"capture", "graph"}:
-            self._placed = True
-            self.navigation.set_pose(cameras.overview(self._document.extent))
+        if len(self._document.extent) and self.pose == self._placed:
+            self._place()
         self.update()
 
     # Painting --------------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QMainWindow,
     QMenu,
     QStackedWidget,
+    QTabWidget,
     QToolBar,
     QWidget,
 )
@@ -112,7 +113,7 @@ class MainWindow(QMainWindow):
         area, docks = Qt.DockWidgetArea, self._docks
         self.setDockNestingEnabled(True)
         self.setCorner(Qt.Corner.BottomRightCorner, area.RightDockWidgetArea)
-        self.setTabPosition(area.AllDockWidgetAreas, self.tabPosition(area.TopDockWidgetArea))
+        self.setTabPosition(area.AllDockWidgetAreas, QTabWidget.TabPosition.North)
         for dock in docks.values():
             dock.setFloating(False)
             dock.show()
@@ -122,8 +123,10 @@ class MainWindow(QMainWindow):
         self.splitDockWidget(docks["map"], docks["details"], Qt.Orientation.Vertical)
         self.addDockWidget(area.BottomDockWidgetArea, docks["jobs"])
         self.tabifyDockWidget(docks["jobs"], docks["log"])
+        for name in ("jobs", "log"):
+            docks[name].setTitleBarWidget(QWidget(docks[name]))  # their tabs name them already
         docks["jobs"].raise_()
-        self.resizeDocks([docks["submaps"], docks["map"]], [290, 380], Qt.Orientation.Horizontal)
+        self.resizeDocks([docks["submaps"], docks["map"]], [330, 380], Qt.Orientation.Horizontal)
         self.resizeDocks([docks["map"], docks["details"]], [400, 420], Qt.Orientation.Vertical)
         self.resizeDocks([docks["jobs"]], [150], Qt.Orientation.Vertical)
 

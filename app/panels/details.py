@@ -160,7 +160,7 @@ class DetailsPanel(QScrollArea):
             self._facts.addWidget(text, row, 1)
         self.rose.show_findings(found)
         rows = (
-            f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN if f.open else colors.BLOCKED}">'
+            f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN_TEXT if f.open else colors.BLOCKED_TEXT}">'
             f"{f.direction}</td><td style='padding:2px 0'>{f.words}</td></tr>"
             for f in found
         )

@@ -18,6 +18,13 @@ _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 _COLUMNS = ("Stage", "State", "Progress", "Started", "Took", "Note")
 _PROGRESS = 2
+_STATE_TEXTS = {
+    "running": colors.RUNNING_TEXT,
+    "done": colors.OPEN_TEXT,
+    "failed": colors.BLOCKED_TEXT,
+    "interrupted": colors.WARNING_TEXT,
+    "stopped": colors.QUIET_TEXT,
+}
 _STATE_COLORS = {
     "running": colors.NODE,
     "done": colors.OPEN,
@@ -75,7 +82,7 @@ class JobModel(QAbstractTableModel):
             return None
         job = self._jobs[index.row()]
         if role == Qt.ItemDataRole.ForegroundRole and index.column() == 1:
-            return QColor(_STATE_COLORS.get(job.state, colors.UNDECIDED))
+            return QColor(_STATE_TEXTS.get(job.state, colors.QUIET_TEXT))
         if role == Qt.ItemDataRole.ToolTipRole:
             return job.message or None
         if role == Qt.ItemDataRole.UserRole and index.column() == _PROGRESS:

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QPlainTextEdit, QWidget
 from app import colors
 from app.notices import Notice, Notices
 
-_COLORS = {"info": colors.UNDECIDED, "warning": colors.SELECTED, "error": colors.BLOCKED}
+_COLORS = {"info": colors.QUIET_TEXT, "warning": colors.WARNING_TEXT, "error": colors.BLOCKED_TEXT}
 MOST_LINES = 5000
 
 

@@ -44,6 +44,8 @@ class SubmapModel(QAbstractTableModel):
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         if orientation == Qt.Orientation.Horizontal and 0 <= section < len(_COLUMNS):
+            if role == Qt.ItemDataRole.TextAlignmentRole and section > 0:
+                return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
             if role == Qt.ItemDataRole.DisplayRole:
                 return _COLUMNS[section]
             if role == Qt.ItemDataRole.ToolTipRole:
@@ -67,7 +69,7 @@ class SubmapModel(QAbstractTableModel):
             str(len(submap.core)),
             str(len(submap.frames) - len(submap.core)),
             f"{psnr:.1f}" if isinstance(psnr, int | float) else "–",
-            f"{count:,}" if isinstance(count, int) else "–",
+            f"{count / 1000:,.0f} k" if isinstance(count, int) else "–",
         )[index.column()]
 
 

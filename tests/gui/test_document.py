@@ -1,0 +1,96 @@
+"""What the document says, and when."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import demo_room
+import numpy as np
+from pytestqt.qtbot import QtBot
+
+from app.document import Document, Selection
+from app.graph_arrays import GraphArrays, TrajectoryArrays
+from app.loading import Contents
+
+
+def test_only_the_parts_that_changed_are_announced(qtbot: QtBot, document: Document) -> None:
+    with qtbot.waitSignal(document.contentsChanged) as heard:
+        document.set_contents(replace(document.contents, jobs=demo_room.jobs()[:2]))
+    assert heard.args == [frozenset({"jobs"})]
+
+
+def test_the_same_contents_are_not_announced(qtbot: QtBot, document: Document) -> None:
+    with qtbot.assertNotEmitted(document.contentsChanged):
+        document.set_contents(replace(document.contents))
+
+
+def test_one_thing_is_selected_at_a_time(qtbot: QtBot, document: Document) -> None:
+    id = document.graph_arrays.ids[3]
+    with qtbot.waitSignal(document.selectionChanged):
+        document.select(viewpoint=id)
+    document.select(frame=7)
+    assert document.selection == Selection(frame=7)
+    assert np.allclose(document.selected_point, document.contents.capture.positions[7])
+
+
+def test_what_does_not_exist_cannot_be_selected(qtbot: QtBot, document: Document) -> None:
+    with qtbot.assertNotEmitted(document.selectionChanged):
+        document.select(viewpoint="nobody")
+        document.select(frame=10_000)
+        document.select(submap=99)
+    assert not document.selection
+
+
+def test_a_viewpoint_that_vanishes_is_no_longer_selected(document: Document) -> None:
+    document.select(viewpoint=document.graph_arrays.ids[0])
+    document.set_contents(replace(document.contents, graph=None))
+    assert not document.selection and document.selected_viewpoint is None
+
+
+def test_another_project_is_announced_before_its_parts(document: Document) -> None:
+    order: list[str] = []
+    document.projectChanged.connect(lambda: order.append("project"))
+    document.contentsChanged.connect(lambda _: order.append("parts"))
+    document.set_contents(Contents(Path("other.nvsim")))
+    assert order == ["project", "parts"]
+
+
+def test_graph_arrays_hold_the_same_edges_as_the_graph(document: Document) -> None:
+    graph, arrays = document.contents.graph, document.graph_arrays
+    assert {frozenset((arrays.ids[a], arrays.ids[b])) for a, b in arrays.edges} == {frozenset(k) for k in graph.edges}
+    assert np.allclose(arrays.positions[:, 2] - arrays.feet[:, 2], demo_room.EYE)
+
+
+def test_the_trajectory_breaks_at_a_jump_and_at_another_sensor() -> None:
+    capture = demo_room.capture(60)
+    frames = list(capture.frames)
+    moved = frames[30].camera_to_world.copy()
+    moved[0, 3] += 40
+    frames[30] = replace(frames[30], camera_to_world=moved)
+    frames[50:] = [replace(f, sensor="other") for f in frames[50:]]
+    arrays = TrajectoryArrays.of(replace(capture, frames=tuple(frames)), ())
+    assert np.flatnonzero(arrays.breaks).tolist() == [0, 30, 31, 50]
+    assert len(arrays.segments) == 56
+
+
+def test_every_frame_belongs_to_the_submap_whose_core_holds_it(document: Document) -> None:
+    for submap in document.contents.submaps:
+        assert (document.trajectory.submaps[list(submap.core)] == submap.index).all()
+
+
+def test_an_empty_project_has_empty_arrays() -> None:
+    assert GraphArrays.of(None).ids == () and len(TrajectoryArrays.of(None, ()).segments) == 0
+
+
+def test_what_is_missing_is_named_in_the_order_of_the_stages() -> None:
+    full = demo_room.contents(Path("p.nvsim"))
+    assert full.missing is None
+    for emptied, command in (
+        (Contents(None), "nvsim demo"),
+        (Contents(Path("p.nvsim")), "nvsim import CAPTURE --project p.nvsim"),
+        (replace(full, submaps=(), graph=None, scene_stamp=None), "nvsim submaps --project p.nvsim"),
+        (replace(full, scene_stamp=None, graph=None), "nvsim train --project p.nvsim"),
+        (replace(full, graph=None), "nvsim map --project p.nvsim"),
+    ):
+        assert emptied.missing is not None and emptied.missing[1] == command
