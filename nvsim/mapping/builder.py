@@ -25,6 +25,7 @@ from nvsim.mapping.walk import Walk
 
 STAGE = "map"
 _TRIES = 3  # places on either side of a gap in the walk that a joining start is tried at
+_HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the walk
 _CROWD = 0.3  # metres; a joining start keeps this far from existing viewpoints
 
 
@@ -128,7 +129,7 @@ def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Lis
 
 
 class _Explorer:
-    """Starts searches until the walk is covered and, where it is connected, so is the graph."""
+    """Starts searches until the walk is covered and the graph follows it."""
 
     def __init__(
         self, search: Search, walk: Walk, config: MappingConfig, listen: Listener, should_stop: Callable[[], bool]
@@ -147,7 +148,7 @@ class _Explorer:
                 self._start(int(place))
 
     def bridge(self) -> None:
-        """Puts starts where the walk goes from one component of the graph to another."""
+        """Puts starts where the graph does not follow the walk."""
         progress = True
         while progress and not self._should_stop():
             progress = False
@@ -171,19 +172,19 @@ class _Explorer:
         return None
 
     def _gaps(self) -> list[int]:
-        """Places i of the walk such that i is covered by one component and the next covered one by another, with
-        nothing but the walk between."""
-        owner = self._search.draft.components()
-        gaps, last = [], -1
+        """Places i of the walk that are the last before a place whose viewpoint lies many steps away in the graph, or
+        in another component, although one simply walked there."""
+        gaps: list[int] = []
+        last: str | None = None
         for i, place in enumerate(self._walk.places):
             if i and not self._walk.joined[i - 1]:
-                last = -1
+                last = None
             coverer = self._coverer(place)
             if coverer is None:
                 continue
-            if last >= 0 and owner[coverer] != last:
+            if last is not None and not self._search.draft.is_within(last, coverer, _HOPS):
                 gaps.append(i - 1)
-            last = owner[coverer]
+            last = coverer
         return gaps
 
     def _start(self, place: int) -> bool:

@@ -92,17 +92,13 @@ class Draft:
                 return k
         return max([*self.evidence[viewpoint], DIRECTIONS - 1]) + 1
 
-    def components(self) -> dict[str, int]:
-        """id -> number of its component."""
-        owner: dict[str, int] = {}
-        for number, start in enumerate(self.viewpoints):
-            front = [] if start in owner else [start]
-            while front:
-                id = front.pop()
-                if id not in owner:
-                    owner[id] = number
-                    front.extend(self._joined[id])
-        return owner
+    def is_within(self, a: str, b: str, hops: int) -> bool:
+        """Whether at most `hops` edges lead from one viewpoint to another."""
+        front, seen = {a}, {a}
+        for _ in range(hops):
+            front = {n for id in front for n in self._joined[id]} - seen
+            seen |= front
+        return b in seen
 
     def graph(self) -> NavGraph:
         """The graph as a value, evidence in the order of the viewpoints and their directions."""
