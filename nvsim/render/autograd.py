@@ -42,7 +42,7 @@ class Statistics:
     @property
     def gradient(self) -> NDArray[np.float32]:
         """(N,) mean over the views that drew the Gaussian."""
-        return self.sums[:, 0] / np.maximum(self.sums[:, 1], np.float32(1))
+        return np.asarray(self.sums[:, 0] / np.maximum(self.sums[:, 1], 1), np.float32)
 
     @property
     def count(self) -> NDArray[np.float32]:
