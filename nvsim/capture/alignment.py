@@ -110,7 +110,7 @@ def _scale(
         )
     if camera_height is None:
         return 1.0, False
-    if height is None or height <= 0:
+    if height is None or height <= 1e-6 * camera_height:
         raise InputError(
             f"{raw.source} shows no floor below the cameras to measure the camera height from; "
             "give the metres per unit with --scale instead."

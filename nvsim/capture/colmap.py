@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.lens_reading import read_lens
+from nvsim.capture.pointcloud import usable_cloud
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_from_quaternion
-from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 
 MODEL_NAMES = (
@@ -114,7 +114,7 @@ def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
     cloud = None
     if file_size(points) is not None:
         xyz, rgb = reader.read_points(points)
-        cloud = Cloud(xyz.astype(np.float32), rgb, "sfm")
+        cloud = usable_cloud(xyz, rgb, "sfm", points.name, findings)
     return RawCapture(root, "colmap", tuple(frames), cloud, metric=False)
 
 

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.lens_reading import read_lens
-from nvsim.capture.pointcloud import merge, read_cloud
+from nvsim.capture.pointcloud import merge, read_cloud, usable_cloud
 from nvsim.capture.raw import (
-    FARTHEST,
     RawCapture,
     RawFrame,
     file_size,
@@ -226,9 +225,10 @@ def _read_points(path: Path, findings: Findings) -> Cloud | None:
     rows = []
     for where, fields in _rows(path, 3, findings):
         values = _numbers(fields[:6], where, findings)
-        if values is not None and all(np.isfinite(values)) and max(map(abs, values[:3])) < FARTHEST:
+        if values is not None:
             rows.append((values + [128.0] * 3)[:6])
     if not rows:
         return None
     table = np.array(rows)
-    return Cloud(table[:, :3].astype(np.float32), np.clip(table[:, 3:], 0, 255).astype(np.uint8), "sfm")
+    colors = np.clip(np.nan_to_num(table[:, 3:]), 0, 255).astype(np.uint8)
+    return usable_cloud(table[:, :3], colors, "sfm", path.name, findings)

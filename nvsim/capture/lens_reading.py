@@ -9,6 +9,7 @@ from nvsim.capture.findings import Findings
 from nvsim.geometry.lens import Lens
 
 LARGEST_SIDE = 65_535  # pixels; the limit of JPEG
+FOCAL_RANGE = (0.1, 1e6)  # pixels
 
 
 def read_lens(
@@ -23,7 +24,11 @@ def read_lens(
         )
         return None
     try:
-        return Lens(model, int(width), int(height), tuple(params))
+        lens = Lens(model, int(width), int(height), tuple(params))
     except ValueError as error:
         findings.error(str(error), where, "no frame can use this camera")
         return None
+    if not all(FOCAL_RANGE[0] <= f <= FOCAL_RANGE[1] for f in lens.focal) or max(map(abs, params)) > FOCAL_RANGE[1]:
+        findings.error(f"the camera parameters {lens.params} are not in pixels", where, "no frame can use this camera")
+        return None
+    return lens

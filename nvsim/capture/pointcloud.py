@@ -17,8 +17,8 @@ _COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diff
 
 
 def read_cloud(path: Path, findings: Findings, kind: str = "lidar") -> Cloud:
-    """The cloud in a PLY or PCD file, told apart by content. Points that are not finite or absurdly far are left out
-    with a warning. Raises InputError naming the file when it is empty, truncated or of another format."""
+    """The cloud in a PLY or PCD file, told apart by content. Raises InputError naming the file when it is
+    empty, truncated or of another format."""
     from nvsim.capture import pcd, ply
 
     data = read_bytes(path)
@@ -31,15 +31,20 @@ def read_cloud(path: Path, findings: Findings, kind: str = "lidar") -> Cloud:
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"{path} has no point coordinate {', '.join(missing)}; export it with x, y and z.")
-    points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is one more point that is left out
+        points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    return usable_cloud(points, _colors(columns), kind, path.name, findings)
+
+
+def usable_cloud(
+    points: NDArray[np.float64], colors: NDArray[np.uint8] | None, kind: str, where: str, findings: Findings
+) -> Cloud:
+    """A cloud of those points (N, 3) that are finite and not absurdly far; a warning says how many are left out."""
     good = np.asarray((np.abs(np.nan_to_num(points, nan=np.inf)) < FARTHEST).all(axis=1))
-    colors = _colors(columns)
     if not good.all():
-        findings.warning(
-            f"{np.count_nonzero(~good)} of {len(good)} points are not finite or too far", path.name, "they are left out"
-        )
-        points = points[good]
-        colors = None if colors is None else colors[good]
+        left_out = int(np.count_nonzero(~good))
+        findings.warning(f"{left_out} of {len(good)} points are not finite or too far", where, "they are left out")
+        points, colors = points[good], None if colors is None else colors[good]
     return Cloud(points.astype(np.float32), colors, kind)
 
 

@@ -66,7 +66,8 @@ def pose_from_quaternion(
     quaternion: NDArray[np.float64], translation: NDArray[np.float64], where: str, findings: Findings
 ) -> NDArray[np.float64] | None:
     """(4, 4) world-to-device from (4,) w x y z and (3,), or None and an error finding."""
-    length = float(np.linalg.norm(quaternion))
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(quaternion))
     if not np.isfinite(length):
         findings.error("the pose holds a value that is not a finite number", where, LOST_FRAME)
         return None

@@ -208,6 +208,20 @@ def test_a_bad_line_of_a_text_file_is_named(tmp_path: Path) -> None:
         read(folder)
 
 
+@pytest.mark.parametrize("binary", [False, True])
+def test_points_at_infinity_are_left_out_of_a_colmap_cloud(tmp_path: Path, binary: bool) -> None:
+    points = sample.room(300)
+    points[[5, 6, 7], [0, 1, 2]] = [np.inf, np.nan, 1e30]
+    cloud = read(sample.write_colmap(tmp_path, sample.walk(), points, binary)).cloud
+    assert cloud is not None and len(cloud.points) == 297 and np.isfinite(cloud.points).all()
+
+
+@pytest.mark.parametrize("focal", [0.0, -5.0, 1e-30, 1e30])
+def test_a_focal_length_that_no_camera_has_is_refused(tmp_path: Path, focal: float) -> None:
+    with pytest.raises(InputError, match="camera parameters"):
+        read(sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(), fl_x=focal))
+
+
 def test_an_unsupported_camera_model_is_named_with_those_that_are(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(), camera_model="EQUIRECTANGULAR")
     with pytest.raises(InputError, match="EQUIRECTANGULAR.*OPENCV_FISHEYE"):
