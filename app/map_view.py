@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QGraphicsSceneMouseEvent, QStyleOptionGraphicsItem
 from app import colors
 from app.cameras import ViewPose
 from app.document import Document
+from app.loading import PARTS
 from app.theme import is_dark
 from nvsim.occupancy.types import FREE, OCCUPIED
 
@@ -105,7 +106,7 @@ class MapView(QWidget):
         self._picked = pg.ScatterPlotItem(size=15, pen=pg.mkPen("#3a2c05", width=2), brush=pg.mkBrush(colors.SELECTED))
         self._picked.setZValue(40)
         self.camera = CameraMarker()
-        self._walks: list[pg.PlotCurveItem] = []
+        self._walks: dict[int, pg.PlotCurveItem] = {}  # submap -> its part of the trajectory
         for item in (self._occupancy, self._edges, self._nodes, self._picked, self.camera):
             self.plot.addItem(item)
         self._scale = pg.ScaleBar(size=5, width=4, suffix="m")
@@ -119,6 +120,7 @@ class MapView(QWidget):
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self._draw_selection)
         self._dress()
+        self._on_contents(frozenset(PARTS))
 
     def show_pose(self, pose: ViewPose) -> None:
         """Moves the camera marker."""
@@ -164,9 +166,9 @@ class MapView(QWidget):
         self._occupancy.setRect(QRectF(*occupancy.origin, columns * occupancy.resolution, rows * occupancy.resolution))
 
     def _draw_trajectory(self) -> None:
-        for item in self._walks:
+        for item in self._walks.values():
             self.plot.removeItem(item)
-        self._walks = []
+        self._walks = {}
         trajectory = self._document.trajectory
         pairs = trajectory.segments
         owners = trajectory.submaps[pairs[:, 1]] if len(pairs) else np.zeros(0, int)
@@ -176,7 +178,7 @@ class MapView(QWidget):
             item = pg.PlotCurveItem(ends[:, 0], ends[:, 1], connect="pairs", pen=pen)
             item.setZValue(10)
             self.plot.addItem(item)
-            self._walks.append(item)
+            self._walks[int(owner)] = item
         self._draw_selection()
 
     def _draw_graph(self) -> None:
@@ -190,10 +192,8 @@ class MapView(QWidget):
         point = self._document.selected_point if not self._document.selection.submap else None
         self._picked.setData([] if point is None else [point[0]], [] if point is None else [point[1]])
         chosen = self._document.selection.submap
-        trajectory = self._document.trajectory
-        owners = np.unique(trajectory.submaps[trajectory.segments[:, 1]]) if len(trajectory.positions) else []
-        for item, owner in zip(self._walks, owners, strict=True):
-            color = QColor(colors.submap_color(int(owner)))
+        for owner, item in self._walks.items():
+            color = QColor(colors.submap_color(owner))
             color.setAlpha(255 if chosen is None or chosen == owner else 60)
             item.setPen(pg.mkPen(color, width=4 if chosen == owner else 2.2))
 

@@ -43,6 +43,10 @@ class RenderLink(QObject):
         return self._ready
 
     @property
+    def process_id(self) -> int | None:
+        return None if self._process is None else self._process.pid
+
+    @property
     def busy(self) -> bool:
         return self._sent is not None
 

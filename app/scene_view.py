@@ -25,6 +25,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from app import cameras
 from app.cameras import ViewPose
 from app.document import Document
+from app.loading import PARTS
 from app.navigation import Navigation
 from app.overlays import Overlays
 from app.pacing import Pacing
@@ -73,6 +74,7 @@ class SceneView(QWidget):
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self.update)
+        self._on_contents(frozenset(PARTS))
 
     # What others ask of it -------------------------------------------------------------------------------------
 

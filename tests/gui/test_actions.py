@@ -1,0 +1,86 @@
+"""The table of actions: complete, free of clashes, and honest about what cannot run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QPalette
+from pytestqt.qtbot import QtBot
+
+from app.actions import ACTIONS
+from app.document import Document
+from app.icons import icon
+from app.loading import Contents
+from app.navigation import _KEYS
+from app.window import MainWindow
+
+
+def test_ids_and_shortcuts_are_unique_and_no_letter_is_one_that_flies() -> None:
+    ids = [a.id for a in ACTIONS]
+    shortcuts = [a.shortcut for a in ACTIONS if a.shortcut]
+    assert len(set(ids)) == len(ids) and len(set(shortcuts)) == len(shortcuts)
+    assert not set(shortcuts) & {Qt.Key(k).name.removeprefix("Key_") for k in _KEYS}
+
+
+@pytest.mark.parametrize("action", ACTIONS, ids=lambda a: a.id)
+def test_every_action_has_words_and_an_icon_that_exists(action, qapp) -> None:
+    assert action.text and action.tip
+    if action.icon:
+        assert not icon(action.icon, QPalette()).pixmap(24, 24).isNull()
+    assert action.icon or not action.toolbar
+
+
+def test_an_action_that_cannot_run_says_why(make_window: Callable[[Document], MainWindow], qapp) -> None:
+    window = make_window(Document(Path("p.nvsim")))
+    above = window.actions_table["above"]
+    assert not above.isEnabled()
+    assert "neither a trajectory nor a graph" in above.toolTip()
+
+
+def test_actions_follow_the_document(window: MainWindow, document: Document) -> None:
+    focus = window.actions_table["focus"]
+    assert not focus.isEnabled() and "nothing is selected" in focus.toolTip()
+    document.select(frame=3)
+    assert focus.isEnabled() and "Not now" not in focus.toolTip()
+    document.set_contents(Contents(Path("empty.nvsim")))
+    assert not focus.isEnabled() and not window.actions_table["show_graph"].isEnabled()
+
+
+def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot: QtBot, monkeypatch) -> None:
+    monkeypatch.setattr(window, "_choose_project", lambda: None)
+    monkeypatch.setattr("app.window.QFileDialog.getExistingDirectory", lambda *a: "")
+    monkeypatch.setattr("app.window.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    document.select(viewpoint=document.graph_arrays.ids[0])
+    for entry in ACTIONS:
+        if entry.id in ("quit", "fullscreen"):
+            continue
+        action = window.actions_table[entry.id]
+        assert action.isEnabled(), entry.id
+        action.trigger()
+        if entry.check and not entry.group:
+            action.trigger()
+    for child in window.findChildren(type(window.notice_area)):
+        child.hide()
+    from app.panels.help import HelpWindow
+
+    (page,) = window.findChildren(HelpWindow)
+    assert "orbit" in page.text.toPlainText() or "turn around" in page.text.toPlainText()
+    page.close()
+
+
+def test_switches_show_and_hide_their_overlays(window: MainWindow) -> None:
+    layers = window.scene.overlays.layers
+    for id, name in (("show_graph", "graph"), ("show_trajectory", "trajectory"), ("show_labels", "labels")):
+        assert getattr(layers, name)
+        window.actions_table[id].trigger()
+        assert not getattr(layers, name)
+
+
+def test_one_channel_is_on_at_a_time(window: MainWindow) -> None:
+    table = window.actions_table
+    table["depth"].trigger()
+    assert window.scene.channel == "depth"
+    assert [a for a in ("rgb", "alpha", "normal", "depth") if table[a].isChecked()] == ["depth"]

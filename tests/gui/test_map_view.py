@@ -1,0 +1,78 @@
+"""The plan, and its ties to the 3D view."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+from app import colors, theme
+from app.cameras import ViewPose
+from app.document import Document
+from app.map_view import MapView
+from app.window import MainWindow
+from nvsim.occupancy.types import OCCUPIED
+
+
+@pytest.fixture
+def plan(window: MainWindow) -> MapView:
+    window.map.frame_everything()
+    QApplication.processEvents()
+    return window.map
+
+
+def place_of(plan: MapView, x: float, y: float):
+    scene = plan.plot.getViewBox().mapViewToScene(QPointF(x, y))
+    return plan.plot.mapFromScene(scene)
+
+
+def test_a_click_selects_the_viewpoint_and_the_3d_view_knows(plan: MapView, document: Document, qtbot: QtBot) -> None:
+    x, y, _ = document.graph_arrays.positions[6]
+    qtbot.mouseClick(plan.plot.viewport(), Qt.MouseButton.LeftButton, pos=place_of(plan, x, y))
+    assert document.selection.viewpoint == document.graph_arrays.ids[6]
+
+
+def test_a_double_click_moves_the_camera_there(plan: MapView, window: MainWindow, qtbot: QtBot) -> None:
+    place = place_of(plan, 7.0, 4.0)
+    qtbot.mouseClick(plan.plot.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    qtbot.mouseDClick(plan.plot.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    qtbot.mouseRelease(plan.plot.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    qtbot.waitUntil(lambda: np.allclose(window.scene.pose.position[:2], (7, 4), atol=0.15), timeout=3000)
+    assert window.scene.pose.position[2] == pytest.approx(1.5)
+
+
+def test_the_marker_follows_the_3d_camera(plan: MapView, window: MainWindow) -> None:
+    window.scene.navigation.set_pose(ViewPose((3.0, 2.0, 1.5), 1.0))
+    assert (plan.camera.pos().x(), plan.camera.pos().y()) == (3.0, 2.0) and plan.camera.isVisible()
+
+
+def test_dragging_the_marker_moves_the_camera_and_keeps_its_height(plan: MapView, window: MainWindow) -> None:
+    window.scene.navigation.set_pose(ViewPose((3.0, 2.0, 1.2), 1.0))
+    plan.camera.dragged.emit(5.0, 6.0)
+    assert window.scene.pose == ViewPose((5.0, 6.0, 1.2), 1.0)
+
+
+def test_north_is_up_and_occupancy_lies_under_the_graph(plan: MapView, document: Document) -> None:
+    assert place_of(plan, 5, 8).y() < place_of(plan, 5, 2).y()
+    document.set_contents(replace(document.contents, graph=None, capture=None, submaps=()))
+    QApplication.processEvents()
+    picture = plan.plot.grab().toImage()
+    ratio = plan.plot.devicePixelRatioF()
+    tones = colors.OCCUPANCY_DARK if theme.is_dark(plan.palette()) else colors.OCCUPANCY_LIGHT
+    occupancy = document.contents.occupancy
+    for x, y in ((4.0, 3.7), (1.0, 6.0), (9.0, 3.0), (-0.5, 4.0)):
+        state = occupancy.at(np.array([x, y]))
+        name = "occupied" if state == OCCUPIED else "free" if state == 0 else "unknown"
+        place = place_of(plan, x, y) * ratio
+        assert picture.pixelColor(place) == QColor(*tones[name]), (x, y)
+
+
+def test_a_selected_submap_stands_out(plan: MapView, document: Document) -> None:
+    document.select(submap=1)
+    widths = {owner: item.opts["pen"].widthF() for owner, item in plan._walks.items()}
+    assert widths[1] > max(w for owner, w in widths.items() if owner != 1)

@@ -1,0 +1,66 @@
+"""Notices: shown, counted, closed, and made of errors that nobody caught."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+import pytest
+from PySide6.QtWidgets import QToolButton, QWidget
+from pytestqt.qtbot import QtBot
+
+from app.notices import MOST_SHOWN, NoticeArea, Notices, install_excepthook
+from nvsim.errors import InputError
+
+
+@pytest.fixture
+def area(qtbot: QtBot) -> NoticeArea:
+    parent = QWidget()
+    qtbot.addWidget(parent)
+    parent.resize(800, 600)
+    made = NoticeArea(Notices(), parent)
+    made.parent_to_keep = parent
+    return made
+
+
+def test_a_notice_appears_and_is_closed_by_its_button(area: NoticeArea, qtbot: QtBot) -> None:
+    area.parent_to_keep.show()
+    from app.notices import Notice
+
+    area.show_notice(Notice("error", "The disk is full."))
+    assert area.isVisible() and area.texts == ["The disk is full."]
+    area.findChild(QToolButton).click()
+    assert area.texts == [] and not area.isVisible()
+    area.parent_to_keep.close()
+
+
+def test_repeated_notices_are_counted_not_stacked(area: NoticeArea) -> None:
+    from app.notices import Notice
+
+    for _ in range(5):
+        area.show_notice(Notice("warning", "Again."))
+    assert area.texts == ["Again."]
+    for i in range(2 * MOST_SHOWN):
+        area.show_notice(Notice("info", f"Number {i}."))
+    assert len(area.texts) == MOST_SHOWN and area.texts[-1] == f"Number {2 * MOST_SHOWN - 1}."
+
+
+def test_uncaught_errors_become_notices_and_the_hooks_go_back(qapp, capsys) -> None:
+    notices, heard = Notices(), []
+    notices.added.connect(heard.append)
+    former = sys.excepthook, threading.excepthook
+    restore = install_excepthook(notices)
+    try:
+        sys.excepthook(ValueError, ValueError("odd"), None)
+        sys.excepthook(InputError, InputError("The file is missing; choose another."), None)
+        thread = threading.Thread(target=lambda: 1 / 0)
+        thread.start()
+        thread.join()
+    finally:
+        restore()
+    qapp.processEvents()
+    assert (sys.excepthook, threading.excepthook) == former
+    assert "odd" in heard[0].text and heard[0].detail
+    assert heard[1].text == "The file is missing; choose another."
+    assert "division" in heard[2].text
+    assert "ZeroDivisionError" in capsys.readouterr().err

@@ -1,0 +1,116 @@
+"""The panels render the document, and pass the person's choice to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import demo_room
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QPushButton
+from pytestqt.qtbot import QtBot
+
+from app.document import Document
+from app.loading import Contents
+from app.notices import Notices
+from app.panels.details import DetailsPanel
+from app.panels.empty import EmptyState
+from app.panels.frames import FrameModel, FramePanel
+from app.panels.jobs import JobModel, JobPanel, duration
+from app.panels.log import LogPanel
+from app.panels.submaps import SubmapModel, SubmapPanel
+
+
+@pytest.mark.parametrize("kind", [SubmapModel, JobModel, FrameModel])
+def test_models_keep_qts_rules_while_the_document_changes(kind, qtmodeltester, document: Document) -> None:
+    model = kind(document)
+    qtmodeltester.check(model)
+    document.set_contents(replace(document.contents, jobs=demo_room.jobs()[1:], submaps=document.contents.submaps[:2]))
+    qtmodeltester.check(model)
+    document.set_contents(Contents(Path("empty.nvsim")))
+    qtmodeltester.check(model)
+    assert model.rowCount() == 0
+
+
+def test_submaps_tell_frames_overlap_and_quality(document: Document, qtbot: QtBot) -> None:
+    model = SubmapModel(document)
+    assert [model.index(1, c).data() for c in range(5)] == ["1", "30", "8", "27.7", "68 k"]
+    assert model.index(3, 3).data() == "–"
+
+
+def test_a_submap_is_selected_in_both_directions(document: Document, qtbot: QtBot) -> None:
+    panel = SubmapPanel(document)
+    qtbot.addWidget(panel)
+    panel.table.selectRow(2)
+    assert document.selection.submap == 2
+    document.select(submap=0)
+    assert panel.table.selectionModel().selectedRows()[0].row() == 0
+    document.select(frame=5)
+    assert not panel.table.selectionModel().selectedRows()
+
+
+def test_a_frame_is_found_by_name_and_opened_by_double_click(document: Document, qtbot: QtBot) -> None:
+    panel = FramePanel(document)
+    qtbot.addWidget(panel)
+    panel.resize(300, 400)
+    panel.show()
+    qtbot.keyClicks(panel.search, "00042")
+    assert panel.list.model().rowCount() == 1
+    index = panel.list.model().index(0, 0)
+    with qtbot.waitSignal(panel.opened) as opened:
+        place = panel.list.visualRect(index).center()
+        qtbot.mouseClick(panel.list.viewport(), Qt.MouseButton.LeftButton, pos=place)
+        qtbot.mouseDClick(panel.list.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    assert opened.args == [42] and document.selection.frame == 42
+    panel.close()
+
+
+def test_jobs_are_renewed_in_place_while_they_run(document: Document, qtbot: QtBot) -> None:
+    panel = JobPanel(document)
+    qtbot.addWidget(panel)
+    first, *rest = document.contents.jobs
+    with qtbot.waitSignal(panel.model.dataChanged), qtbot.assertNotEmitted(panel.model.modelReset):
+        document.set_contents(replace(document.contents, jobs=(replace(first, progress=0.5), *rest)))
+    assert panel.model.index(0, 2).data() == "50 %"
+    assert panel.model.index(2, 1).data() == "interrupted"
+    panel.grab()  # the progress bars are painted by our own delegate
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(0, "0 s"), (42, "42 s"), (185, "3 min 05 s"), (3725, "1 h 02 min")])
+def test_durations_are_readable(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
+
+
+def test_details_explain_every_direction_of_a_viewpoint(document: Document, qtbot: QtBot) -> None:
+    panel = DetailsPanel(document)
+    qtbot.addWidget(panel)
+    panel.show()
+    assert "Select" in panel.words.text()
+    document.select(viewpoint=document.graph_arrays.ids[0])
+    text = panel.words.text()
+    assert text.count("<tr>") == 8 and "something stands" in text and "open" in text
+    assert panel.rose.isVisible()
+    panel.grab()
+    document.select(frame=3)
+    assert panel.title.text().endswith("frame_00003.jpg") and not panel.rose.isVisible()
+    document.select(submap=3)
+    assert "Not trained yet" in panel.words.text()
+    panel.close()
+
+
+def test_the_empty_state_offers_a_command_to_copy(qtbot: QtBot) -> None:
+    state = EmptyState()
+    qtbot.addWidget(state)
+    state.say("No graph.", "nvsim map --project p")
+    qtbot.mouseClick(state.findChild(QPushButton), Qt.MouseButton.LeftButton)
+    assert QGuiApplication.clipboard().text() == "nvsim map --project p"
+
+
+def test_the_log_keeps_notices_with_their_details(qtbot: QtBot) -> None:
+    notices = Notices()
+    log = LogPanel(notices)
+    qtbot.addWidget(log)
+    notices.error("It broke <here>.", "Traceback\n  line 3")
+    assert "It broke <here>." in log.toPlainText() and "line 3" in log.toPlainText()

@@ -1,0 +1,129 @@
+"""The window as a whole: layout, themes, empty states, settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import demo_room
+import pytest
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication, QDockWidget, QToolBar
+from pytestqt.qtbot import QtBot
+
+from app import theme
+from app.document import Document
+from app.loading import Contents
+from app.notices import Notices
+from app.render_child import Trouble
+from app.window import MainWindow
+
+
+def test_an_empty_project_says_what_to_run(make_window: Callable[[Document], MainWindow], qapp) -> None:
+    window = make_window(Document(Path("new.nvsim")))
+    assert window.centre.currentWidget() is window.empty
+    assert window.empty.command.text() == "nvsim import CAPTURE --project new.nvsim"
+
+
+def test_a_walk_without_models_is_shown_with_a_hint(window: MainWindow, document: Document) -> None:
+    document.set_contents(replace(document.contents, scene_stamp=None))
+    assert window.centre.currentWidget() is window.scene
+    assert "nvsim train --project demo.nvsim" in window.scene.hint
+    window.grab()
+
+
+def test_the_title_and_the_summary_name_the_project(window: MainWindow) -> None:
+    assert window.windowTitle().startswith("demo.nvsim")
+    assert "120 frames" in window._summary.text() and "viewpoints" in window._summary.text()
+
+
+def test_everything_that_moves_has_a_name_for_the_stored_layout(window: MainWindow) -> None:
+    for widget in (*window.findChildren(QDockWidget), *window.findChildren(QToolBar)):
+        assert widget.objectName()
+
+
+def test_the_layout_comes_back(settings: QSettings, document: Document, qtbot: QtBot) -> None:
+    first = MainWindow(document, settings, Notices())
+    qtbot.addWidget(first)
+    first.show()
+    first._docks["log"].hide()
+    first.close()
+    second = MainWindow(document, settings, Notices())
+    qtbot.addWidget(second)
+    second.show()
+    assert second._docks["log"].isHidden() and not second._docks["map"].isHidden()
+    second.actions_table["reset_layout"].trigger()
+    assert not second._docks["log"].isHidden()
+    second.close()
+
+
+@pytest.mark.parametrize("name", theme.THEMES)
+def test_both_themes_can_be_read(name: str) -> None:
+    palette = theme.palette(name)
+    for ink, paper in ((palette.text(), palette.base()), (palette.windowText(), palette.window()),
+                       (palette.buttonText(), palette.button()), (palette.toolTipText(), palette.toolTipBase()),
+                       (palette.highlightedText(), palette.highlight())):  # fmt: skip
+        assert contrast(ink.color(), paper.color()) > 4.5 or ink.color() == palette.highlightedText().color()
+        assert contrast(ink.color(), paper.color()) > 3
+
+
+def contrast(a, b) -> float:
+    """WCAG 2.1 contrast ratio."""
+
+    def luminance(color) -> float:
+        parts = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in color.getRgbF()[:3]]
+        return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
+
+    high, low = sorted((luminance(a), luminance(b)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_the_theme_switches_and_is_remembered(window: MainWindow, settings: QSettings) -> None:
+    dark = window.actions_table["dark"]
+    start = dark.isChecked()
+    dark.trigger()
+    assert theme.is_dark(QApplication.palette()) != start
+    assert settings.value("theme") == ("light" if start else "dark")
+    window.grab()
+    dark.trigger()
+
+
+def test_trouble_in_the_renderer_is_a_notice(window: MainWindow) -> None:
+    window.scene.link.troubled.emit(Trouble("The model is damaged.", "trace", fatal=True))
+    assert window.notice_area.texts == ["The model is damaged."]
+    assert window.scene.note == "The model is damaged."
+
+
+def test_a_picture_is_saved_and_a_failure_is_said(window: MainWindow, tmp_path: Path) -> None:
+    assert window.save_picture(tmp_path / "view.png", window.scene)
+    assert (tmp_path / "view.png").stat().st_size > 1000
+    assert not window.save_picture(tmp_path / "missing" / "view.png", window.scene)
+    assert "Cannot write" in window.notice_area.texts[-1]
+
+
+def test_next_and_previous_frame_walk_along(window: MainWindow, document: Document) -> None:
+    for id, expected in (("next_frame", 0), ("next_frame", 1), ("previous_frame", 0), ("previous_frame", 119)):
+        window.actions_table[id].trigger()
+        assert document.selection.frame == expected
+
+
+def test_opening_and_closing_windows_leaves_none(settings: QSettings, qtbot: QtBot) -> None:
+    before = len(QApplication.topLevelWidgets())
+    for _ in range(5):
+        document = Document()
+        window = MainWindow(document, settings, Notices())
+        window.show()
+        document.set_contents(demo_room.contents(Path("demo.nvsim")))
+        QApplication.processEvents()
+        window.close()
+        window.deleteLater()
+        del window, document
+        qtbot.wait(10)
+    assert len(QApplication.topLevelWidgets()) <= before + 1
+
+
+def test_projects_follow_each_other(window: MainWindow, document: Document) -> None:
+    document.set_contents(Contents(Path("other.nvsim")))
+    assert window.centre.currentWidget() is window.empty and window.windowTitle().startswith("other.nvsim")
+    assert window.submaps.model.rowCount() == 0 and window.frames.model.rowCount() == 0
