@@ -69,7 +69,7 @@ def estimate_floor(
         )
     grid = _Grid.around(walk, config)
     below = walk - np.array([0.0, 0.0, height])
-    surface = grid.fit(below, np.full(len(below), 0.2), config.stiffness)
+    surface = grid.fit(below, np.ones(len(below)), config.stiffness)
     if points is None or found is None:
         return surface
     # Twice coarse, then fine: each round moves the expected floor towards the level that the cloud shows.
@@ -216,7 +216,7 @@ class _Grid:
         bend, slope = both(2), both(1)
         mean = float(np.average(xyz[:, 2], weights=weight))
         w = diags_array(weight)
-        normal = a.T @ w @ a + stiffness * (bend.T @ bend) + 0.02 * stiffness * (slope.T @ slope)
+        normal = a.T @ w @ a + stiffness * (bend.T @ bend) + 0.002 * stiffness * (slope.T @ slope)
         normal = normal + 1e-9 * eye_array(size)
         heights = spsolve(normal.tocsc(), a.T @ (weight * (xyz[:, 2] - mean))) + mean
         return FloorSurface(heights.reshape(self.rows, self.columns).astype(np.float32), self.origin, self.spacing)

@@ -3,6 +3,7 @@ shows before it hides it, floor that nothing confirms is left out, and the edge 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, Glimpse
+from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import standing
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
@@ -21,17 +24,38 @@ class GeometricConfig:
     """clearance     metres: what is higher above the floor is not floor
     farthest      metres: floor further away is left out, a pixel of it says nothing
     longest_side  pixels of the image in which occlusion is decided
-    shrink        metres taken back from the border of what stands: its points are drawn larger than they are, so that
-                  no gap opens between them
+    cover         half-width of a cloud point's square, in distances to its fourth neighbour
+    sparse        a surface whose points are this many times as far apart as usual is noise or glass: hides little
+    shrink        share of that half-width taken back from silhouettes: squares overhang what they stand for
+    contact       a point nearer than this share of the way to the floor behind it is a silhouette, not a foot
+    margin        share of the way to the floor from which on a point no longer hides it
+    speck         regions and holes smaller than this share of the image are noise of the cloud
+    glimpses      views from which the floor's looks are learnt, at most
     """
 
     clearance: float = 0.05
     farthest: float = 20.0
     longest_side: int = 320
-    shrink: float = 0.03
-    margin: float = 0.998
+    cover: float = 0.8
+    sparse: float = 2.0
+    shrink: float = 0.75
     contact: float = 0.95
+    margin: float = 0.998
+    speck: float = 0.0006
+    glimpses: int = 100
+    appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """floor (h, w) bool; scale (h, w) float32, pixels of the full image that a metre takes; ground (h, w, 2) float32,
+    metres, and distance (h, w) float32, metres, where the rays meet the floor surface, 0 distance where they do not."""
+
+    floor: Mask
+    scale: Float32
+    ground: Float32
+    distance: Float32
 
 
 class GeometricFloor:
@@ -40,15 +64,36 @@ class GeometricFloor:
     def __init__(self, cloud: Cloud | None, surface: FloorSurface, config: GeometricConfig | None = None) -> None:
         self.config = config or GeometricConfig()
         self.surface = surface
-        self._standing = standing(cloud, surface, self.config.clearance)
+        self._appearance: FloorAppearance | None = None
+        self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
+
+    def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image]) -> None:
+        """Learns what the floor looks like from views spread over the walk; `read` gives the image (H, W, 3) uint8 RGB
+        of the camera at an index, at any size. Without it, whatever the cloud misses stays in the masks."""
+        chosen = np.unique(
+            np.linspace(0, len(cameras) - 1, min(len(cameras), self.config.glimpses)).round().astype(int)
+        )
+        views = (self._glimpse(self.project(cameras[i]), read(int(i))) for i in chosen)
+        self._appearance = FloorAppearance.learn(views, self.config.appearance)
 
     def segment(self, camera: Camera, image: Image) -> FloorMask:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
-        mask = refine(*self.project(camera), image, self.config.refine)
+        seen = self.project(camera)
+        floor = seen.floor
+        if self._appearance is not None:
+            floor = floor & ~self._appearance.strange(self._glimpse(seen, image))
+        mask = refine(floor, seen.scale, image, self.config.refine)
         return FloorMask(mask, mask)
 
-    def project(self, camera: Camera) -> tuple[Mask, Float32]:
-        """The floor by geometry alone, (h, w) bool at the working size, and the pixels of the full image per metre."""
+    def _glimpse(self, seen: Projection, image: Image) -> Glimpse:
+        import cv2
+
+        height, width = seen.floor.shape
+        small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        return Glimpse(seen.floor, seen.ground, seen.distance, small)
+
+    def project(self, camera: Camera) -> Projection:
+        """The floor by geometry alone, at the working size."""
         import cv2
 
         small = Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
@@ -56,22 +101,26 @@ class GeometricFloor:
         distance = self.surface.meet(small.position, rays)
         met = distance < self.config.farthest
         distance = np.where(met, distance, 0).astype(np.float32)
-        meets = small.position[:2] + distance[..., None] * rays[..., :2]
+        ground = small.position[:2] + distance[..., None] * rays[..., :2]
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
-        depth = splat_depth(self._standing.points, self._standing.radii, small)
+        depth, radius = splat_depth(self._standing.points, self._standing.radii, small)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
         inside = cv2.distanceTransform(hidden.astype(np.uint8), cv2.DIST_L2, 3)
         # Above a foot the floor next to a border lies behind the thing, and the border is a silhouette drawn too large;
         # at a foot the floor lies before it, and the border is where it should be.
-        silhouette = depth < floor_depth * self.config.contact
-        hidden &= ~(met & silhouette & (inside < self._border(depth, small)))
+        silhouette = met & (depth < floor_depth * self.config.contact)
+        hidden &= ~(silhouette & (inside < self.config.shrink * radius * small.intrinsics.fx / depth))
         floor: Mask = met & ~hidden
         if self._standing.confirmed is not None:
-            floor &= self._standing.confirmed.at(meets)
+            floor &= self._standing.confirmed.at(ground)
+        floor = _without_specks(floor, self.config.speck)
         nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))
-        return floor, (camera.intrinsics.fx / nearest).astype(np.float32)
+        scale = (camera.intrinsics.fx / nearest).astype(np.float32)
+        return Projection(floor, scale, ground.astype(np.float32), distance)
 
-    def _border(self, depth: Float32, camera: Camera) -> Float32:
-        """Pixels that `shrink` covers at `depth`."""
-        pixels: Float32 = (self.config.shrink * camera.intrinsics.fx / depth).astype(np.float32)
-        return pixels
+
+def _without_specks(mask: Mask, area: float) -> Mask:
+    """`mask` (H, W) with its regions, and its holes, smaller than `area` (a share of the image) turned over."""
+    clean = large_regions(mask, area)
+    filled: Mask = ~large_regions(~clean, area)
+    return filled

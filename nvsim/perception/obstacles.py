@@ -16,6 +16,9 @@ Float32 = NDArray[np.float32]
 _CELL = 0.05
 _FOOT = 0.20  # what begins lower than this stands on the floor: a wall's lowest scanned row is not its foot
 _FOOT_STEP = 0.03
+_NEIGHBOURHOOD = 0.4
+_RIM = 1  # cells
+_HOLE = 1.0  # square metres: unscanned floor up to this size that floor surrounds is floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,7 @@ class Standing:
     confirmed: FloorSupport | None
 
 
-def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float) -> Standing:
+def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover: float, sparse: float) -> Standing:
     """Sorts a cloud into what stands higher than `clearance` metres above the floor and what confirms floor."""
     nothing = Standing(np.empty((0, 3), np.float32), np.empty(0, np.float32), None)
     if cloud is None or len(cloud.points) < 10:
@@ -40,8 +43,34 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float) -> St
     obstacles, height = points[above > clearance], above[above > clearance]
     feet = _feet(obstacles, height, surface)
     everything = np.ascontiguousarray(np.concatenate([obstacles, feet]), np.float32)
-    radii = np.full(len(everything), 0.04, np.float32)
+    spacing = _spacing(everything, 4)
+    # A surface that returns far fewer points than the rest is glass, or noise: what lies behind it is seen.
+    around = _local_mean(everything, spacing)
+    solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
+    radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
     return Standing(everything, radii, _confirmed(points[np.abs(above) <= clearance]))
+
+
+def _spacing(points: Float32, neighbour: int) -> Float32:
+    """(N,) float32 metres from each point to its `neighbour`-th nearest; the farthest there is in a tiny cloud."""
+    from scipy.spatial import cKDTree
+
+    if len(points) == 0:
+        return np.empty(0, np.float32)
+    distance, _ = cKDTree(points).query(points, k=min(neighbour + 1, len(points)), workers=2)
+    return np.asarray(distance, np.float32).reshape(len(points), -1)[:, -1]
+
+
+def _local_mean(points: Float32, values: Float32) -> Float32:
+    """(N,) the mean of `values` (N,) over the points in the same cube of _NEIGHBOURHOOD."""
+    if len(points) == 0:
+        return values
+    cube = np.floor((points - points.min(axis=0)) / _NEIGHBOURHOOD).astype(np.int64)
+    sizes = cube.max(axis=0) + 1
+    _, member = np.unique((cube[:, 2] * sizes[1] + cube[:, 1]) * sizes[0] + cube[:, 0], return_inverse=True)
+    member = member.reshape(-1)
+    mean: Float32 = (np.bincount(member, values) / np.bincount(member))[member].astype(np.float32)
+    return mean
 
 
 def _feet(points: Float32, height: Float32, surface: FloorSurface) -> Float32:
@@ -75,6 +104,14 @@ def _confirmed(points: Float32) -> FloorSupport:
     index = np.floor((points[:, :2] - origin) / _CELL).astype(np.int64)
     grid = np.zeros((int(index[:, 1].max()) + 11, int(index[:, 0].max()) + 11), np.uint8)
     grid[index[:, 1], index[:, 0]] = 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
-    closed = cv2.morphologyEx(grid, cv2.MORPH_CLOSE, disc) > 0
+    gap = 2.5 * float(np.median(_spacing(points, 4)))
+    size = 2 * max(3, round(gap / _CELL)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    wide = cv2.morphologyEx(np.pad(grid, size), cv2.MORPH_CLOSE, disc)
+    grid = np.asarray(wide[size:-size, size:-size], np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats((grid == 0).astype(np.uint8), connectivity=4)
+    hole = stats[:, cv2.CC_STAT_AREA] * _CELL**2 < _HOLE
+    # The outermost floor point lies up to a gap before the wall; what is behind the wall is hidden anyway.
+    rim = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _RIM + 1, 2 * _RIM + 1))
+    closed = cv2.dilate(((grid > 0) | hole[labels]).astype(np.uint8), rim) > 0
     return FloorSupport(closed, (float(origin[0]), float(origin[1])), _CELL)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,10 @@ from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
+from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
-from nvsim.perception.roles import Mask
+from nvsim.perception.roles import Image, Mask
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ def segment_capture(
 ) -> None:
     """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor.
 
-    `surfaces_of` gives the floor surface that holds around a frame; frames that share one should get the same object.
+    `surfaces_of` gives the floor surface that holds around a frame; frames for which it returns the same object are
+    taken together.
     Frames whose mask exists are skipped unless `config.again`. Raises InputError for an image that cannot be read and
     for a folder that cannot be written; masks written so far stay.
     """
@@ -60,17 +63,32 @@ def segment_capture(
     missing = [i for i in wanted if config.again or not mask_path(folder, i).exists()]
     done, total = len(wanted) - len(missing), len(wanted)
     listen(Progress("floors", done, total))
-    providers: dict[int, GeometricFloor] = {}
-    for i in missing:
-        surface = surfaces_of(i)
-        if id(surface) not in providers:
-            providers[id(surface)] = GeometricFloor(capture.cloud, surface, config.geometric)
+    if not missing:
+        return
 
-    def one(index: int) -> int:
+    def view(index: int) -> tuple[Camera, Intrinsics]:
         frame = capture.frames[index]
         intrinsics = frame.intrinsics.within(config.longest_side)
-        camera = frame.camera.scaled(intrinsics.width, intrinsics.height)
-        found = providers[id(surfaces_of(index))].segment(camera, read_image(frame, intrinsics))
+        return frame.camera.scaled(intrinsics.width, intrinsics.height), intrinsics
+
+    def read_small(indices: list[int], k: int) -> Image:
+        frame = capture.frames[indices[k]]
+        return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
+
+    # The looks are learnt from the whole walk, whatever is left to do, so that a resumed run ends with the same masks.
+    surfaces = [surfaces_of(i) for i in range(len(capture.frames))]
+    walks: dict[int, list[int]] = {}
+    for i, surface in enumerate(surfaces):
+        walks.setdefault(id(surface), []).append(i)
+    providers: dict[int, GeometricFloor] = {}
+    for key in dict.fromkeys(id(surfaces[i]) for i in missing):
+        providers[key] = GeometricFloor(capture.cloud, surfaces[walks[key][0]], config.geometric)
+        providers[key].learn([view(i)[0] for i in walks[key]], partial(read_small, walks[key]))
+
+    def one(index: int) -> int:
+        camera, intrinsics = view(index)
+        image = read_image(capture.frames[index], intrinsics)
+        found = providers[id(surfaces[index])].segment(camera, image)
         encoded = cv2.imencode(".png", found.mask.astype(np.uint8) * 255)[1]
         write_bytes(mask_path(folder, index), encoded.tobytes())
         return index

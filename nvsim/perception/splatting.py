@@ -10,7 +10,7 @@ from nvsim.geometry.camera import Camera
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _splat(points, radii, pose, lens, largest, depth):  # type: ignore[no-untyped-def]
+def _splat(points, radii, pose, lens, largest, depth, extent):  # type: ignore[no-untyped-def]
     # pose: the rows of world-to-camera as (3, 4); lens: fx, fy, cx, cy. Written without temporaries: half a million
     # points pass through here for every frame.
     height, width = depth.shape
@@ -33,16 +33,19 @@ def _splat(points, radii, pose, lens, largest, depth):  # type: ignore[no-untype
             for c in range(max(c0, 0), min(c1, width - 1) + 1):
                 if zc < depth[r, c]:
                     depth[r, c] = zc
+                    extent[r, c] = radii[i]
 
 
 def splat_depth(
     points: NDArray[np.float32], radii: NDArray[np.float32], camera: Camera, largest: float = 24.0
-) -> NDArray[np.float32]:
-    """(H, W) float32 depth along the optical axis of the nearest of `points` (N, 3), each a square of half-width
-    `radii` (N,) metres, at most `largest` pixels; inf where there is none."""
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Depth (H, W) float32 along the optical axis of the nearest of `points` (N, 3), each a square of half-width
+    `radii` (N,) metres, at most `largest` pixels; inf where there is none. Beside it the radius (H, W) of that point,
+    0 where there is none."""
     k = camera.intrinsics
     depth = np.full((k.height, k.width), np.inf, np.float32)
+    extent = np.zeros((k.height, k.width), np.float32)
     pose = np.ascontiguousarray(camera.world_to_camera[:3], np.float32)
     lens = np.array([k.fx, k.fy, k.cx, k.cy], np.float32)
-    _splat(points, radii, pose, lens, np.float32(largest), depth)
-    return depth
+    _splat(points, radii, pose, lens, np.float32(largest), depth, extent)
+    return depth, extent

@@ -115,11 +115,12 @@ def _thinned(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 def _ward(points: NDArray[np.float64]) -> NDArray[np.int64]:
     """(N - 1, 2) merges in the order of Ward's criterion: ids below N are points, N + i is what merge i made. The whole
     tree at once, so that trying another number of clusters costs nothing."""
-    from sklearn.cluster import ward_tree
+    from scipy.cluster.hierarchy import ward
+    from scipy.spatial.distance import pdist
 
     if len(points) == 1:
         return np.empty((0, 2), np.int64)
-    return np.asarray(ward_tree(points)[0], np.int64)
+    return ward(pdist(points))[:, :2].astype(np.int64)
 
 
 def _cut(

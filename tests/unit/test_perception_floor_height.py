@@ -1,0 +1,106 @@
+"""Floor heights on synthetic floors whose height is known everywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+from nvsim.perception.floor_height import estimate_floor
+
+
+def walk_along_x(length: float, height: float, floor=lambda x: 0 * x) -> np.ndarray:
+    x = np.arange(0, length, 0.3)
+    return np.column_stack([x, 0.2 * np.sin(x), floor(x) + height])
+
+
+def scan(rng, floor, low=(-3, -3), high=(15, 3), number=20000, noise=0.01) -> np.ndarray:
+    xy = rng.uniform(low, high, (number, 2))
+    return np.column_stack([xy, floor(xy[:, 0]) + rng.normal(0, noise, number)])
+
+
+def cloud(*parts: np.ndarray, kind: str = "lidar") -> Cloud:
+    return Cloud(np.concatenate(parts).astype(np.float32), None, kind)
+
+
+def error_along(surface, walk, floor) -> float:
+    return float(np.abs(surface.height_at(walk[:, :2]) - floor(walk[:, 0])).max())
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.03, 0.08])
+def test_ramp_is_followed_to_a_centimetre(slope):
+    def floor(x):
+        return slope * np.clip(x - 4, 0, 5)
+
+    rng = np.random.default_rng(0)
+    walk = walk_along_x(12, 1.2, floor)
+    surface = estimate_floor(cloud(scan(rng, floor)), walk)
+    off = np.abs(surface.height_at(walk[:, :2]) - floor(walk[:, 0]))
+    # The knees of the ramp are rounded by the 1 m grid; between them the floor is met.
+    straight = (np.abs(walk[:, 0] - 4) > 1) & (np.abs(walk[:, 0] - 9) > 1)
+    assert off[straight].max() < 0.012 and off.max() < 0.03
+
+
+def test_tables_beside_the_walk_do_not_win_with_ten_times_the_points():
+    rng = np.random.default_rng(1)
+    floor = lambda x: 0 * x - 1.5  # noqa: E731
+    walk = walk_along_x(12, 1.2, floor)
+    table = scan(rng, lambda x: 0 * x - 0.78, (2, 0.5), (10, 2.5), 60000)
+    surface = estimate_floor(cloud(scan(rng, floor, number=6000), table), walk)
+    assert error_along(surface, walk, floor) < 0.01
+    under = np.column_stack([np.linspace(3, 9, 20), np.full(20, 1.5)])
+    assert np.abs(surface.height_at(under) + 1.5).max() < 0.03
+
+
+def test_noise_above_and_below_the_floor_moves_it_by_less_than_two_centimetres():
+    rng = np.random.default_rng(2)
+    floor = lambda x: 0 * x  # noqa: E731
+    walk = walk_along_x(12, 1.4, floor)
+    clutter = rng.uniform([-3, -3, -0.6], [15, 3, 2.5], (15000, 3))
+    surface = estimate_floor(cloud(scan(rng, floor, number=8000, noise=0.025), clutter), walk)
+    assert error_along(surface, walk, floor) < 0.02
+
+
+def test_sparse_sfm_cloud_with_a_known_camera_height():
+    rng = np.random.default_rng(3)
+    floor = lambda x: 0 * x + 0.4  # noqa: E731
+    walk = walk_along_x(8, 1.5, floor)
+    walls = rng.uniform([-2, 1.5, 0.4], [10, 1.6, 2.8], (3000, 3))
+    surface = estimate_floor(cloud(scan(rng, floor, (-1, -1), (9, 1.5), 250, 0.03), walls, kind="sfm"), walk, 1.55)
+    assert error_along(surface, walk, floor) < 0.03
+
+
+def test_without_a_cloud_the_floor_lies_the_camera_height_below_the_walk():
+    def floor(x):
+        return 0.05 * x
+
+    walk = walk_along_x(10, 1.1, floor)
+    assert error_along(estimate_floor(None, walk, 1.1), walk, floor) < 0.02
+
+
+def test_cloud_that_shows_no_floor_falls_back_to_the_camera_height():
+    rng = np.random.default_rng(4)
+    walk = walk_along_x(8, 1.2)
+    ceiling = rng.uniform([0, -2, 2.4], [8, 2, 2.5], (2000, 3))
+    assert error_along(estimate_floor(cloud(ceiling), walk, 1.2), walk, lambda x: 0 * x) < 1e-3
+
+
+def test_neither_cloud_nor_camera_height_asks_for_it():
+    with pytest.raises(InputError, match="camera height"):
+        estimate_floor(None, walk_along_x(5, 1.2))
+
+
+def test_heights_far_from_the_walk_stay_near_those_of_the_walk():
+    rng = np.random.default_rng(5)
+    floor = lambda x: 0 * x  # noqa: E731
+    walk = walk_along_x(12, 1.2)
+    surface = estimate_floor(cloud(scan(rng, floor)), walk)
+    assert np.isfinite(surface.heights).all() and np.abs(surface.heights).max() < 0.1
+
+
+def test_a_single_camera_is_enough():
+    rng = np.random.default_rng(6)
+    walk = np.array([[0.0, 0.0, 1.2]])
+    surface = estimate_floor(cloud(scan(rng, lambda x: 0 * x, (-3, -3), (3, 3))), walk)
+    assert abs(float(surface.height_at(np.zeros(2)))) < 0.01
