@@ -6,7 +6,7 @@ where the half space above a point is obstructed (ambient occlusion), which also
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -74,8 +74,7 @@ def bake(plan: Plan, boxes: list[Box], solids: Solids, rng: np.random.Generator)
         # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
         boost = 1.45 if surface == ceiling else 1.0
         shade = np.clip(light[surface] * (gain * boost), 0, 1.3)
-        shade = cv2.resize(shade, albedo.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        radiance = albedo * shade[..., None]
+        radiance = albedo * _spread(shade, *albedo.shape[:2])[..., None]
         if surface == ceiling:
             for x, y in lamps:
                 r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
@@ -121,24 +120,47 @@ def _albedo(box: Box, face: int, place: _Place, rng: np.random.Generator) -> Ima
 
 def _light(places: list[_Place], solids: Solids, lamps: NDArray[np.float64]) -> list[NDArray[np.float32]]:
     """Irradiance on a coarse raster of every surface (relative)."""
-    shapes = [(max(2, round(p.extent[1] / _LIGHT_TEXEL)), max(2, round(p.extent[0] / _LIGHT_TEXEL))) for p in places]
+    shapes = [
+        (1 + max(1, round(p.extent[1] / _LIGHT_TEXEL)), 1 + max(1, round(p.extent[0] / _LIGHT_TEXEL))) for p in places
+    ]
     points, surfaces = [], []
     for s, (place, (rows, columns)) in enumerate(zip(places, shapes)):
         if place.hidden:
             continue
         p = np.empty((rows, columns, 3))
         p[...] = place.corner
-        p[..., place.axes[0]] += ((np.arange(columns) + 0.5) * (place.extent[0] / columns))[None, :]
-        p[..., place.axes[1]] += ((np.arange(rows) + 0.5) * (place.extent[1] / rows))[:, None]
+        p[..., place.axes[0]] += _nodes(place.extent[0], columns)[None, :]
+        p[..., place.axes[1]] += _nodes(place.extent[1], rows)[:, None]
         points.append(p.reshape(-1, 3))
         surfaces.append(np.full(rows * columns, s, np.int32))
     flat = _irradiance(np.concatenate(points), np.concatenate(surfaces), solids, lamps, _hemisphere())
     out, at = [], 0
     for place, (rows, columns) in zip(places, shapes):
         count = 0 if place.hidden else rows * columns
-        out.append(cv2.blur(flat[at : at + count].reshape(rows, columns), (3, 3)) if count else flat[:0])
+        out.append(_blurred_inside(flat[at : at + count].reshape(rows, columns)) if count else flat[:0])
         at += count
     return out
+
+
+def _nodes(length: float, count: int) -> NDArray[np.float64]:
+    """Positions from edge to edge, so that two pieces of one wall agree where they meet; a little inside, because a
+    point exactly in a corner sees nothing."""
+    return np.clip(np.linspace(0.0, length, count), min(0.02, length / 4), length - min(0.02, length / 4))
+
+
+def _blurred_inside(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Softer shadows; the border is left, so that neighbouring faces still agree."""
+    soft = light.copy()
+    soft[1:-1, 1:-1] = cv2.blur(light, (3, 3))[1:-1, 1:-1]
+    return soft
+
+
+def _spread(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
+    """(rows, columns) from values at nodes that reach from edge to edge."""
+    x = ((np.arange(columns) + 0.5) * ((light.shape[1] - 1) / columns)).astype(np.float32)
+    y = ((np.arange(rows) + 0.5) * ((light.shape[0] - 1) / rows)).astype(np.float32)
+    x, y = np.meshgrid(x, y)
+    return np.asarray(cv2.remap(light, x, y, cv2.INTER_LINEAR), np.float32)
 
 
 def _hemisphere() -> NDArray[np.float64]:
@@ -188,7 +210,7 @@ def _irradiance(points, surfaces, solids, lamps, hemisphere):  # type: ignore[no
 
 
 def _mips(radiance: Image) -> list[NDArray[np.uint8]]:
-    chain = [radiance]
+    chain: list[NDArray[Any]] = [radiance]
     while len(chain) < LEVELS and min(chain[-1].shape[:2]) >= 4:
         rows, columns = chain[-1].shape[:2]
         chain.append(cv2.resize(chain[-1], (columns // 2, rows // 2), interpolation=cv2.INTER_AREA))

@@ -48,32 +48,6 @@ def render(
 
 
 @njit(cache=True, error_model="numpy")
-def _sample(textures, surface, u, v, level):  # type: ignore[no-untyped-def]
-    """Bilinear within a level, linear between levels; u, v from 0 to 1 over the surface."""
-    level = min(max(level, 0.0), LEVELS - 1.001)
-    low = int(level)
-    r, g, b = 0.0, 0.0, 0.0
-    for step in range(2):
-        share = 1.0 - (level - low) if step == 0 else level - low
-        if share < 1e-3:
-            continue
-        rows, columns = textures.rows[surface, low + step], textures.columns[surface, low + step]
-        base = textures.offset[surface, low + step]
-        x = min(max(u * columns - 0.5, 0.0), columns - 1.0)
-        y = min(max(v * rows - 0.5, 0.0), rows - 1.0)
-        c0, r0 = int(x), int(y)
-        c1, r1 = min(c0 + 1, columns - 1), min(r0 + 1, rows - 1)
-        fx, fy = x - c0, y - r0
-        w00, w01, w10, w11 = (1 - fx) * (1 - fy) * share, fx * (1 - fy) * share, (1 - fx) * fy * share, fx * fy * share
-        p, q = base + r0 * columns, base + r1 * columns
-        t = textures.texels
-        r += w00 * t[p + c0, 0] + w01 * t[p + c1, 0] + w10 * t[q + c0, 0] + w11 * t[q + c1, 0]
-        g += w00 * t[p + c0, 1] + w01 * t[p + c1, 1] + w10 * t[q + c0, 1] + w11 * t[q + c1, 1]
-        b += w00 * t[p + c0, 2] + w01 * t[p + c1, 2] + w10 * t[q + c0, 2] + w11 * t[q + c1, 2]
-    return r / 255.0, g / 255.0, b / 255.0
-
-
-@njit(cache=True, error_model="numpy")
 def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
     """Colour of a point that a ray met after t metres; `spread` is the width of the ray per metre."""
     boxes = solids.lo.shape[0]
@@ -100,15 +74,38 @@ def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, 
     probes = min(max(int(long / short + 0.5), 1), _PROBES)
     # The footprint is a strip along the ray's trace on the surface: each probe covers its share of it
     level = np.log2(max(max(short, long / probes) / textures.texel[surface], 1e-6))
+    level = min(max(level, 0.0), LEVELS - 1.001)
+    lowest = int(level)
     length = np.sqrt(da * da + db * db) + 1e-9
-    step_u = long * da / length / textures.extent[surface, 0]
-    step_v = long * db / length / textures.extent[surface, 1]
+    step_u = long * da / length / textures.extent[surface, 0] / probes
+    step_v = long * db / length / textures.extent[surface, 1] / probes
+    first = 0.5 * (1 - probes)
+    texels = textures.texels
     red, green, blue = 0.0, 0.0, 0.0
-    for k in range(probes):
-        s = (k + 0.5) / probes - 0.5
-        r, g, b_ = _sample(textures, surface, u + s * step_u, v + s * step_v, level)
-        red, green, blue = red + r, green + g, blue + b_
-    return red / probes, green / probes, blue / probes
+    for above in range(2):
+        share = (1.0 - (level - lowest) if above == 0 else level - lowest) / (255.0 * probes)
+        if share * probes * 255.0 < 0.02:
+            continue
+        rows, columns = textures.rows[surface, lowest + above], textures.columns[surface, lowest + above]
+        base = textures.offset[surface, lowest + above]
+        for k in range(probes):
+            fx = min(max((u + (first + k) * step_u) * columns - 0.5, 0.0), columns - 1.0)
+            fy = min(max((v + (first + k) * step_v) * rows - 0.5, 0.0), rows - 1.0)
+            column, row = int(fx), int(fy)
+            fx, fy = fx - column, fy - row
+            p = base + row * columns + column
+            q = p + (columns if row + 1 < rows else 0)
+            right = 1 if column + 1 < columns else 0
+            w00, w01, w10, w11 = (
+                (1 - fx) * (1 - fy) * share,
+                fx * (1 - fy) * share,
+                (1 - fx) * fy * share,
+                fx * fy * share,
+            )
+            red += w00 * texels[p, 0] + w01 * texels[p + right, 0] + w10 * texels[q, 0] + w11 * texels[q + right, 0]
+            green += w00 * texels[p, 1] + w01 * texels[p + right, 1] + w10 * texels[q, 1] + w11 * texels[q + right, 1]
+            blue += w00 * texels[p, 2] + w01 * texels[p + right, 2] + w10 * texels[q, 2] + w11 * texels[q + right, 2]
+    return red, green, blue
 
 
 @njit(cache=True, error_model="numpy")
