@@ -40,7 +40,7 @@ def depth_key(depth: Any) -> Any:
     return _bits_of_float(depth)  # type: ignore[call-arg]
 
 
-@njit(forceinline=True, fastmath=True)
+@njit(forceinline=True, fastmath=True, error_model="numpy")
 def _scaled(whole: Any, f: Any) -> Any:
     # The exponent bits hold `whole`; the rest is the degree 5 minimax polynomial of 2^f over [-0.5, 0.5].
     p = _F(1.32764719e-3)
@@ -53,14 +53,14 @@ def _scaled(whole: Any, f: Any) -> Any:
     return _float_of_bits(exponent) * p  # type: ignore[call-arg]
 
 
-@njit(forceinline=True, fastmath=True)
+@njit(forceinline=True, fastmath=True, error_model="numpy")
 def exp2(t: Any) -> Any:
     """2^t in single precision for |t| < 126, relative error below 3e-7."""
     whole = np.int32(t + math.copysign(_F(0.5), t))
     return _scaled(whole, t - _F(whole))
 
 
-@njit(forceinline=True, fastmath=True)
+@njit(forceinline=True, fastmath=True, error_model="numpy")
 def exp2_below(t: Any) -> Any:
     """2^t for -126 < t < 0.5, without the sign test."""
     whole = np.int32(t - _F(0.5))

@@ -29,7 +29,7 @@ _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 _DARK = _F(1 / 1024)  # a background dimmed by more than this cannot be seen in 8 bits
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model="numpy")
 def _sky_segment(view: Any, coefficients: Any, x0: Any, y: Any, planes: Any) -> None:
     # 16 pixels at a time: directions to planes 0 to 2 and the forward component to plane 3, colours to planes 4 to 6.
     v = (_F(y) + _HALF - view[15]) / view[13]
@@ -49,7 +49,7 @@ def _sky_segment(view: Any, coefficients: Any, x0: Any, y: Any, planes: Any) -> 
         planes[4 * TILE + i], planes[5 * TILE + i], planes[6 * TILE + i] = red, green, blue
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model="numpy")
 def _paint_row(
     view: Any,
     coefficients: Any,

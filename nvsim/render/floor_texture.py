@@ -77,14 +77,14 @@ def pack_floor(floor: FloorSurface) -> tuple[NDArray[np.float32], NDArray[np.flo
     return heights, np.array([*floor.origin, floor.spacing], np.float32)
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def level_weight(footprint: Any, texel: Any) -> Any:
     """How much of a level of this texel size a pixel of this footprint sees (both metres): all of it up to one texel,
     nothing from three on."""
     return min(max(_F(1.5) - _HALF * footprint / texel, _ZERO), _ONE)
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def height_at(heights: Any, grid: Any, x: Any, y: Any) -> Any:
     """FloorSurface.height_at; `grid` from `pack_floor`."""
     rows, columns = heights.shape
@@ -98,7 +98,7 @@ def height_at(heights: Any, grid: Any, x: Any, y: Any) -> Any:
     return low * (_ONE - fr) + high * fr
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def distance_to_floor(heights: Any, grid: Any, ex: Any, ey: Any, ez: Any, dx: Any, dy: Any, dz: Any) -> Any:
     """FloorSurface.meet: metres along the unit direction from the eye, -1 where the ray does not meet the floor."""
     if not dz < _FLATTEST:
@@ -110,14 +110,14 @@ def distance_to_floor(heights: Any, grid: Any, ex: Any, ey: Any, ez: Any, dx: An
     return distance if distance > _ZERO else -_ONE
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def footprint_of(distance: Any, forward: Any, dz: Any, focal: Any) -> Any:
     """Metres of floor that a pixel covers: the geometric mean of its width and its length. `forward` is the ray's
     component along the optical axis, `focal` the focal length in pixels."""
     return distance * forward / (focal * math.sqrt(-dz))
 
 
-@njit(fastmath=FLAGS)
+@njit(fastmath=FLAGS, error_model="numpy")
 def texture_colour(texels: Any, table: Any, sizes: Any, bounds: Any, x: Any, y: Any, footprint: Any) -> Any:
     """Red, green and blue at world x, y: the levels' bilinear samples, each by its weight."""
     red = green = blue = _ZERO

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-TILE = 16
+TILE_BITS = 4
+TILE = 1 << TILE_BITS
 """Side of a tile in pixels: a row of it is one AVX-512 register, or two of AVX2."""
 
 X, Y = 0, 1

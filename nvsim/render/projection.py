@@ -33,7 +33,7 @@ from nvsim.render.layout import (
     X,
     Y,
 )
-from nvsim.render.spans import tile_columns, tile_rows
+from nvsim.render.spans import tile_box, tile_columns
 from nvsim.splats import harmonics
 
 _F = np.float32
@@ -42,18 +42,20 @@ EPS2D = 0.3
 """Variance of the pixel's low-pass filter, pixels squared."""
 NEAR = 0.05
 """Gaussians whose centre is nearer than this along the optical axis are not drawn, metres."""
+_MOST_REACH = _F(math.sqrt(2 * math.log(255)))  # standard deviations at which alpha 1 has fallen to 1/255
 _MARGIN = 0.15
 # The affine approximation is taken at most this share of the image size outside it, as is the custom: farther out it
 # stretches Gaussians without bound.
 
-sh_terms = njit(forceinline=True, fastmath=FLAGS)(harmonics.terms)
+sh_terms = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics.terms)
 
 
 def pack(camera: Camera, antialiased: bool) -> NDArray[np.float32]:
-    """The camera as the (28,) float32 row that the kernels read: rotation and translation of world to camera, focal
-    lengths, principal point, size, limits of x/z and y/z, eye, filter variance, whether opacity is compensated."""
+    """The camera as the (29,) float32 row that the kernels read: rotation and translation of world to camera, focal
+    lengths, principal point, size, limits of x/z and y/z, eye, filter variance, whether opacity is compensated, nearest
+    depth, and how far the slopes can stretch a Gaussian."""
     k = camera.intrinsics
-    view = np.empty(28, np.float32)
+    view = np.empty(29, np.float32)
     view[0:9] = camera.world_to_camera[:3, :3].reshape(-1)
     view[9:12] = camera.world_to_camera[:3, 3]
     view[12:18] = k.fx, k.fy, k.cx, k.cy, k.width, k.height
@@ -61,10 +63,12 @@ def pack(camera: Camera, antialiased: bool) -> NDArray[np.float32]:
     view[20:22] = -(k.cy + _MARGIN * k.height) / k.fy, (k.height - k.cy + _MARGIN * k.height) / k.fy
     view[22:25] = camera.position
     view[25:28] = EPS2D, antialiased, NEAR
+    # Rows of the Jacobian are at most focal / z times this long.
+    view[28] = np.sqrt(1 + max(view[18] ** 2, view[19] ** 2, view[20] ** 2, view[21] ** 2))
     return view
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def rotation(w: Any, x: Any, y: Any, z: Any) -> Any:
     """The nine entries, by rows, of the rotation of a unit quaternion."""
     return (
@@ -80,7 +84,7 @@ def rotation(w: Any, x: Any, y: Any, z: Any) -> Any:
     )
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def to_camera(view: Any, x: Any, y: Any, z: Any) -> Any:
     """A direction of the world along the camera's axes."""
     return (
@@ -90,7 +94,7 @@ def to_camera(view: Any, x: Any, y: Any, z: Any) -> Any:
     )
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def jacobian(view: Any, x: Any, y: Any, z: Any) -> Any:
     """Derivative of the pixel with respect to the camera-frame point: du/dx, du/dz, dv/dy, dv/dz."""
     iz = _ONE / z
@@ -99,7 +103,7 @@ def jacobian(view: Any, x: Any, y: Any, z: Any) -> Any:
     return view[12] * iz, -view[12] * slope_x * iz, view[13] * iz, -view[13] * slope_y * iz
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def axes_in_camera(view: Any, r: Any, s0: Any, s1: Any, s2: Any) -> Any:
     """The three semi-axes (columns of W R S) in the camera frame, by columns."""
     a = to_camera(view, r[0] * s0, r[3] * s0, r[6] * s0)
@@ -108,7 +112,7 @@ def axes_in_camera(view: Any, r: Any, s0: Any, s1: Any, s2: Any) -> Any:
     return a, b, c
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def determinant(p: Any, s: Any) -> Any:
     """det(M M^T) of the 2x3 matrix with rows p and s, as the squared length of p x s (Cauchy-Binet): free of the
     cancellation that A C - B^2 suffers for thin Gaussians in single precision."""
@@ -118,7 +122,7 @@ def determinant(p: Any, s: Any) -> Any:
     return m0 * m0 + m1 * m1 + m2 * m2
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _write_normal(row: Any, r: Any, s0: Any, s1: Any, s2: Any, dx: Any, dy: Any, dz: Any) -> None:
     # The shortest axis, turned towards the eye; (dx, dy, dz) points from the eye to the Gaussian.
     nx, ny, nz = r[2], r[5], r[8]
@@ -131,7 +135,7 @@ def _write_normal(row: Any, r: Any, s0: Any, s1: Any, s2: Any, dx: Any, dy: Any,
     row[NORMAL], row[NORMAL + 1], row[NORMAL + 2] = nx, ny, nz
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _write_colour(row: Any, sh: Any, degree: Any, dx: Any, dy: Any, dz: Any) -> None:
     red = green = blue = _HALF
     values = sh_terms(dx, dy, dz)
@@ -157,7 +161,7 @@ def _write_colour(row: Any, sh: Any, degree: Any, dx: Any, dy: Any, dz: Any) -> 
 
 
 # No "nnan" among the flags: comparisons must fail for a Gaussian that is not finite, so that it is skipped.
-@njit(fastmath=FLAGS)
+@njit(fastmath=FLAGS, error_model="numpy")
 def _project_part(
     block: Any,
     means: Any,
@@ -185,6 +189,15 @@ def _project_part(
         x, y, z = to_camera(view, wx, wy, wz)
         x, y, z = x + view[9], y + view[10], z + view[11]
         if not (z > view[27] and z < _F(1e6)):
+            continue
+        iz = _ONE / z
+        slope_x, slope_y = x * iz, y * iz
+        u, v = view[12] * slope_x + view[14] - _HALF, view[13] * slope_y + view[15] - _HALF
+        # Most Gaussians are out of view, which the largest scale and the greatest reach tell at little cost.
+        widest = max(log_scales[g, 0], max(log_scales[g, 1], log_scales[g, 2]))
+        stretch = exp2(min(max(LOG2E * widest, _F(-30)), _F(30))) * iz * max(view[12], view[13]) * view[28]
+        most = _MOST_REACH * math.sqrt(stretch * stretch + view[25])
+        if not (u + most > _F(0) and u - most < view[16] and v + most > _F(0) and v - most < view[17]):
             continue
         sigmoid = _ONE / (_ONE + exp2(min(max(-LOG2E * opacity_logits[g], _F(-60)), _F(60))))
         if not (sigmoid * _F(255) > _ONE):
@@ -215,8 +228,6 @@ def _project_part(
         log_opacity = math.log(opacity) * LOG2E
         reach = math.sqrt(_TWO * LN2 * (log_opacity - LOG_CUT))
         half_width, half_height = reach * math.sqrt(var_x + eps), reach * math.sqrt(var_y + eps)
-        u = view[12] * x / z + view[14] - _HALF
-        v = view[13] * y / z + view[15] - _HALF
         if not (u + half_width > _F(0) and u - half_width < view[16] - _ONE):
             continue
         if not (v + half_height > _F(0) and v - half_height < view[17] - _ONE):
@@ -231,12 +242,15 @@ def _project_part(
         row[HALF_WIDTH], row[HALF_HEIGHT] = half_width, half_height
         row[DEPTH] = z
         touched = 0
-        low, high = tile_rows(row, lines)
+        low, high, left, right = tile_box(row, columns, lines)
+        exact = high - low > 1 and right - left > 1  # otherwise the box says it all
         for line in range(low, high):
-            left, right = tile_columns(row, line, columns)
-            for column in range(left, right):
+            begin, stop = left, right
+            if exact:
+                begin, stop = tile_columns(row, line, left, right)
+            for column in range(begin, stop):
                 counts[line * columns + column] += 1
-            touched += max(right - left, 0)
+                touched += 1
         if touched == 0:
             continue
         dx, dy, dz = wx - view[22], wy - view[23], wz - view[24]

@@ -20,10 +20,10 @@ from nvsim.splats import harmonics
 _F = np.float32
 _ZERO, _ONE, _TWO, _HALF = _F(0), _F(1), _F(2), _F(0.5)
 
-_sh_slopes = njit(forceinline=True, fastmath=FLAGS)(harmonics.slopes)
+_sh_slopes = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics.slopes)
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _colour_gradient(
     sh: Any, degree: Any, dx: Any, dy: Any, dz: Any, d_red: Any, d_green: Any, d_blue: Any, d_sh: Any
 ) -> Any:
@@ -45,7 +45,7 @@ def _colour_gradient(
     return d_dx, d_dy, d_dz
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _quaternion_gradient(w: Any, x: Any, y: Any, z: Any, r: Any) -> Any:
     """Gradient of the unit quaternion from that of the rotation's nine entries `r`."""
     return (
@@ -56,7 +56,7 @@ def _quaternion_gradient(w: Any, x: Any, y: Any, z: Any, r: Any) -> Any:
     )
 
 
-@njit(fastmath=FLAGS)
+@njit(fastmath=FLAGS, error_model="numpy")
 def _project_gradient_part(
     block: Any,
     means: Any,

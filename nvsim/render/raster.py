@@ -32,11 +32,18 @@ from nvsim.render.layout import (
 from nvsim.render.spans import pixel_rows
 
 _F = np.float32
-_PLANES = 9  # transmittance, red, green, blue, depth, normal (3), the weights of the row in hand
+_PLANES = 8  # transmittance, red, green, blue, depth, normal (3)
 _CHECK = 8  # splats between two looks at whether the tile is finished
 
 
-@njit(fastmath=True)
+@njit(forceinline=True, fastmath=True, error_model="numpy")
+def _weight(dx: Any, a: Any, linear: Any, constant: Any, through: Any) -> Any:
+    power = max(constant + dx * (linear + a * dx), _F(-100))
+    alpha = min(exp2_below(power), ALPHA_MAX)
+    return (alpha if power >= LOG_CUT else _F(0)) * through
+
+
+@njit(fastmath=True, error_model="numpy")
 def _draw_part(
     thread: Any,
     splats: Any,
@@ -76,24 +83,25 @@ def _draw_part(
                 dy = _F(y) - gy
                 constant, linear = log_opacity + c * dy * dy, b * dy
                 line = planes[y]
-                for x in range(TILE):
-                    dx = _F(x) - gx
-                    power = max(constant + dx * (linear + a * dx), _F(-100))
-                    alpha = min(exp2_below(power), ALPHA_MAX)
-                    alpha = alpha if power >= LOG_CUT else _F(0)
-                    weight = alpha * line[x]
-                    line[x] -= weight
-                    line[TILE + x] += weight * red
-                    line[2 * TILE + x] += weight * green
-                    line[3 * TILE + x] += weight * blue
-                    line[8 * TILE + x] = weight
+                # Two loops, not one and a second over its weights: LLVM unrolls a short loop before it vectorises it.
                 if geometry:
                     for x in range(TILE):
-                        weight = line[8 * TILE + x]
+                        weight = _weight(_F(x) - gx, a, linear, constant, line[x])
+                        line[x] -= weight
+                        line[TILE + x] += weight * red
+                        line[2 * TILE + x] += weight * green
+                        line[3 * TILE + x] += weight * blue
                         line[4 * TILE + x] += weight * z
                         line[5 * TILE + x] += weight * nx
                         line[6 * TILE + x] += weight * ny
                         line[7 * TILE + x] += weight * nz
+                else:
+                    for x in range(TILE):
+                        weight = _weight(_F(x) - gx, a, linear, constant, line[x])
+                        line[x] -= weight
+                        line[TILE + x] += weight * red
+                        line[2 * TILE + x] += weight * green
+                        line[3 * TILE + x] += weight * blue
             k += 1
             if k & (_CHECK - 1) == 0:
                 most = _F(0)

@@ -40,7 +40,7 @@ GRADIENT_WIDTH = 12
 absolute values of the x and y gradients."""
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model="numpy")
 def _draw_gradient_part(
     thread: Any,
     splats: Any,

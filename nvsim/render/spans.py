@@ -9,43 +9,60 @@ import numpy as np
 from numba import njit
 
 from nvsim.render.arithmetic import FLAGS
-from nvsim.render.layout import CONIC_A, CONIC_B, CONIC_C, HALF_HEIGHT, HALF_WIDTH, LOG_CUT, LOG_OPACITY, TILE, X, Y
+from nvsim.render.layout import (
+    CONIC_A,
+    CONIC_B,
+    CONIC_C,
+    HALF_HEIGHT,
+    HALF_WIDTH,
+    LOG_CUT,
+    LOG_OPACITY,
+    TILE,
+    TILE_BITS,
+    X,
+    Y,
+)
 
 _F = np.float32
 _TWO = _F(2)
 
 
-@njit(forceinline=True, fastmath=FLAGS)
-def tile_rows(splat: Any, lines: Any) -> Any:
-    """First and past-last of the `lines` rows of tiles with a pixel centre between the ellipse's top and bottom."""
-    top = max(splat[Y] - splat[HALF_HEIGHT], _F(0))
-    bottom = min(splat[Y] + splat[HALF_HEIGHT], _F(lines * TILE - 1))
-    low, high = np.int64(math.ceil(top)), np.int64(math.floor(bottom))
-    return low // TILE, high // TILE + 1 if high >= low else low // TILE
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def tile_box(splat: Any, columns: Any, lines: Any) -> Any:
+    """First and past-last row of tiles, first and past-last column, with a pixel centre within the ellipse's bounding
+    box; of `columns` x `lines` tiles."""
+    left = np.int64(math.ceil(max(splat[X] - splat[HALF_WIDTH], _F(0))))
+    right = np.int64(math.floor(min(splat[X] + splat[HALF_WIDTH], _F(columns * TILE - 1))))
+    top = np.int64(math.ceil(max(splat[Y] - splat[HALF_HEIGHT], _F(0))))
+    bottom = np.int64(math.floor(min(splat[Y] + splat[HALF_HEIGHT], _F(lines * TILE - 1))))
+    if right < left or bottom < top:
+        return np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    return top >> TILE_BITS, (bottom >> TILE_BITS) + 1, left >> TILE_BITS, (right >> TILE_BITS) + 1
 
 
-@njit(forceinline=True, fastmath=FLAGS)
-def tile_columns(splat: Any, line: Any, columns: Any) -> Any:
-    """First and past-last of the `columns` tiles in row `line` that the ellipse touches.
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def tile_columns(splat: Any, line: Any, left: Any, right: Any) -> Any:
+    """First and past-last tile of row `line` that the ellipse touches, given those of its bounding box.
 
-    The widest point of an ellipse lies at dy = -B dx / (2 C); inside the row of tiles the extreme is there, otherwise
-    on the nearer border of the row.
+    At height dy the ellipse a dx^2 + b dx dy + c dy^2 = m is crossed at (-b dy +- sqrt(4 a m - (4 a c - b^2) dy^2)) /
+    (2 a). Its widest point lies at dy = -b dx / (2 c); inside the row of tiles the extreme is there, otherwise on the
+    nearer border of the row.
     """
     a, b, c = -splat[CONIC_A], -splat[CONIC_B], -splat[CONIC_C]
-    m = splat[LOG_OPACITY] - LOG_CUT
+    level, bend = _F(4) * a * (splat[LOG_OPACITY] - LOG_CUT), _F(4) * a * c - b * b
+    half = _F(0.5) / a
     top = max(_F(line * TILE) - splat[Y], -splat[HALF_HEIGHT])
     bottom = min(_F(line * TILE + TILE - 1) - splat[Y], splat[HALF_HEIGHT])
     widest = -b * splat[HALF_WIDTH] / (_TWO * c)
-    dy = min(max(widest, top), bottom)
-    right = (-b * dy + math.sqrt(max(b * b * dy * dy - _F(4) * a * (c * dy * dy - m), _F(0)))) / (_TWO * a)
-    dy = min(max(-widest, top), bottom)
-    left = (-b * dy - math.sqrt(max(b * b * dy * dy - _F(4) * a * (c * dy * dy - m), _F(0)))) / (_TWO * a)
-    low = np.int64(math.ceil(max(splat[X] + left, _F(0))))
-    high = np.int64(math.floor(min(splat[X] + right, _F(columns * TILE - 1))))
-    return low // TILE, high // TILE + 1 if high >= low else low // TILE
+    high, low = min(max(widest, top), bottom), min(max(-widest, top), bottom)
+    last = splat[X] + (-b * high + math.sqrt(max(level - bend * high * high, _F(0)))) * half
+    first = splat[X] + (-b * low - math.sqrt(max(level - bend * low * low, _F(0)))) * half
+    left = max(np.int64(math.ceil(max(first, _F(0)))) >> TILE_BITS, left)
+    right = min((np.int64(math.floor(max(last, _F(-1)))) >> TILE_BITS) + 1, right)
+    return left, right
 
 
-@njit(forceinline=True, fastmath=FLAGS)
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def pixel_rows(splat: Any, top: Any) -> Any:
     """First and past-last row, counted from `top`, of a tile's rows that the ellipse touches."""
     y = splat[Y] - _F(top)

@@ -9,7 +9,7 @@ from numba import njit, prange
 
 from nvsim.render.arithmetic import depth_key
 from nvsim.render.layout import DEPTH
-from nvsim.render.spans import tile_columns, tile_rows
+from nvsim.render.spans import tile_box, tile_columns
 
 _SHORT = 24
 """Below this length an insertion sort wins."""
@@ -33,7 +33,7 @@ def starts(tile_counts: Any, offsets: Any) -> Any:
     return total, longest
 
 
-@njit
+@njit(error_model="numpy")
 def _scatter_part(
     block: Any, splats: Any, n: Any, visible: Any, cursors: Any, columns: Any, lines: Any, keys: Any, rows: Any
 ) -> None:
@@ -43,10 +43,13 @@ def _scatter_part(
     for i in range(first, first + visible[block]):
         splat = splats[i]
         key = depth_key(splat[DEPTH])
-        low, high = tile_rows(splat, lines)
+        low, high, left, right = tile_box(splat, columns, lines)
+        exact = high - low > 1 and right - left > 1
         for line in range(low, high):
-            left, right = tile_columns(splat, line, columns)
-            for tile in range(line * columns + left, line * columns + right):
+            begin, stop = left, right
+            if exact:
+                begin, stop = tile_columns(splat, line, left, right)
+            for tile in range(line * columns + begin, line * columns + stop):
                 at = cursor[tile]
                 keys[at] = key
                 rows[at] = i
@@ -100,7 +103,7 @@ def _pass(
         target_rows[at] = source_rows[s + i]
 
 
-@njit
+@njit(error_model="numpy")
 def _sort_part(
     thread: Any, keys: Any, rows: Any, offsets: Any, longest: Any, threads: Any, spare_keys: Any, spare_rows: Any
 ) -> None:
