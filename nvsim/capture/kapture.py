@@ -84,10 +84,12 @@ def read_kapture(root: Path, findings: Findings) -> RawCapture:
         _read_rigs(sensors / "rigs.txt", tree, findings)
     _read_trajectories(sensors / "trajectories.txt", tree, findings)
     frames = _read_records(sensors, tree, findings)
-    cloud = _read_lidar(sensors, tree, findings) if file_size(sensors / "records_lidar.txt") is not None else None
     points = root / "reconstruction" / "points3d.txt"
     reconstructed = file_size(points) is not None
-    if cloud is None and reconstructed:
+    cloud = None
+    if file_size(sensors / "records_lidar.txt") is not None:
+        cloud = _read_lidar(sensors, tree, findings)
+    elif reconstructed:
         cloud = _read_points(points, findings)
     metric = not reconstructed or bool(tree.mounts) or bool(_METRIC_SENSORS & set(tree.kinds.values()))
     return RawCapture(root, "kapture", tuple(frames), cloud, metric)

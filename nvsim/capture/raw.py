@@ -99,6 +99,8 @@ def file_size(path: Path) -> int | None:
 def read_bytes(path: Path) -> bytes:
     """The content of `path`. Raises InputError naming it when it cannot be read or is empty."""
     try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for without end
+            raise InputError(f"{path} is not a file that can be read; name a regular file.")
         data = path.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import capture_samples as sample
@@ -169,6 +170,19 @@ def test_a_path_that_does_not_exist_an_empty_folder_and_a_stranger_are_refused(t
         read(tmp_path / "notes.txt")
 
 
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(InputError, match="not a file"):
+        read(tmp_path / "pipe.json")
+    (tmp_path / "cloud.ply").unlink()
+    os.mkfifo(tmp_path / "cloud.ply")
+    (tmp_path / "images" / "004.png").unlink()
+    os.mkfifo(tmp_path / "images" / "004.png")
+    with pytest.raises(InputError, match="cloud.ply is not a file.*image is missing.*frame 4"):
+        read(path)
+
+
 def test_a_json_that_is_cut_off_is_refused_with_its_line(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
     path.write_text(path.read_text()[:500])
@@ -226,3 +240,18 @@ def test_an_unsupported_camera_model_is_named_with_those_that_are(tmp_path: Path
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(), camera_model="EQUIRECTANGULAR")
     with pytest.raises(InputError, match="EQUIRECTANGULAR.*OPENCV_FISHEYE"):
         read(path)
+
+
+def test_a_converted_reconstruction_has_no_metres_but_a_cloud(tmp_path: Path) -> None:
+    folder = sample.write_kapture(tmp_path, sample.walk(), sample.room(900))
+    sensors = folder / "sensors"
+    (sensors / "records_lidar.txt").unlink()
+    listed = (sensors / "sensors.txt").read_text().replace("lidar0, scan, lidar\n", "")
+    (sensors / "sensors.txt").write_text(listed)
+    (folder / "reconstruction").mkdir()
+    rows = [sample.csv(*map(float, p), 10.0, 20.0, 30.0) for p in sample.room(900)]
+    (folder / "reconstruction" / "points3d.txt").write_text("# kapture format: 1.1\n" + "".join(rows))
+    capture = read(folder)
+    assert not capture.alignment.scale_known and capture.cloud is not None and capture.cloud.kind == "sfm"
+    np.testing.assert_allclose(capture.cloud.points, sample.room(900), atol=1e-6)
+    assert capture.cloud.colors is not None and (capture.cloud.colors == (10, 20, 30)).all()
