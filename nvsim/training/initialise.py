@@ -20,7 +20,7 @@ from nvsim.training.views import TrainingView
 
 FARTHEST = 15.0
 """Metres beyond which a point does not count as seen."""
-CELLS = 64
+CELLS = 48
 """Columns of the coarse depth image that tells hidden points from seen ones."""
 NEAR, FAR = 0.5, 6.0
 """Depths in metres between which points are placed at random."""

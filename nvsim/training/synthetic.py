@@ -1,0 +1,70 @@
+"""A room with patterned walls, drawn by intersecting rays with a box: views, cloud and floor made in memory, exact and
+within a moment. What measurements and tests train on when nothing else is at hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.types import Cloud
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.training.views import TrainingView
+
+ROOM = np.array([6.0, 4.5, 2.6])
+"""Its extent in metres; one lower corner is the origin."""
+EYE_HEIGHT = 1.2
+FIELD_OF_VIEW = np.radians(80)
+_EDGE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticRoom:
+    views: list[TrainingView]
+    cloud: Cloud
+    floor: FloorSurface
+
+
+def synthetic_room(views: int, width: int, height: int, points: int, seed: int = 0) -> SyntheticRoom:
+    """`views` pictures of `width` x `height` pixels, from a walk around the room, and `points` of its walls, ceiling
+    and floor."""
+    rng = np.random.default_rng(seed)
+    intrinsics = Intrinsics.from_fov(width, height, FIELD_OF_VIEW)
+    taken = []
+    for i, angle in enumerate(np.linspace(0, 2 * np.pi, views, endpoint=False)):
+        place = ROOM[:2] * (0.5 + 0.2 * np.array([np.cos(angle), np.sin(angle)]))
+        heading = 3 * angle + rng.uniform(-0.2, 0.2)
+        camera = Camera(intrinsics, look(np.array([*place, EYE_HEIGHT]), heading, -0.1))
+        taken.append(_photograph(f"{i:04d}", camera))
+    surface = _random_surface(rng, points)
+    colors = (255 * paint(surface)).astype(np.uint8)
+    return SyntheticRoom(taken, Cloud(surface.astype(np.float32), colors), FloorSurface.flat(0.0))
+
+
+def paint(points: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(..., 3) colours in 0 to 1 of places (..., 3) on the room's surface: bands and tiles about 0.4 m wide."""
+    x, y, z = np.moveaxis(np.asarray(points, np.float64), -1, 0)
+    tiles = np.sign(np.sin(8 * x + 0.3) * np.sin(8 * y + 0.7) * np.cos(6 * z))
+    slow = np.stack([np.sin(0.9 * x + z), np.sin(1.1 * y + 2), np.cos(0.8 * x - y)], axis=-1)
+    return 0.5 + 0.12 * tiles[..., None] + 0.25 * slow
+
+
+def _photograph(name: str, camera: Camera) -> TrainingView:
+    rays, eye = camera.rays().astype(np.float64), camera.position
+    with np.errstate(divide="ignore"):
+        exits = np.where(rays > 0, (ROOM - eye) / rays, -eye / rays)
+    distance = exits.min(axis=-1)
+    place = eye + distance[..., None] * rays
+    image = np.clip(np.round(255 * paint(place)), 0, 255).astype(np.uint8)
+    return TrainingView(name, camera, image, place[..., 2] < _EDGE)
+
+
+def _random_surface(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    # Each side of the box gets points by its area.
+    pairs = np.array([ROOM[1] * ROOM[2], ROOM[0] * ROOM[2], ROOM[0] * ROOM[1]])
+    axis = rng.choice(3, count, p=pairs / pairs.sum())
+    points = rng.random((count, 3)) * ROOM
+    points[np.arange(count), axis] = np.where(rng.random(count) < 0.5, 0.0, ROOM[axis])
+    return points

@@ -1,0 +1,10 @@
+"""Prints what a training step costs, with its parts, as one JSON object: python tests/benchmarks/train_speed.py"""
+
+from __future__ import annotations
+
+import json
+
+from nvsim.training.benchmark import measure
+
+if __name__ == "__main__":
+    print(json.dumps(measure()))

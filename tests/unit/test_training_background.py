@@ -1,0 +1,124 @@
+"""The background network, its pixels and the floor texture against the contract, numpy and finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.floor_texture import pack_floor
+from nvsim.splats.harmonics import basis
+from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
+from nvsim.training.background import BackgroundNetwork
+from nvsim.training.config import TrainingConfig
+from nvsim.training.floor_paint import first_paint
+from nvsim.training.synthetic import synthetic_room
+from nvsim.training.texture import LearnedTexture, meet_floor
+
+CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
+
+
+def network() -> BackgroundNetwork:
+    made = BackgroundNetwork(5, np.array([0.6, 0.5, 0.4]))
+    made.values[:] += 0.05 * np.random.default_rng(2).standard_normal(made.values.shape).astype(np.float32)
+    return made
+
+
+def hits_of(camera: Camera, floor: FloorSurface) -> np.ndarray:
+    k = camera.intrinsics
+    hits = np.empty((3, k.height, k.width), np.float32)
+    meet_floor(pack_camera(camera), *pack_floor(floor), hits)
+    return hits
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (3.0, -7.5, 1.3), (40.0, 25.0, 2.0)])
+def test_network_equals_its_export(position: tuple[float, float, float]) -> None:
+    made = network()
+    ours = made(torch.tensor(position)).detach().numpy()
+    np.testing.assert_allclose(ours, made.exported().coefficients(np.array(position)), atol=1e-5)
+
+
+def test_network_starts_near_the_given_colour_in_every_direction() -> None:
+    coefficients = BackgroundNetwork(0, np.array([0.7, 0.5, 0.2]))(torch.zeros(3)).detach().numpy()
+    assert not coefficients[1:].any()
+    np.testing.assert_allclose(coefficients[0] * 0.2820948, [0.7, 0.5, 0.2], atol=0.1)
+
+
+def test_pixels_are_the_harmonics_along_their_rays() -> None:
+    coefficients = np.random.default_rng(0).normal(size=(25, 3)).astype(np.float32)
+    out = np.empty((3, 30, 40), np.float32)
+    evaluate(pack_camera(CAMERA), coefficients, out)
+    np.testing.assert_allclose(out.transpose(1, 2, 0), basis(CAMERA.rays(), 4) @ coefficients, atol=2e-5)
+
+
+def test_coefficient_gradient_is_the_adjoint_of_the_pixels() -> None:
+    gradient = np.random.default_rng(1).normal(size=(3, 30, 40)).astype(np.float32)
+    rows = np.empty((30, 25, 3), np.float32)
+    evaluate_gradient(pack_camera(CAMERA), gradient, rows)
+    expected = np.einsum("hwk,chw->kc", basis(CAMERA.rays(), 4), gradient)
+    np.testing.assert_allclose(rows.sum(axis=0), expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_hits_lie_where_the_floor_surface_is_met(curved: bool) -> None:
+    floor = FloorSurface.flat(0.2)
+    if curved:
+        heights = np.random.default_rng(4).uniform(0, 0.1, (9, 8)).astype(np.float32)
+        floor = FloorSurface(heights, (-1.0, -2.0), 1.0)
+    hits, rays = hits_of(CAMERA, floor), CAMERA.rays()
+    distance = floor.meet(CAMERA.position, rays)
+    met = np.isfinite(distance)
+    np.testing.assert_array_equal(hits[2] > 0, met)
+    expected = CAMERA.position[:2] + distance[met, None] * rays[met][:, :2]
+    np.testing.assert_allclose(hits[:2, met].T, expected, atol=2e-3)
+
+
+def test_texture_gradient_matches_finite_differences() -> None:
+    rng = np.random.default_rng(6)
+    texture = LearnedTexture((-0.5, 0.0), (3.0, 2.5))
+    texture.values[:] = rng.normal(size=texture.values.shape)
+    hits = hits_of(CAMERA, FloorSurface.flat(0.0))
+    weights = rng.normal(size=(3, 30, 40)).astype(np.float32)
+
+    def value() -> float:
+        painted = np.zeros((3, 30, 40), np.float32)
+        texture.add(hits, painted)
+        return float((painted.astype(np.float64) * weights).sum())
+
+    texture.collect(hits, weights)
+    gradient = texture.gradient.copy()
+    touched = np.flatnonzero(np.abs(gradient).sum(axis=1) > 1e-2)
+    assert {int(np.searchsorted(texture.table[:, 0], t, side="right")) for t in touched} == {1, 2, 3}
+    for texel in rng.choice(touched, 25, replace=False):
+        before = texture.values[texel, 1]
+        texture.values[texel, 1] = before + 0.5
+        above = value()
+        texture.values[texel, 1] = before - 0.5
+        assert above - value() == pytest.approx(gradient[texel, 1], abs=2e-3)
+        texture.values[texel, 1] = before
+
+
+def test_texture_outside_its_area_continues_its_border() -> None:
+    texture = LearnedTexture((0.0, 0.0), (1.0, 1.0))
+    texture.values[:] = 0
+    texture.values[texture.level(2)] = 0.25
+    hits = np.array([[[5.0, -3.0]], [[0.5, -2.0]], [[0.001, -1.0]]], np.float32)
+    painted = np.zeros((3, 1, 2), np.float32)
+    texture.add(hits, painted)
+    np.testing.assert_allclose(painted[:, 0, 0], 0.25, rtol=1e-6)
+    np.testing.assert_array_equal(painted[:, 0, 1], 0)  # this ray does not meet the floor
+
+
+def test_first_paint_already_shows_the_floor() -> None:
+    room = synthetic_room(12, 96, 72, 500)
+    made, texture = first_paint(room.views, room.floor, TrainingConfig(), seed=0)
+    assert made is not None and texture is not None
+    view = room.views[3]
+    painted = np.empty((3, 72, 96), np.float32)
+    evaluate(pack_camera(view.camera), made(torch.from_numpy(view.camera.position).float()).detach().numpy(), painted)
+    constant = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()
+    texture.add(hits_of(view.camera, room.floor), painted)
+    textured = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()
+    assert textured < 0.5 * constant

@@ -1,0 +1,162 @@
+"""The loss and its gradients against torch's own arithmetic and against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from nvsim.training.config import LossConfig
+from nvsim.training.losses import FloorAwareLoss
+from nvsim.training.ssim import TAPS, ssim_backward, ssim_forward
+
+HEIGHT, WIDTH = 19, 27
+PIXELS = HEIGHT * WIDTH
+ONLY_NOTHING = LossConfig(ssim=0.0, suppression=0.0, floor=0.0, fill=0.0)
+
+
+def blur(image: torch.Tensor) -> torch.Tensor:
+    taps = torch.from_numpy(TAPS).to(image)
+    window = (taps[:, None] * taps[None, :]).expand(image.shape[1], 1, 11, 11)
+    return torch.nn.functional.conv2d(image, window, groups=image.shape[1], padding=5)
+
+
+def mean_ssim(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+    """Of planar images (3, H, W), written out plainly."""
+    a, b = a[None], b[None]
+    mean_a, mean_b = blur(a), blur(b)
+    variance_a, variance_b = blur(a * a) - mean_a**2, blur(b * b) - mean_b**2
+    covariance = blur(a * b) - mean_a * mean_b
+    numerator = (2 * mean_a * mean_b + 0.01**2) * (2 * covariance + 0.03**2)
+    return (numerator / ((mean_a**2 + mean_b**2 + 0.01**2) * (variance_a + variance_b + 0.03**2))).mean()
+
+
+class Sample:
+    """Random images, a floor in the lower third, a transient in a corner."""
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(3)
+        self.rgb = rng.random((HEIGHT, WIDTH, 3), np.float32)
+        self.alpha = rng.random((HEIGHT, WIDTH), np.float32)
+        self.background = rng.random((3, HEIGHT, WIDTH), np.float32)
+        self.image = rng.integers(0, 256, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+        self.floor = np.zeros((HEIGHT, WIDTH), bool)
+        self.floor[12:] = True
+        self.inlier = np.ones((HEIGHT, WIDTH), bool)
+        self.inlier[8:15, :6] = False
+
+    def loss(self, config: LossConfig):
+        loss = FloorAwareLoss(config, WIDTH, HEIGHT)
+        return loss, loss(self.rgb, self.alpha, self.background, self.image, self.floor, self.inlier)
+
+
+@pytest.fixture
+def sample() -> Sample:
+    return Sample()
+
+
+def plain(sample: Sample, config: LossConfig) -> tuple[torch.Tensor, list[torch.Tensor]]:
+    """The whole loss by torch in double precision, and its inputs."""
+    rgb, alpha, background = (
+        torch.from_numpy(a).double().requires_grad_() for a in (sample.rgb, sample.alpha, sample.background)
+    )
+    image = torch.from_numpy(sample.image).double().permute(2, 0, 1) / 255
+    floor, inlier = torch.from_numpy(sample.floor).double(), torch.from_numpy(sample.inlier).double()
+    if config.suppression == 0 and config.floor == 0:
+        floor = torch.zeros_like(floor)
+    drawn = rgb.permute(2, 0, 1) + (1 - alpha) * background
+    w = inlier * (1 - floor)
+    total = (1 - config.ssim) * (w * (drawn - image).abs()).mean()
+    total = total + config.ssim * (1 - mean_ssim(w * drawn, w * image))
+    total = total + config.suppression * (floor * alpha).mean()
+    total = total + config.floor * (floor * inlier * ((background - image) ** 2 + 1e-4).sqrt()).mean()
+    total = total + config.fill * ((1 - floor) * inlier * (1 - alpha)).mean()
+    return total, [rgb, alpha, background]
+
+
+@pytest.mark.parametrize("shape", [(3, 40, 33), (1, 7, 5), (2, 16, 64)])
+def test_ssim_and_its_gradient_match_plain_torch(shape: tuple[int, int, int]) -> None:
+    rng = np.random.default_rng(0)
+    a, b = rng.random(shape, np.float32), rng.random(shape, np.float32)
+    b[:, :3] = a[:, :3]
+    slopes, gradient, sums = np.empty((3, *shape), np.float32), np.empty(shape, np.float32), np.empty(shape[:2])
+    ssim_forward(a, b, TAPS, slopes, sums)
+    ssim_backward(a, b, TAPS, slopes, gradient)
+    variable = torch.from_numpy(a).double().requires_grad_()
+    expected = mean_ssim(variable, torch.from_numpy(b).double())
+    expected.backward()
+    assert sums.sum() / a.size == pytest.approx(expected.item(), abs=1e-5)
+    np.testing.assert_allclose(gradient / a.size, variable.grad.numpy(), atol=1e-5 * float(variable.grad.abs().max()))
+
+
+def test_ssim_of_an_image_with_itself_is_one() -> None:
+    a = np.random.default_rng(1).random((3, 20, 30), np.float32)
+    slopes, sums = np.empty((3, *a.shape), np.float32), np.empty((3, 20))
+    ssim_forward(a, a, TAPS, slopes, sums)
+    assert sums.sum() / a.size == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [LossConfig(), LossConfig(fill=0.0), LossConfig(suppression=0.0, floor=0.0, fill=0.0), LossConfig(ssim=0.0)],
+    ids=["nvsim", "splatfacto-i", "3dgs", "l1"],
+)
+def test_total_and_gradients_match_torch(sample: Sample, config: LossConfig) -> None:
+    loss, values = sample.loss(config)
+    expected, (rgb, alpha, background) = plain(sample, config)
+    expected.backward()
+    assert values.total == pytest.approx(expected.item(), rel=1e-5)
+    for ours, reference in (
+        (loss.d_rgb, rgb.grad),
+        (loss.d_alpha, alpha.grad),
+        (loss.d_background, background.grad),
+    ):
+        np.testing.assert_allclose(ours, reference.numpy(), atol=2e-5 * float(reference.abs().max()))
+
+
+def test_suppression_is_the_mean_alpha_under_the_mask(sample: Sample) -> None:
+    _, values = sample.loss(LossConfig())
+    assert values.suppression == pytest.approx(sample.alpha[sample.floor].sum() / PIXELS, rel=1e-5)
+
+
+def test_fill_is_the_mean_light_let_through_elsewhere(sample: Sample) -> None:
+    _, values = sample.loss(LossConfig())
+    elsewhere = ~sample.floor & sample.inlier
+    assert values.fill == pytest.approx((1 - sample.alpha[elsewhere]).sum() / PIXELS, rel=1e-5)
+
+
+def test_each_term_is_switched_off_by_its_weight(sample: Sample) -> None:
+    loss, values = sample.loss(ONLY_NOTHING)
+    assert values.total == pytest.approx(values.l1)
+    only_suppression, _ = sample.loss(LossConfig(ssim=0.0, suppression=2.0, floor=0.0, fill=0.0))
+    np.testing.assert_allclose(only_suppression.d_alpha[sample.floor], 2.0 / PIXELS, rtol=1e-5)
+    assert not only_suppression.d_texture.any()
+    assert not loss.d_texture.any()
+
+
+def test_texture_learns_from_floor_pixels_only(sample: Sample) -> None:
+    loss, _ = sample.loss(LossConfig())
+    assert not loss.d_texture[:, ~sample.floor].any()
+    assert loss.d_texture[:, sample.floor & sample.inlier].any()
+    assert loss.d_background[:, ~sample.floor].any()
+
+
+def test_a_transient_moves_nothing_but_the_alpha_on_the_floor(sample: Sample) -> None:
+    config = LossConfig(ssim=0.0)
+    loss, before = sample.loss(config)
+    out = ~sample.inlier
+    assert not loss.d_rgb[out].any()
+    assert not loss.d_background[:, out].any()
+    assert not loss.d_alpha[out & ~sample.floor].any()
+    sample.image[out] = 255 - sample.image[out]
+    _, after = sample.loss(config)
+    assert after.total == before.total
+
+
+def test_error_is_of_the_background_on_the_floor_and_of_the_image_elsewhere(sample: Sample) -> None:
+    loss, _ = sample.loss(LossConfig())
+    true = sample.image / 255.0
+    background = sample.background.transpose(1, 2, 0)
+    drawn = sample.rgb + (1 - sample.alpha)[..., None] * background
+    expected = np.where(sample.floor, np.abs(background - true).mean(-1), np.abs(drawn - true).mean(-1))
+    np.testing.assert_allclose(loss.error, expected, atol=1e-5)

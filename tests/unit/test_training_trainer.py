@@ -1,0 +1,183 @@
+"""Training as a whole, on a small room: it learns, it repeats, it resumes, and the renderer shows what it learned."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nvsim.errors import InputError
+from nvsim.events import Event, Metric, Preview, Progress, Warning
+from nvsim.render.model import render_model
+from nvsim.splats.types import SubmapModel
+from nvsim.training import trainer
+from nvsim.training.benchmark import PARTS, measure
+from nvsim.training.config import PRESETS, TrainingConfig, preset
+from nvsim.training.synthetic import SyntheticRoom, synthetic_room
+from nvsim.training.trainer import train_submap
+from nvsim.training.views import TrainingView
+
+SMALL = TrainingConfig(steps=60, gaussian_cap=3000, checkpoint_seconds=0.0)
+
+
+class Killed(Exception):
+    pass
+
+
+@pytest.fixture(scope="module")
+def room() -> SyntheticRoom:
+    return synthetic_room(10, 96, 72, 4000)
+
+
+def train(room: SyntheticRoom, config: TrainingConfig, **more) -> SubmapModel:
+    return train_submap(room.views, room.cloud, room.floor, config, **more)
+
+
+def psnr(model: SubmapModel, view: TrainingView, where: np.ndarray) -> float:
+    drawn = render_model(model, view.camera).rgb
+    return float(-10 * np.log10(np.mean((np.clip(drawn, 0, 1) - view.image / 255.0)[where] ** 2)))
+
+
+def arrays_of(model: SubmapModel) -> list[np.ndarray]:
+    g = model.gaussians
+    arrays = [g.means, g.log_scales, g.quats, g.opacity_logits, g.sh]
+    arrays += [] if model.background is None else list(model.background.weights.values())
+    return arrays + ([] if model.texture is None else list(model.texture.levels))
+
+
+def is_same(a: SubmapModel, b: SubmapModel) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip(arrays_of(a), arrays_of(b), strict=True))
+
+
+def test_a_room_is_learned_and_its_floor_stays_empty(room: SyntheticRoom) -> None:
+    model = train(room, replace(SMALL, steps=400))
+    view = room.views[4]
+    assert psnr(model, view, ~view.floor) > 22
+    assert psnr(model, view, view.floor) > 25
+    alpha = render_model(model, view.camera).alpha
+    assert alpha[view.floor].mean() < 0.1
+    assert alpha[~view.floor].mean() > 0.9
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_trains(room: SyntheticRoom, name: str) -> None:
+    config = preset(name)
+    assert config.name == name
+    model = train(room, replace(config, steps=25, gaussian_cap=2000))
+    assert (model.background is None) == (name == "3dgs")
+    assert (model.texture is None) == (name != "nvsim")
+    assert model.info["preset"] == name
+    assert all(np.isfinite(a).all() for a in arrays_of(model))
+
+
+def test_an_unknown_preset_is_refused_by_name() -> None:
+    with pytest.raises(InputError, match="nvsim, splatfacto-i, 3dgs"):
+        preset("nerf")
+
+
+def test_the_renderer_shows_what_training_saw(room: SyntheticRoom) -> None:
+    run = trainer._Run(room.views, room.cloud, room.floor, SMALL, 0, 0, lambda event: None)
+    model = run.finish(None)
+    for view in room.views[:3]:
+        ours, alpha = run.fit.composite(view.camera)
+        drawn = render_model(model, view.camera)
+        np.testing.assert_allclose(drawn.rgb, ours, atol=1e-3)
+        np.testing.assert_allclose(drawn.alpha, alpha, atol=1e-5)
+
+
+def test_the_same_seed_gives_the_same_model_and_another_does_not(room: SyntheticRoom) -> None:
+    config = replace(SMALL, steps=25)
+    first = train(room, config, seed=7)
+    assert is_same(first, train(room, config, seed=7))
+    assert not is_same(first, train(room, config, seed=8))
+
+
+def test_killed_and_resumed_training_is_bit_identical(room: SyntheticRoom, tmp_path: Path) -> None:
+    config = replace(SMALL, densify=replace(SMALL.densify, every=20), robust=replace(SMALL.robust, start=0.3))
+    straight = train(room, config)
+    file = tmp_path / "submap.ckpt"
+    save = trainer._Run._save
+
+    def save_then_die(self: trainer._Run, path: Path) -> None:
+        save(self, path)
+        if self._step == 30:
+            raise Killed
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer._Run, "_save", save_then_die)
+        with pytest.raises(Killed):
+            train(room, config, checkpoint=file)
+    events: list[Event] = []
+    resumed = train(room, config, checkpoint=file, listen=events.append)
+    assert any("continues from step 30" in getattr(e, "text", "") for e in events)
+    assert is_same(straight, resumed)
+
+
+def test_a_checkpoint_of_other_inputs_is_ignored_with_a_warning(room: SyntheticRoom, tmp_path: Path) -> None:
+    file, config = tmp_path / "submap.ckpt", replace(SMALL, steps=5)
+    train(room, config, checkpoint=file)
+    for views, other in ((room.views, replace(config, sh_degree=0)), (room.views[:-1], config)):
+        events: list[Event] = []
+        train_submap(views, room.cloud, room.floor, other, checkpoint=file, listen=events.append)
+        assert [e for e in events if isinstance(e, Warning)]
+
+
+def test_a_torn_checkpoint_is_ignored_with_a_warning(room: SyntheticRoom, tmp_path: Path) -> None:
+    file, config = tmp_path / "submap.ckpt", replace(SMALL, steps=5)
+    train(room, config, checkpoint=file)
+    file.write_bytes(file.read_bytes()[:5000])
+    events: list[Event] = []
+    train(room, config, checkpoint=file, listen=events.append)
+    assert [e for e in events if isinstance(e, Warning)]
+
+
+def test_events_tell_progress_figures_and_picture(room: SyntheticRoom, tmp_path: Path) -> None:
+    events: list[Event] = []
+    train(room, replace(SMALL, steps=10), listen=events.append, preview=tmp_path / "preview.jpg", submap=3)
+    last = [e for e in events if isinstance(e, Progress)][-1]
+    assert (last.stage, last.done, last.total) == ("train", 10, 10)
+    metrics = {e.name for e in events if isinstance(e, Metric) and e.submap == 3}
+    assert metrics == {"loss", "psnr", "gaussians", "steps_per_second"}
+    assert [e for e in events if isinstance(e, Preview)]
+    assert (tmp_path / "preview.jpg").stat().st_size > 1000
+
+
+def test_training_without_a_cloud_starts_from_the_views(room: SyntheticRoom) -> None:
+    model = train_submap(room.views, None, room.floor, replace(SMALL, steps=10))
+    assert len(model.gaussians) > 500
+
+
+def test_no_views_is_a_sentence(room: SyntheticRoom) -> None:
+    with pytest.raises(InputError, match="without images"):
+        train_submap([], room.cloud, room.floor, SMALL)
+
+
+def test_views_of_several_sizes_train_together(room: SyntheticRoom) -> None:
+    views = [room.views[0].halved(), *room.views[1:]]
+    model = train_submap(views, room.cloud, room.floor, replace(SMALL, steps=12))
+    assert np.isfinite(model.gaussians.means).all()
+
+
+def test_the_cap_holds_through_a_whole_training(room: SyntheticRoom) -> None:
+    counts: list[float] = []
+
+    def listen(event: Event) -> None:
+        if isinstance(event, Metric) and event.name == "gaussians":
+            counts.append(event.value)
+
+    growing = replace(SMALL.densify, every=5, start=0.0, growth=0.5, gradient=0.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "REPORT_SECONDS", 0.0)
+        train(room, replace(SMALL, gaussian_cap=2200, densify=growing), listen=listen)
+    assert max(counts) <= 2200
+    assert counts[-1] > 1600
+
+
+def test_measured_parts_are_numbers_that_make_up_the_step() -> None:
+    figures = measure(gaussians=800, width=64, height=48, steps=3, warm_up=2)
+    json.dumps(figures)
+    assert figures["step_ms"] > 0
+    assert sum(figures[f"{part}_ms"] for part in PARTS) <= 3 * figures["step_ms"]
