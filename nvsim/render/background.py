@@ -18,7 +18,6 @@ from nvsim.render.floor_texture import (
     pack_texture,
     texture_colour,
 )
-from nvsim.render.layout import TILE
 from nvsim.render.projection import pack, sh_terms
 from nvsim.render.types import Float32
 from nvsim.render.workspace import LOCK
@@ -26,27 +25,58 @@ from nvsim.splats.types import SubmapModel
 
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
+_SEGMENT = 64
+_COLOUR, _BASIS, _PLANES = 4, 7, 32  # after the direction and its forward component
 _DARK = _F(1 / 1024)  # a background dimmed by more than this cannot be seen in 8 bits
 
 
 @njit(fastmath=True, error_model="numpy")
-def _sky_segment(view: Any, coefficients: Any, x0: Any, y: Any, planes: Any) -> None:
-    # 16 pixels at a time: directions to planes 0 to 2 and the forward component to plane 3, colours to planes 4 to 6.
+def _sky_segment(view: Any, coefficients: Any, x0: Any, count: Any, y: Any, planes: Any) -> None:
+    # `count` pixels from x0 on: unit directions and their forward component, then SH colours. The basis
+    # goes through memory, which stays in the nearest cache: so every loop is a plain one that LLVM vectorises.
     v = (_F(y) + _HALF - view[15]) / view[13]
-    for i in range(TILE):
+    for i in range(count):
         u = (_F(x0 + i) + _HALF - view[14]) / view[12]
         n = _ONE / math.sqrt(u * u + v * v + _ONE)
-        dx = (view[0] * u + view[3] * v + view[6]) * n
-        dy = (view[1] * u + view[4] * v + view[7]) * n
-        dz = (view[2] * u + view[5] * v + view[8]) * n
-        planes[i], planes[TILE + i], planes[2 * TILE + i], planes[3 * TILE + i] = dx, dy, dz, n
-        values = sh_terms(dx, dy, dz)
-        red = green = blue = _ZERO
+        planes[0, i] = (view[0] * u + view[3] * v + view[6]) * n
+        planes[1, i] = (view[1] * u + view[4] * v + view[7]) * n
+        planes[2, i] = (view[2] * u + view[5] * v + view[8]) * n
+        planes[3, i] = n
+    for i in range(count):
+        values = sh_terms(planes[0, i], planes[1, i], planes[2, i])
+        planes[_BASIS, i] = values[0]
+        planes[_BASIS + 1, i] = values[1]
+        planes[_BASIS + 2, i] = values[2]
+        planes[_BASIS + 3, i] = values[3]
+        planes[_BASIS + 4, i] = values[4]
+        planes[_BASIS + 5, i] = values[5]
+        planes[_BASIS + 6, i] = values[6]
+        planes[_BASIS + 7, i] = values[7]
+        planes[_BASIS + 8, i] = values[8]
+        planes[_BASIS + 9, i] = values[9]
+        planes[_BASIS + 10, i] = values[10]
+        planes[_BASIS + 11, i] = values[11]
+        planes[_BASIS + 12, i] = values[12]
+        planes[_BASIS + 13, i] = values[13]
+        planes[_BASIS + 14, i] = values[14]
+        planes[_BASIS + 15, i] = values[15]
+        planes[_BASIS + 16, i] = values[16]
+        planes[_BASIS + 17, i] = values[17]
+        planes[_BASIS + 18, i] = values[18]
+        planes[_BASIS + 19, i] = values[19]
+        planes[_BASIS + 20, i] = values[20]
+        planes[_BASIS + 21, i] = values[21]
+        planes[_BASIS + 22, i] = values[22]
+        planes[_BASIS + 23, i] = values[23]
+        planes[_BASIS + 24, i] = values[24]
+    for channel in range(3):
+        line = planes[_COLOUR + channel]
+        for i in range(count):
+            line[i] = _ZERO
         for k in range(25):
-            red += coefficients[k, 0] * values[k]
-            green += coefficients[k, 1] * values[k]
-            blue += coefficients[k, 2] * values[k]
-        planes[4 * TILE + i], planes[5 * TILE + i], planes[6 * TILE + i] = red, green, blue
+            factor, value = coefficients[k, channel], planes[_BASIS + k]
+            for i in range(count):
+                line[i] += factor * value[i]
 
 
 @njit(fastmath=True, error_model="numpy")
@@ -66,24 +96,24 @@ def _paint_row(
 ) -> None:
     width = transmittance.shape[0]
     textured = table.shape[0] > 0
-    for x0 in range(0, width, TILE):
-        count = min(TILE, width - x0)
+    for x0 in range(0, width, _SEGMENT):
+        count = min(_SEGMENT, width - x0)
         lightest = _ZERO
         for i in range(count):
             lightest = max(lightest, transmittance[x0 + i])
         if lightest < _DARK:
             continue
-        _sky_segment(view, coefficients, x0, y, planes)
+        _sky_segment(view, coefficients, x0, count, y, planes)
         for i in range(count):
             through = transmittance[x0 + i]
             if through < _DARK:
                 continue
-            red, green, blue = planes[4 * TILE + i], planes[5 * TILE + i], planes[6 * TILE + i]
+            red, green, blue = planes[_COLOUR, i], planes[_COLOUR + 1, i], planes[_COLOUR + 2, i]
             if textured:
-                dx, dy, dz = planes[i], planes[TILE + i], planes[2 * TILE + i]
+                dx, dy, dz = planes[0, i], planes[1, i], planes[2, i]
                 distance = distance_to_floor(heights, grid, view[22], view[23], view[24], dx, dy, dz)
                 if distance > _ZERO:
-                    footprint = footprint_of(distance, planes[3 * TILE + i], dz, view[12])
+                    footprint = footprint_of(distance, planes[3, i], dz, view[12])
                     x, y_ = view[22] + distance * dx, view[23] + distance * dy
                     r, g, b = texture_colour(texels, table, sizes, bounds, x, y_, footprint)
                     red, green, blue = red + r, green + g, blue + b
@@ -109,7 +139,7 @@ def paint(
     """Adds transmittance (H, W) * background to rgb (H, W, 3). `view` from projection.pack, `coefficients` (25, 3),
     the rest from floor_texture."""
     for thread in prange(threads):
-        planes = np.empty(7 * TILE, np.float32)
+        planes = np.empty((_PLANES, _SEGMENT), np.float32)
         for y in range(thread, rgb.shape[0], threads):
             _paint_row(
                 view,

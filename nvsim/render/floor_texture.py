@@ -24,6 +24,7 @@ _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 _FLATTEST = _F(-0.02)  # as FloorSurface.meet
 _ITERATIONS = 4
+_CLOSE = _F(1e-5)  # metres; further rounds change nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,10 @@ def distance_to_floor(heights: Any, grid: Any, ex: Any, ey: Any, ez: Any, dx: An
     distance = (height_at(heights, grid, ex, ey) - ez) / dz
     if heights.size > 1:
         for _ in range(_ITERATIONS):
+            before = distance
             distance = (height_at(heights, grid, ex + distance * dx, ey + distance * dy) - ez) / dz
+            if abs(distance - before) < _CLOSE:
+                break
     return distance if distance > _ZERO else -_ONE
 
 
