@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.perception.hybrid import large_regions
 from nvsim.perception.roles import Float32, Image, Mask
 
 _CELL = 0.05
@@ -21,13 +22,21 @@ class AppearanceConfig:
     different  a pixel is strange from this many standard deviations of the frame's own floor on
     least      standard deviation of log colour that is always granted
     area       strange regions smaller than this share of the image stay floor
+    alike      hidden floor may shine through where it is off by less than this many standard deviations
+    window     share of the image from which on a region that shines through is believed
+    pattern    standard deviation of log colour that a floor must have for its pattern to be recognised
+    correlation  of the pattern seen with the pattern known, from which on it is recognised
     most       where more than this share of the floor looks strange, the light has changed: nothing is taken out
     """
 
     farthest: float = 5.0
-    different: float = 3.5
+    different: float = 4.5
     least: float = 0.06
     area: float = 0.002
+    alike: float = 1.5
+    window: float = 0.004
+    pattern: float = 0.03
+    correlation: float = 0.5
     most: float = 0.4
 
 
@@ -88,35 +97,82 @@ class FloorAppearance:
         return FloorAppearance(median.reshape(rows, columns, 3), known.reshape(rows, columns), corner * _CELL, config)
 
     def strange(self, view: Glimpse) -> Mask:
-        """(h, w) bool: the regions of the view's floor that do not look like the floor known there.
+        """(h, w) bool: the regions of the view's floor that do not look like the floor known there."""
+        import cv2
+
+        expected, known = self._expected(view)
+        floor = view.floor & known
+        score = self._score(view, expected, floor, floor)
+        different = ((score > self.config.different) & floor).astype(np.uint8)
+        closed = cv2.morphologyEx(different, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8)) > 0
+        regions = large_regions(closed & view.floor, self.config.area)
+        usual: Mask = regions if regions.sum() < self.config.most * view.floor.sum() else np.zeros_like(regions)
+        return usual
+
+    def shining_through(self, view: Glimpse, hidden: Mask) -> Mask:
+        """(h, w) bool: the regions of `hidden`, floor with something before it, that show the floor's own pattern all
+        the same: what stands before them is glass. The pattern decides (normalised correlation of what is left when
+        slow changes are taken out), not the colour, so that plain floors never shine through anything."""
+        import cv2
+
+        expected, known = self._expected(view)
+        region = hidden & known
+        basis = view.floor & known
+        score = self._score(view, expected, region, basis if basis.sum() > 500 else region)
+        alike = ((score < self.config.alike) & region).astype(np.uint8)
+        opened = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+        regions = large_regions(opened, self.config.window)
+        if not regions.any():
+            return regions
+        inside = regions.astype(np.float32)[..., None]
+        seen, there = (
+            x - cv2.GaussianBlur(x * inside, (0, 0), 5) / (cv2.GaussianBlur(inside, (0, 0), 5)[..., None] + 1e-3)
+            for x in (self._logs(view), expected)
+        )
+        count, labels = cv2.connectedComponents(regions.astype(np.uint8))
+        keep = np.zeros(count, bool)
+        for k in range(1, count):
+            a, b = seen[labels == k], there[labels == k]
+            both, sa, sb = float(np.mean(a * b)), float(np.mean(a * a)), float(np.mean(b * b))
+            keep[k] = sb > self.config.pattern**2 and both > self.config.correlation * np.sqrt(sa * sb)
+        through = cv2.morphologyEx(keep[labels].astype(np.uint8), cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
+        found: Mask = (through > 0) & hidden
+        return found
+
+    @staticmethod
+    def _logs(view: Glimpse) -> Float32:
+        logs: Float32 = np.log(view.image.astype(np.float32) + _DARK)
+        return logs
+
+    def _expected(self, view: Glimpse) -> tuple[Float32, Mask]:
+        """The known colours (h, w, 3) at the view's pixels, and where they are known."""
+        import cv2
+
+        at = ((view.ground - self.low) / _CELL - 0.5).astype(np.float32)
+        known = cv2.remap(self.known, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=0.0)
+        expected = cv2.remap(self.colors, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=(0, 0, 0))
+        return np.asarray(expected / np.maximum(known, 0.5)[..., None], np.float32), known > 0.5
+
+    def _score(self, view: Glimpse, expected: Float32, region: Mask, basis: Mask) -> Float32:
+        """(h, w) how many standard deviations of the view's own floor (`basis`) a pixel of `region` is off.
 
         The view's exposure and its slow changes (reflections, fall-off of light) are taken out first: the median
         difference of the whole floor, then a wide local mean of what fits.
         """
         import cv2
 
-        from nvsim.perception.hybrid import large_regions
-
-        nothing = np.zeros(view.floor.shape, bool)
-        at = ((view.ground - self.low) / _CELL - 0.5).astype(np.float32)
-        known = cv2.remap(self.known, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=0.0)
-        expected = cv2.remap(self.colors, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=(0, 0, 0))
-        floor = view.floor & (known > 0.5)
-        if floor.sum() < 50:
-            return nothing
-        logs = np.log(view.image.astype(np.float32) + _DARK)
-        rest = np.where(floor[..., None], logs - expected / np.maximum(known, 0.5)[..., None], 0).astype(np.float32)
-        rest -= np.median(rest[floor], axis=0)
-        fits = (floor & (np.abs(rest / self._spread(rest[floor])).max(axis=-1) < 3)).astype(np.float32)
+        if basis.sum() < 50:
+            return np.where(region, np.inf if region is not basis else 0.0, 0.0).astype(np.float32)
+        either = region | basis
+        rest = np.where(either[..., None], self._logs(view) - expected, 0).astype(np.float32)
+        rest -= np.median(rest[basis], axis=0)
+        fits = (either & (np.abs(rest / self._spread(rest[basis])).max(axis=-1) < 3)).astype(np.float32)
         weight = cv2.GaussianBlur(fits, (0, 0), 16)[..., None]
         slow = cv2.GaussianBlur(fits[..., None] * rest, (0, 0), 16)
-        local = np.where(floor[..., None], rest - slow / (weight + 0.02), 0).astype(np.float32)
+        local = np.where(either[..., None], rest - slow / (weight + 0.02), 0).astype(np.float32)
         rest = np.asarray(cv2.blur(local, (3, 3)), np.float32)
-        score = np.sqrt(np.mean((rest / self._spread(rest[floor])) ** 2, axis=-1))
-        different = ((score > self.config.different) & floor).astype(np.uint8)
-        different = cv2.morphologyEx(different, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
-        regions = large_regions((different > 0) & view.floor, self.config.area)
-        return regions if regions.sum() < self.config.most * view.floor.sum() else nothing
+        score: Float32 = np.sqrt(np.mean((rest / self._spread(rest[basis])) ** 2, axis=-1)).astype(np.float32)
+        return score
 
     def _spread(self, values: Float32) -> Float32:
         spread: Float32 = np.maximum(1.4826 * np.median(np.abs(values), axis=0), self.config.least).astype(np.float32)

@@ -49,10 +49,17 @@ class GeometricConfig:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """floor (h, w) bool; scale (h, w) float32, pixels of the full image that a metre takes; ground (h, w, 2) float32,
-    metres, and distance (h, w) float32, metres, where the rays meet the floor surface, 0 distance where they do not."""
+    """What geometry alone says about a view, at the working size.
+
+    floor     (h, w) bool
+    hidden    (h, w) bool, floor that has something before it
+    scale     (h, w) float32, pixels of the full image that a metre takes
+    ground    (h, w, 2) float32, metres, where the rays meet the floor surface
+    distance  (h, w) float32, metres along the rays to there, 0 where they do not meet it
+    """
 
     floor: Mask
+    hidden: Mask
     scale: Float32
     ground: Float32
     distance: Float32
@@ -81,7 +88,9 @@ class GeometricFloor:
         seen = self.project(camera)
         floor = seen.floor
         if self._appearance is not None:
-            floor = floor & ~self._appearance.strange(self._glimpse(seen, image))
+            view = self._glimpse(seen, image)
+            floor = floor & ~self._appearance.strange(view)
+            floor |= self._appearance.shining_through(view, seen.hidden)
         mask = refine(floor, seen.scale, image, self.config.refine)
         return FloorMask(mask, mask)
 
@@ -110,13 +119,14 @@ class GeometricFloor:
         # at a foot the floor lies before it, and the border is where it should be.
         silhouette = met & (depth < floor_depth * self.config.contact)
         hidden &= ~(silhouette & (inside < self.config.shrink * radius * small.intrinsics.fx / depth))
-        floor: Mask = met & ~hidden
+        possible = met
         if self._standing.confirmed is not None:
-            floor &= self._standing.confirmed.at(ground)
+            possible = met & self._standing.confirmed.at(ground)
+        floor: Mask = possible & ~hidden
         floor = _without_specks(floor, self.config.speck)
         nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))
         scale = (camera.intrinsics.fx / nearest).astype(np.float32)
-        return Projection(floor, scale, ground.astype(np.float32), distance)
+        return Projection(floor, possible & ~floor, scale, ground.astype(np.float32), distance)
 
 
 def _without_specks(mask: Mask, area: float) -> Mask:

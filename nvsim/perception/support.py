@@ -66,15 +66,20 @@ class SupportConfig:
     spacing    edge of a cell
     distance   a mask speaks only for floor this close to its camera: further away a pixel covers too much of it
     tolerance  a cloud point this close to the floor height supports it
-    height     cloud points from `tolerance` to this height above the floor contradict the masks in their cell
-    views      a cell that masks alone support was seen as floor at least this often
+    low, high  cloud points between these heights above the floor stand in a robot's way
+    standing   this many of them in a cell take its support away, whatever the masks say: floor is seen through glass
+    views      a cell that masks alone support was seen as floor at least this often,
+    share      and in this share of the frames that look its way: others may look at something before it
     """
 
     spacing: float = 0.08
     distance: float = 6.0
     tolerance: float = 0.04
-    height: float = 1.5
+    low: float = 0.10
+    high: float = 1.5
+    standing: int = 3
     views: int = 2
+    share: float = 0.3
 
 
 def observe(
@@ -87,15 +92,14 @@ def observe(
     """Floor that the masks (each (H, W) bool, of the camera at the same place in `cameras`) or the cloud support.
 
     Every mask is laid onto the floor surface: a cell is supported when it was seen as floor in at least `views` frames
-    and more often than as something else, or when a cloud point lies there at floor height; not when the cloud shows
-    something standing there that the masks did not see as floor. A cell surrounded by supported ones is supported.
+    and not mostly as something else, or when a cloud point lies there at floor height. A cell between supported
+    ones is supported. Where a dense cloud shows something standing there is no support.
+    `masks` is read one by one, so it may load them as it goes. Raises ValueError when there are not as many as cameras.
     """
     import cv2
 
     config = config or SupportConfig()
-    views, pictures = list(cameras), list(masks)
-    if len(views) != len(pictures):
-        raise ValueError(f"{len(views)} cameras but {len(pictures)} masks")
+    views = list(cameras)
     places = np.array([c.position[:2] for c in views]).reshape(-1, 2)
     near_cloud = None if cloud is None else np.asarray(cloud.points, np.float64)
     if near_cloud is not None and len(places):
@@ -115,31 +119,37 @@ def observe(
         flat: NDArray[np.int64] = index[..., 1] * columns + index[..., 0]
         return flat
 
-    as_floor, as_other = np.zeros(rows * columns, np.int32), np.zeros(rows * columns, np.int32)
-    for camera, mask in zip(views, pictures):
-        # A pixel every few centimetres at the far end is enough; a cell counts once per frame, by its majority.
-        view = Camera(camera.intrinsics.within(240), camera.camera_to_world)
-        size = (view.intrinsics.width, view.intrinsics.height)
-        small = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
-        rays = view.rays()
-        distance = surface.meet(view.position, rays)
-        near = distance * np.hypot(rays[..., 0], rays[..., 1]) < config.distance
-        index = cell(view.position[:2] + distance[near][:, None] * rays[near][:, :2])
-        cells, which = np.unique(index, return_inverse=True)
-        floor = np.bincount(which.reshape(-1), small[near], len(cells))
-        total = np.bincount(which.reshape(-1), minlength=len(cells))
-        as_floor[cells[2 * floor > total]] += 1
-        as_other[cells[2 * floor <= total]] += 1
-    supported = (as_floor >= config.views) & (as_floor > as_other)
+    x = origin[0] + (np.arange(columns) + 0.5) * config.spacing
+    y = origin[1] + (np.arange(rows) + 0.5) * config.spacing
+    centres = np.stack(np.meshgrid(x, y), axis=-1)
+    ground = np.dstack([centres, surface.height_at(centres)])
+    as_floor, as_other = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
+    reach = int(np.ceil(config.distance / config.spacing))
+    for camera, mask in zip(views, masks, strict=True):
+        # From the cells to the pixels, not back: far away a pixel is wider than a cell.
+        row, column = np.floor((camera.position[[1, 0]] - origin[[1, 0]]) / config.spacing).astype(int)
+        window = np.s_[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
+        near = ground[window]
+        pixels, depth = camera.project(near)
+        height, width = mask.shape
+        scale = np.array([width / camera.intrinsics.width, height / camera.intrinsics.height])
+        u, v = np.moveaxis(np.floor(np.clip(pixels * scale, -1, 1e6)).astype(np.int64), -1, 0)
+        within = np.sum((near[..., :2] - camera.position[:2]) ** 2, axis=-1) < config.distance**2
+        framed = (depth > 0.05) & (u >= 0) & (u < width) & (v >= 0) & (v < height) & within
+        floor = mask[v.clip(0, height - 1), u.clip(0, width - 1)]
+        as_floor[window] += framed & floor
+        as_other[window] += framed & ~floor
+    as_floor, as_other = as_floor.reshape(-1), as_other.reshape(-1)
+    standing = np.zeros(rows * columns, bool)
+    supported = (as_floor >= config.views) & (as_floor >= config.share * (as_floor + as_other))
     if near_cloud is not None and len(near_cloud):
         above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
         index = cell(near_cloud[:, :2])
-        on_floor = np.zeros(rows * columns, bool)
-        on_floor[index[np.abs(above) <= config.tolerance]] = True
-        standing = np.zeros(rows * columns, bool)
-        standing[index[(above > config.tolerance + 0.02) & (above < config.height)]] = True
-        supported |= on_floor & ~(standing & (as_other > as_floor))
+        supported[index[np.abs(above) <= config.tolerance]] = True
+        if cloud is not None and cloud.kind == "lidar":
+            blocking = index[(above > config.low) & (above < config.high)]
+            standing = np.bincount(blocking, minlength=rows * columns) >= config.standing
     grid = supported.reshape(rows, columns).astype(np.uint8)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-    closed = cv2.morphologyEx(grid, cv2.MORPH_CLOSE, cross) > 0
+    closed = (cv2.morphologyEx(grid, cv2.MORPH_CLOSE, cross) > 0) & ~standing.reshape(rows, columns)
     return FloorSupport(closed, (float(origin[0]), float(origin[1])), config.spacing)

@@ -1,0 +1,217 @@
+"""The geometric provider in a box room with a box in it: every pixel's truth follows from a ray and slabs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from nvsim.capture.types import Alignment, Capture, Cloud, Frame
+from nvsim.errors import InputError
+from nvsim.evaluation.floor import evaluate_floor
+from nvsim.events import Progress
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.lens import Lens
+from nvsim.perception.geometric import GeometricConfig, GeometricFloor
+from nvsim.perception.refine import RefineConfig, refine
+from nvsim.perception.segment import SegmentConfig, mask_path, read_mask, segment_capture
+from nvsim.perception.support import FloorSupport, SupportConfig, observe
+
+ROOM = np.array([[0, 0, 0], [6, 5, 2.6]], float)
+BOX = np.array([[2.5, 2.0, 0], [3.5, 2.8, 0.7]], float)
+FLAT = FloorSurface.flat(0.0)
+EYES = [(0.8, 0.8, 0.6), (5.2, 0.8, -0.7), (0.8, 4.2, 2.4), (5.2, 4.2, -2.3), (3.0, 0.6, 0.0), (0.7, 2.4, 1.57)]
+INTRINSICS = Intrinsics.from_fov(240, 180, 1.4)
+
+
+def camera(k: int) -> Camera:
+    x, y, heading = EYES[k]
+    return Camera(INTRINSICS, look(np.array([x, y, 1.2]), heading))
+
+
+def truth(view: Camera, person: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Floor mask and image: tiles on the floor, plain walls, a red box (and a person)."""
+    rays, eye = view.rays().astype(float), view.position
+    with np.errstate(divide="ignore"):
+        leave = np.where(rays > 0, (ROOM[1] - eye) / rays, (ROOM[0] - eye) / rays)
+    axis = leave.argmin(axis=-1)
+    floor = (axis == 2) & (rays[..., 2] < 0)
+    hit = eye + leave.min(axis=-1)[..., None] * rays
+    tiles = (np.floor(hit[..., 0] / 0.4) + np.floor(hit[..., 1] / 0.4)) % 2
+    image = np.where(floor, 90 + 60 * tiles, 200 + 15 * axis)[..., None].repeat(3, axis=-1)
+    for solid, color in [(BOX, (180, 40, 40))] + ([] if person is None else [(person, (30, 160, 50))]):
+        with np.errstate(divide="ignore"):
+            a, b = (solid[0] - eye) / rays, (solid[1] - eye) / rays
+        enter, out = np.minimum(a, b).max(axis=-1), np.maximum(a, b).min(axis=-1)
+        struck = (enter < out) & (enter > 0)
+        floor &= ~struck
+        image[struck] = color
+    noise = np.random.default_rng(0).normal(0, 2, image.shape)
+    return floor, np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+def scan(spacing: float = 0.05, noise: float = 0.008) -> Cloud:
+    def sheet(low, high, fixed, value):
+        axes = [np.arange(low[i] + spacing / 2, high[i], spacing) if i != fixed else [value] for i in range(3)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+
+    room = [sheet(*ROOM, axis, ROOM[side][axis]) for axis, side in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0))]
+    floor = room[-1]
+    under = ((floor[:, :2] > BOX[0, :2]) & (floor[:, :2] < BOX[1, :2])).all(axis=1)
+    room[-1] = floor[~under]
+    box = [sheet(*BOX, axis, BOX[side][axis]) for axis, side in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 1))]
+    points = np.concatenate(room + box)
+    points += np.random.default_rng(1).normal(0, noise, points.shape)
+    return Cloud(points.astype(np.float32))
+
+
+def iou(a: np.ndarray, b: np.ndarray) -> float:
+    return float((a & b).sum() / (a | b).sum())
+
+
+@pytest.fixture(scope="module")
+def provider() -> GeometricFloor:
+    provider = GeometricFloor(scan(), FLAT)
+    provider.learn([camera(k) for k in range(len(EYES))], lambda k: truth(camera(k))[1])
+    return provider
+
+
+@pytest.mark.parametrize("k", range(len(EYES)))
+def test_mask_of_a_box_room_agrees_with_the_ray_cast_truth(provider, k):
+    floor, image = truth(camera(k))
+    assert iou(provider.segment(camera(k), image).mask, floor) > 0.95
+
+
+def test_floor_of_the_next_room_is_not_seen_under_the_wall():
+    points = scan().points
+    points = points[(np.abs(points[:, 2]) < 0.04) | (points[:, 2] > 0.12)]  # the scan's lowest row misses the foot
+    beyond = points[np.abs(points[:, 2]) < 0.04] + np.array([0, 5.1, 0], np.float32)
+    cloud = Cloud(np.concatenate([points, beyond]))
+    floor, image = truth(camera(0))
+    assert iou(GeometricFloor(cloud, FLAT).segment(camera(0), image).mask, floor) > 0.93
+
+
+def test_without_a_cloud_everything_below_the_horizon_is_floor_at_most():
+    floor, image = truth(camera(0))
+    found = GeometricFloor(None, FLAT, GeometricConfig(refine=RefineConfig(most=0))).segment(camera(0), image)
+    assert (found.mask | ~floor).all() and not found.mask[:85].any()
+
+
+def test_a_person_whom_the_cloud_does_not_know_is_taken_out(provider):
+    person = np.array([[1.9, 1.9, 0], [2.2, 2.2, 1.7]])
+    floor, image = truth(camera(0), person)
+    empty, _ = truth(camera(0))
+    standing = empty & ~floor
+    found = provider.segment(camera(0), image).mask
+    assert standing.sum() > 300 and found[standing].mean() < 0.25
+
+
+def test_refinement_moves_a_shifted_border_back_to_the_edge_of_the_image():
+    floor, image = truth(camera(0))
+    shifted = np.roll(floor, 2, axis=0)
+    scale = np.full(floor.shape, 100.0, np.float32)
+    back = refine(shifted, scale, image, RefineConfig(reach=0.04))
+    assert iou(back, floor) > iou(shifted, floor) + 0.01
+
+
+def test_support_is_the_floor_of_the_room_and_neither_the_box_nor_beyond_the_walls():
+    views = [camera(k) for k in range(len(EYES))]
+    masks = [truth(v)[0] for v in views]
+    grid = np.stack(np.meshgrid(np.arange(-1, 7, 0.11), np.arange(-1, 6, 0.11)), -1)
+    inside = ((grid > ROOM[0, :2] + 0.25) & (grid < ROOM[1, :2] - 0.25)).all(-1)
+    beyond = ((grid < ROOM[0, :2] - 0.25) | (grid > ROOM[1, :2] + 0.25)).any(-1)
+    near_box = ((grid > BOX[0, :2] - 0.1) & (grid < BOX[1, :2] + 0.1)).all(-1)
+    core = ((grid > BOX[0, :2] + 0.1) & (grid < BOX[1, :2] - 0.1)).all(-1)
+    seen = np.zeros(grid.shape[:2], bool)
+    for view, mask in zip(views, masks):
+        pixel, depth = view.project(np.dstack([grid, np.zeros(grid.shape[:2])]))
+        column, row = np.floor(pixel[..., 0]).astype(int), np.floor(pixel[..., 1]).astype(int)
+        framed = (depth > 0) & (column >= 0) & (column < 240) & (row >= 0) & (row < 180)
+        near = np.hypot(*(np.moveaxis(grid, -1, 0) - view.position[:2, None, None])) < 5.8
+        seen |= framed & near & mask[row.clip(0, 179), column.clip(0, 239)]
+    for cloud, known in ((None, seen), (scan(), np.ones_like(seen))):
+        support = observe(views, masks, FLAT, cloud, SupportConfig(views=1)).at(grid)
+        assert support[inside & ~near_box & known].mean() > 0.97
+        assert not support[beyond].any() and not support[core].any()
+
+
+def test_glass_that_masks_look_through_still_takes_support_away():
+    views = [camera(k) for k in range(len(EYES))]
+    masks = [truth(v)[0] for v in views]
+    pane = np.stack(np.meshgrid(np.arange(0.05, 6, 0.1), [3.65], np.arange(0.05, 2, 0.1)), -1).reshape(-1, 3)
+    cloud = Cloud(np.concatenate([scan().points, pane.astype(np.float32)]))
+    support = observe(views, masks, FLAT, cloud, SupportConfig(spacing=0.1))
+    along = np.column_stack([np.arange(0.55, 5.5, 0.1), np.full(50, 3.65)])
+    assert support.at(along).mean() < 0.05
+    assert support.at(along + [0, 0.3]).mean() > 0.95
+
+
+def test_support_is_read_as_written_and_a_broken_file_is_refused(tmp_path: Path):
+    support = FloorSupport(np.random.default_rng(0).random((7, 9)) > 0.5, (-1.5, 2.0), 0.08)
+    support.save(tmp_path / "support.npz")
+    again = FloorSupport.load(tmp_path / "support.npz")
+    assert np.array_equal(again.cells, support.cells) and (again.origin, again.spacing) == ((-1.5, 2.0), 0.08)
+    assert not support.at(np.array([[100.0, 0.0], [np.inf, 0.0]])).any()
+    (tmp_path / "broken.npz").write_bytes((tmp_path / "support.npz").read_bytes()[:60])
+    for name in ("broken.npz", "absent.npz"):
+        with pytest.raises(InputError, match=name):
+            FloorSupport.load(tmp_path / name)
+
+
+@pytest.fixture()
+def capture(tmp_path: Path) -> Capture:
+    lens = Lens("PINHOLE", 240, 180, (INTRINSICS.fx, INTRINSICS.fy, INTRINSICS.cx, INTRINSICS.cy))
+    frames = []
+    for k in range(len(EYES)):
+        path = tmp_path / f"{k}.png"
+        cv2.imwrite(str(path), truth(camera(k))[1][..., ::-1])
+        frames.append(Frame(path.name, path, lens, camera(k).camera_to_world))
+    return Capture(tmp_path, "nerfstudio", tuple(frames), scan(), Alignment.identity())
+
+
+def test_stage_writes_every_mask_once_resumes_and_scores_well(capture: Capture, tmp_path: Path):
+    masks, exact = tmp_path / "masks", tmp_path / "truth"
+    exact.mkdir()
+    for k in range(len(EYES)):
+        cv2.imwrite(str(exact / mask_path(masks, k).name), truth(camera(k))[0].astype(np.uint8) * 255)
+    events: list[object] = []
+    segment_capture(capture, lambda i: FLAT, masks, listen=events.append, todo=[0, 1, 2])
+    assert sorted(p.name for p in masks.iterdir()) == ["000000.png", "000001.png", "000002.png"]
+    before = {p.name: p.stat().st_mtime_ns for p in masks.iterdir()}
+    segment_capture(capture, lambda i: FLAT, masks, listen=events.append)
+    assert all((masks / name).stat().st_mtime_ns == when for name, when in before.items())
+    assert events[-1] == Progress("floors", 6, 6, events[-1].detail)
+    at_once = tmp_path / "at_once"
+    segment_capture(capture, lambda i: FLAT, at_once, SegmentConfig(threads=1))
+    names = [f"{k:06d}.png" for k in range(6)]
+    assert all((masks / n).read_bytes() == (at_once / n).read_bytes() for n in names)
+    figures = evaluate_floor(masks, exact, names)
+    assert figures["miou"] > 0.95 and figures["frames"] == 6 and len(figures["per_frame"]) == 6
+    assert figures["worst"][0]["iou"] == min(r["iou"] for r in figures["per_frame"])
+
+
+def test_masks_are_read_at_any_size_and_missing_ones_are_named(tmp_path: Path):
+    mask = np.zeros((90, 120), np.uint8)
+    mask[60:] = 255
+    cv2.imwrite(str(tmp_path / "000003.png"), mask)
+    small = read_mask(tmp_path / "000003.png", 40, 30)
+    assert small.shape == (30, 40) and small[20:].all() and not small[:20].any()
+    (tmp_path / "000004.png").write_bytes(b"nothing")
+    for name in ("000004.png", "000005.png"):
+        with pytest.raises(InputError, match=name):
+            read_mask(tmp_path / name)
+
+
+def test_evaluation_leaves_out_frames_without_floor(tmp_path: Path):
+    for folder, rows in (("truth", (50, 100)), ("masks", (40, 100))):
+        (tmp_path / folder).mkdir()
+        for name, floor in zip(("a.png", "b.png"), rows):
+            mask = np.zeros((100, 100), np.uint8)
+            mask[floor:] = 255
+            cv2.imwrite(str(tmp_path / folder / name), mask)
+    figures = evaluate_floor(tmp_path / "masks", tmp_path / "truth", ["a.png", "b.png"])
+    assert figures["miou"] == pytest.approx(50 / 60) and figures["frames"] == 1
+    assert figures["recall"] == 1.0 and figures["precision"] == pytest.approx(50 / 60)
