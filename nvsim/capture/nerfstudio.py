@@ -51,7 +51,11 @@ def read_nerfstudio(path: Path, findings: Findings) -> RawCapture:
         frame = _frame(path, tree, entry, i, where, lenses, findings)
         if frame is not None:
             read.append(frame)
+    if all("timestamp" in f for f in frames if isinstance(f, dict)):
+        read.sort(key=lambda f: f.timestamp)
     ngp = "aabb_scale" in tree or ("is_fisheye" in tree and "camera_model" not in tree)
+    if ngp:
+        read.sort(key=lambda f: f.name)  # its converter lists them in the order in which they were registered
     metric = not ngp and _is_metric(tree, [f for f in frames if isinstance(f, dict)])
     cloud = None
     try:

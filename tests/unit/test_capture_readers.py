@@ -255,3 +255,16 @@ def test_a_converted_reconstruction_has_no_metres_but_a_cloud(tmp_path: Path) ->
     assert not capture.alignment.scale_known and capture.cloud is not None and capture.cloud.kind == "sfm"
     np.testing.assert_allclose(capture.cloud.points, sample.room(900), atol=1e-6)
     assert capture.cloud.colors is not None and (capture.cloud.colors == (10, 20, 30)).all()
+
+
+def test_frames_come_in_the_order_of_the_walk(tmp_path: Path) -> None:
+    poses = sample.walk()
+    folder = sample.write_kapture(tmp_path / "kapture", poses, sample.room())
+    records = folder / "sensors" / "records_camera.txt"
+    head, *rows = records.read_text().splitlines()
+    records.write_text("\n".join([head, *rows[::-1]]))
+    times = [f.timestamp for f in read(folder).frames]
+    assert times == sorted(times)
+    path = sample.write_nerfstudio(tmp_path / "ngp", poses, sample.room(), aabb_scale=4)
+    edit(path, lambda tree: tree["frames"].reverse())
+    assert [f.name for f in read(path).frames] == [f"images/{i:03d}.png" for i in range(12)]
