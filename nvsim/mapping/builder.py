@@ -17,6 +17,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
 from nvsim.mapping.draft import Draft
+from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.person import keep_edits
 from nvsim.mapping.search import Search
@@ -66,9 +67,10 @@ def build_map(
         raise InputError("The walk has no camera with a finite position; check the capture with `nvsim check`.")
     started = time.monotonic()
     remembered = () if previous is None else tuple(previous.evidence.values())
-    measurements = Measurements(source, floor_at, support, config, remembered)
+    lattice = Lattice(config)
+    measurements = Measurements(source, floor_at, support, config, lattice, remembered)
     walk = Walk(trajectory, support)
-    search = Search(Draft(scan), measurements, walk, floor_at, config)
+    search = Search(Draft(scan), lattice, measurements, walk, floor_at, config)
     explorer = _Explorer(search, walk, config, listen, should_stop)
     explorer.cover()
     explorer.bridge()

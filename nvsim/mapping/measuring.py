@@ -14,13 +14,12 @@ from nvsim.mapping.corridor import (
     FloorView,
     HeightAt,
     SupportAt,
-    ahead,
-    headings,
     look_down,
     measure,
     view_of,
 )
 from nvsim.mapping.criteria import answers
+from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.source import ViewSource
 
 
@@ -35,24 +34,25 @@ class Measurements:
         floor_at: HeightAt,
         support: SupportAt,
         config: MappingConfig,
+        lattice: Lattice,
         remembered: Iterable[Evidence] = (),
     ) -> None:
         self._source, self._floor_at, self._support, self._config = source, floor_at, support, config
-        self._headings = headings(config)
-        self._lattice: dict[tuple[str, int], Evidence] = {}
+        self._lattice = lattice
+        self._steps: dict[tuple[str, int], Evidence] = {}
         self._joins: dict[tuple[str, str], Evidence] = {}
         for evidence in remembered:
             if evidence.joins:
                 self._joins[evidence.viewpoint, evidence.joins] = evidence
             else:
-                self._lattice[evidence.key] = evidence
+                self._steps[evidence.key] = evidence
         self._views: tuple[str, dict[int, FloorView]] = ("", {})
         self.rendered_viewpoints = 0
         self.rendered_views = 0
 
     def around(self, viewpoint: Viewpoint) -> list[Evidence]:
         """The evidence of the eight lattice directions."""
-        found = [self._lattice.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
+        found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
         known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c)]
         if len(known) == DIRECTIONS:
@@ -64,7 +64,7 @@ class Measurements:
         measured = []
         for k, corridor in enumerate(corridors):
             evidence = measure(views[k], viewpoint.id, k, corridor, self._floor_at, self._support)
-            self._lattice[evidence.key] = evidence
+            self._steps[evidence.key] = evidence
             measured.append(evidence)
         return measured
 
@@ -86,8 +86,7 @@ class Measurements:
         return evidence
 
     def _step(self, viewpoint: Viewpoint, k: int) -> Corridor:
-        x, y = viewpoint.position[:2] + ahead(self._headings[k], self._config.tau_dist)
-        return Corridor(viewpoint.position[:2], (float(x), float(y)))
+        return Corridor(viewpoint.position[:2], self._lattice.target(viewpoint.id, k))
 
     def _holds(self, evidence: Evidence, corridor: Corridor) -> bool:
         return answers(evidence, corridor.length, corridor.heading, self._config)

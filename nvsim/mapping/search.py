@@ -14,6 +14,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt
 from nvsim.mapping.criteria import OPEN, can_stand, decide
 from nvsim.mapping.draft import SAME, Draft, apart
+from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.walk import Walk
 
@@ -26,9 +27,16 @@ class Search:
     stopped at the cap."""
 
     def __init__(
-        self, draft: Draft, measurements: Measurements, walk: Walk, floor_at: HeightAt, config: MappingConfig
+        self,
+        draft: Draft,
+        lattice: Lattice,
+        measurements: Measurements,
+        walk: Walk,
+        floor_at: HeightAt,
+        config: MappingConfig,
     ) -> None:
-        self._measurements, self._walk, self._floor_at, self._config = measurements, walk, floor_at, config
+        self._lattice, self._measurements, self._walk = lattice, measurements, walk
+        self._floor_at, self._config = floor_at, config
         self._queue: deque[str] = deque()
         self._refused: set[str] = set()
         self.draft = draft
@@ -47,6 +55,7 @@ class Search:
         if id in self.draft.viewpoints or id in self._refused or self._is_full():
             return False
         viewpoint = self._viewpoint(xy, "start", float(position[2]))
+        self._lattice.begin(id, viewpoint.position[:2])
         if not can_stand(self._measurements.around(viewpoint), self._config):
             self._refused.add(id)
             return False
@@ -70,7 +79,8 @@ class Search:
     def _arrive(self, viewpoint: Viewpoint) -> bool:
         """Looks around from a viewpoint that steps led to: its floor and the corridors back must be free too."""
         around = self._look_around(viewpoint)
-        stands = can_stand(around, self._config)
+        # The paper asks neither about the floor at the far end nor about the way back.
+        stands = self._config.rule == "mean" or can_stand(around, self._config)
         for id in self.draft.joined(viewpoint.id):
             other = self.draft.viewpoints[id]
             back = OPEN if not self._config.both_ways else self._way(viewpoint, other)
@@ -116,6 +126,7 @@ class Search:
             return "limit"
         self.draft.put(self._viewpoint(target, "step", self._walk.height(target)))
         self.draft.join(viewpoint.id, id, "step")
+        self._lattice.take(id, viewpoint.id, evidence.direction)
         self._queue.append(id)
         return OPEN
 

@@ -1,0 +1,42 @@
+"""Where steps lead, independent of the way one came: a place is a start and how often each direction was taken.
+
+Adding steps one by one would give places that differ in the last bit from way to way, and evidence that is almost, but
+not quite, that of another build.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import DIRECTIONS, ahead, headings
+
+_AXES = DIRECTIONS // 2  # direction k + 4 is the way back of direction k
+
+
+class Lattice:
+    """Knows, for the id of every viewpoint, the start it descends from and its counts of steps along four axes."""
+
+    def __init__(self, config: MappingConfig) -> None:
+        self._steps = [ahead(h, config.tau_dist) for h in headings(config)[:_AXES]]
+        self._at: dict[str, tuple[tuple[float, float], tuple[int, ...]]] = {}
+
+    def begin(self, id: str, xy: tuple[float, float]) -> None:
+        """A start, which steps will descend from."""
+        self._at[id] = (xy, (0,) * _AXES)
+
+    def take(self, id: str, origin: str, direction: int) -> None:
+        """The viewpoint `id` is where the step from `origin` leads."""
+        start, counts = self._at[origin]
+        self._at[id] = (start, self._moved(counts, direction))
+
+    def target(self, id: str, direction: int) -> tuple[float, float]:
+        """World x, y that the step from `id` leads to, metres."""
+        start, counts = self._at[id]
+        moved = self._moved(counts, direction)
+        offset = sum((n * step for n, step in zip(moved, self._steps, strict=True)), np.zeros(2))
+        return float(start[0] + offset[0]), float(start[1] + offset[1])
+
+    def _moved(self, counts: tuple[int, ...], direction: int) -> tuple[int, ...]:
+        sign = 1 if direction < _AXES else -1
+        return tuple(n + sign * (k == direction % _AXES) for k, n in enumerate(counts))

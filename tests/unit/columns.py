@@ -1,0 +1,83 @@
+"""A world of columns for the map builder: every occupied cell of an occupancy map stands to the ceiling.
+
+It answers as a perfect floor-aware model would: alpha is 1 where a ray meets a column before the floor, 0 where it
+meets the floor, whether anybody knows that floor or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.render.types import RenderOutput
+
+_FAR = 5.0  # metres; no corridor is longer
+_STEP = 0.02  # metres along a ray
+_AZIMUTHS = 1440
+
+
+class Columns:
+    """noise: standard deviation added to alpha, the same for the same view. `rendered` counts views."""
+
+    def __init__(self, occupancy: OccupancyMap, noise: float = 0.0) -> None:
+        self._map, self._noise = occupancy, noise
+        self._last: tuple[tuple[float, ...], NDArray[np.float64]] = ((), np.zeros(0))
+        self.rendered = 0
+
+    def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
+        self.rendered += len(cameras)
+        return 0, [self._view(camera) for camera in cameras]
+
+    def _view(self, camera: Camera) -> RenderOutput:
+        rays = camera.rays().astype(np.float64)
+        flat = np.hypot(rays[..., 0], rays[..., 1])
+        to_floor = flat * camera.position[2] / np.maximum(-rays[..., 2], 1e-6)
+        turn = np.arctan2(rays[..., 0], rays[..., 1]) / (2 * np.pi) * _AZIMUTHS
+        clear = self._clear_way(tuple(camera.position[:2]))[np.round(turn).astype(int) % _AZIMUTHS]
+        alpha = (np.minimum(to_floor, _FAR) > clear).astype(np.float64)
+        if self._noise:
+            seed = np.abs(np.round(camera.camera_to_world * 1000)).astype(np.int64).sum()
+            alpha = np.clip(alpha + np.random.default_rng(int(seed)).normal(0, self._noise, alpha.shape), 0, 1)
+        return RenderOutput(alpha=alpha.astype(np.float32), normal=np.zeros((*alpha.shape, 3), np.float32))
+
+    def _clear_way(self, xy: tuple[float, float]) -> NDArray[np.float64]:
+        """(azimuths,) metres to the first column."""
+        if self._last[0] != xy:
+            heading = np.arange(_AZIMUTHS) / _AZIMUTHS * 2 * np.pi
+            along = np.arange(0, _FAR, _STEP)
+            directions = np.stack([np.sin(heading), np.cos(heading)], axis=-1)
+            hit = self._map.at(np.array(xy) + along[None, :, None] * directions[:, None, :]) == OCCUPIED
+            first = np.where(hit.any(axis=1), along[np.argmax(hit, axis=1)], 2 * _FAR)
+            self._last = (xy, first)
+        return self._last[1]
+
+    def support(self, xy: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Floor that is known: free cells."""
+        return self._map.at(xy) == FREE
+
+
+def flat_floor(xy: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Height 0 everywhere."""
+    return np.zeros(np.shape(xy)[:-1])
+
+
+def room(width: float, height: float, resolution: float = 0.05, wall: float = 0.1) -> OccupancyMap:
+    """A free rectangle from (0, 0) to (width, height) metres inside walls, in 4 m of unknown."""
+    margin = 4.0
+    columns, rows = (round((s + 2 * margin) / resolution) for s in (width, height))
+    empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, (-margin, -margin))
+    walled = fill(empty, -wall, -wall, width + wall, height + wall, OCCUPIED)
+    return fill(walled, 0, 0, width, height, FREE)
+
+
+def fill(occupancy: OccupancyMap, x0: float, y0: float, x1: float, y1: float, state: np.uint8) -> OccupancyMap:
+    """The same map with the cells whose centres lie in a rectangle set."""
+    centres = occupancy.centres()
+    x, y = centres[..., 0], centres[..., 1]
+    cells = occupancy.cells.copy()
+    cells[(x > x0) & (x < x1) & (y > y0) & (y < y1)] = state
+    return OccupancyMap(cells, occupancy.resolution, occupancy.origin)
