@@ -11,6 +11,7 @@ import numpy as np
 from nvsim.capture.store import save_capture
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.occupancy.ros import write_ros_map
+from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 from nvsim.splats.files import save_model
 from nvsim.splats.harmonics import DC
@@ -81,13 +82,16 @@ def write_project(folder: Path, count: int = 20_000, models: int = 4, with_graph
         if with_graph:
             project.set_graph(demo_room.graph(parts))
         write_ros_map(demo_room.occupancy(), project.layout.ground_truth / "map.yaml")
-        for submap in parts[:models]:
-            info: dict[str, object] = {"psnr": 28.0 + submap.index, "gaussians": count, "preset": "nvsim"}
-            model = SubmapModel(
-                gaussians(count, submap.index), None, floor_texture(), FloorSurface.flat(0.0), True, info
-            )
-            save_model(model, project.layout.model(submap.index))
+    for submap in parts[:models]:
+        write_model(folder, submap.index, count)
     return folder
+
+
+def write_model(folder: Path, index: int, count: int) -> None:
+    """The model of one submap, as training leaves it."""
+    info: dict[str, object] = {"psnr": 28.0 + index, "gaussians": count, "preset": "nvsim"}
+    model = SubmapModel(gaussians(count, index), None, floor_texture(), FloorSurface.flat(0.0), True, info)
+    save_model(model, Layout(folder).model(index))
 
 
 if __name__ == "__main__":

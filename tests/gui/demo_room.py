@@ -7,6 +7,7 @@ import hashlib
 import math
 import time
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -128,15 +129,19 @@ def jobs() -> tuple[JobRecord, ...]:
     )
 
 
-def contents(path: Path | None = None, scene: bool = True) -> Contents:
+@cache
+def _parts() -> tuple[Capture, tuple[Submap, ...], NavGraph, OccupancyMap]:
     walk = capture()
     parts = submaps(walk)
+    return walk, parts, graph(parts), occupancy()
+
+
+def contents(path: Path | None = None, scene: bool = True) -> Contents:
+    walk, parts, nav, plan = _parts()
     info: dict[int, dict[str, object]] = {
         i: {"psnr": 27.1 + 0.6 * i, "gaussians": 61_000 + 7_431 * i} for i in range(3)
     }
-    return Contents(
-        path, walk, parts, graph(parts), occupancy(), jobs(), "models" if scene else None, info if scene else {}
-    )
+    return Contents(path, walk, parts, nav, plan, jobs(), "models" if scene else None, info if scene else {})
 
 
 @dataclass(frozen=True)

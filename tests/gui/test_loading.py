@@ -1,0 +1,145 @@
+"""A project on disk and the window that follows it."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import demo_project
+import demo_room
+import pytest
+from PySide6.QtCore import QSettings
+from pytestqt.qtbot import QtBot
+
+from app.loading import Contents, ProjectReader
+from app.session import Session
+from app.watcher import ProjectWatcher
+from nvsim.errors import InputError
+from nvsim.project.project import Project
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return demo_project.write_project(tmp_path / "demo.nvsim", count=3000, models=2)
+
+
+def last(reader: ProjectReader) -> Contents | None:
+    contents = None
+    for contents in reader.updates():  # noqa: B007
+        pass
+    return contents
+
+
+def test_everything_in_the_project_is_read(project: Path) -> None:
+    reader = ProjectReader(project)
+    contents = last(reader)
+    reader.close()
+    expected = demo_room.contents()
+    assert contents is not None and len(contents.capture.frames) == 120
+    assert [s.frames for s in contents.submaps] == [s.frames for s in expected.submaps]
+    assert set(contents.graph.viewpoints) == set(expected.graph.viewpoints)
+    assert contents.occupancy.cells.shape == expected.occupancy.cells.shape
+    assert contents.scene_stamp is not None and contents.model_info[1]["psnr"] == 29.0
+    assert contents.missing is None
+
+
+def test_nothing_is_read_twice_and_only_what_changed_is_read_again(project: Path) -> None:
+    reader = ProjectReader(project)
+    before = last(reader)
+    assert last(reader) is None
+    with Project.open(project, writable=True) as writer, writer.transaction() as c:
+        c.execute("INSERT INTO jobs (stage, pid, state, started, updated) VALUES ('map', 1, 'done', 0, 0)")
+    after = last(reader)
+    assert after is not None and len(after.jobs) == 1
+    assert after.capture is before.capture and after.graph is before.graph and after.occupancy is before.occupancy
+    reader.close()
+
+
+def test_a_newly_trained_model_changes_the_stamp(project: Path) -> None:
+    reader = ProjectReader(project)
+    before = last(reader)
+    demo_project.write_model(project, 2, 1000)
+    after = last(reader)
+    assert after is not None and after.scene_stamp != before.scene_stamp and 2 in after.model_info
+    reader.close()
+
+
+def test_no_project_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        ProjectReader(tmp_path / "nothing")
+
+
+def test_the_watcher_tells_the_window_what_another_process_commits(project: Path, qtbot: QtBot) -> None:
+    read: list[Contents] = []
+    watcher = ProjectWatcher(project)
+    watcher.read.connect(read.append)
+    watcher.start()
+    try:
+        qtbot.waitUntil(lambda: bool(read) and read[-1].occupancy is not None, timeout=10_000)
+        with Project.open(project, writable=True) as writer:
+            writer.set_meta("note", "x")
+            with writer.transaction() as c:
+                c.execute("INSERT INTO jobs (stage, pid, state, started, updated) VALUES ('map', 1, 'done', 0, 0)")
+        qtbot.waitUntil(lambda: len(read[-1].jobs) == 1, timeout=5000)
+    finally:
+        watcher.stop()
+
+
+def test_a_damaged_project_is_said_once(project: Path, qtbot: QtBot) -> None:
+    (project / "models" / "submap_000" / "model.json").write_text("{")
+    said: list[str] = []
+    watcher = ProjectWatcher(project)
+    watcher.failed.connect(said.append)
+    watcher.start()
+    try:
+        qtbot.waitUntil(lambda: bool(said), timeout=10_000)
+        watcher.refresh()
+        qtbot.wait(1500)
+    finally:
+        watcher.stop()
+    assert len(said) == 1 and "model.json" in said[0]
+
+
+def test_a_session_shows_a_project_and_leaves_nothing_running(project: Path, settings: QSettings, qtbot: QtBot) -> None:
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(project)
+    scene = session.window.scene
+    qtbot.waitUntil(lambda: scene.picture is not None and not scene.picture.request.moving, timeout=120_000)
+    assert scene.picture.pixels[..., :3].std() > 5
+    for channel in ("alpha", "normal", "depth"):
+        session.window.actions_table[channel].trigger()
+        qtbot.waitUntil(lambda c=channel: scene.picture.request.channel == c, timeout=60_000)
+        assert scene.picture.pixels[..., :3].std() > 5, channel
+    assert not session.window.notice_area.texts
+    session.close()
+
+
+def test_another_project_takes_the_place_of_the_first(
+    project: Path, tmp_path: Path, settings: QSettings, qtbot: QtBot
+) -> None:
+    other = demo_project.write_project(tmp_path / "other.nvsim", count=100, models=0, with_graph=False)
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.open(project)
+    qtbot.waitUntil(lambda: session.document.contents.graph is not None, timeout=10_000)
+    session.window.projectChosen.emit(other)
+    qtbot.waitUntil(lambda: session.document.path == other and bool(session.document.contents.submaps), timeout=10_000)
+    assert session.document.contents.graph is None and session.document.contents.scene_stamp is None
+    session.window.projectChosen.emit(tmp_path / "nothing")
+    assert session.document.path == other and len(session.window.notice_area.texts) == 1
+    session.close()
+
+
+def test_a_reader_never_locks_the_writer_out(project: Path) -> None:
+    reader = ProjectReader(project)
+    updates = reader.updates()
+    next(updates)
+    with Project.open(project, writable=True) as writer:
+        writer.set_meta("scan", "renamed")
+    updates.close()
+    reader.close()
+    connection = sqlite3.connect(project / "project.db")
+    assert connection.execute("SELECT value FROM meta WHERE key = 'scan'").fetchone() == ("renamed",)
+    connection.close()
