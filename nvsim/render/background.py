@@ -122,7 +122,7 @@ def _paint_row(
             rgb[x0 + i, 2] += through * blue
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, nogil=True)
 def paint(
     view: Any,
     coefficients: Any,

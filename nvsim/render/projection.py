@@ -263,7 +263,7 @@ def _project_part(
     visible[block] = at - first
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, nogil=True)
 def project(
     means: Any,
     log_scales: Any,

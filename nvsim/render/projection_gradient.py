@@ -218,7 +218,7 @@ def _project_gradient_part(
             statistics[g, 2] = max(statistics[g, 2], _F(3) * math.sqrt(largest) / longer)
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, nogil=True)
 def project_gradient(
     means: Any,
     log_scales: Any,

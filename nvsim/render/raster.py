@@ -124,7 +124,7 @@ def _draw_part(
                         normal[top + y, left + x, channel] = line[(5 + channel) * TILE + x]
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, nogil=True)
 def draw(
     splats: Any,
     rows: Any,

@@ -146,7 +146,7 @@ def _draw_gradient_part(
             row[11] += LN2 * abs_y
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, nogil=True)
 def draw_gradient(
     splats: Any,
     rows: Any,

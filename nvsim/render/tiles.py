@@ -56,7 +56,7 @@ def _scatter_part(
                 cursor[tile] = at + 1
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, nogil=True)
 def scatter(splats: Any, n: Any, visible: Any, cursors: Any, columns: Any, lines: Any, keys: Any, rows: Any) -> None:
     """Writes (depth key, row) of every tile and splat that meet; block b uses its own cursors, so that the order is
     that of the rows whatever the number of threads."""
@@ -129,7 +129,7 @@ def _sort_part(
             rows[start + i] = other_rows[i]
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, nogil=True)
 def sort(keys: Any, rows: Any, offsets: Any, longest: Any, threads: Any, spare_keys: Any, spare_rows: Any) -> None:
     """Sorts every tile's entries by key, in place. `spare_*` are (threads, longest). Keys are compared by the upper
     24 bits of their range within the tile: a relative depth of one millionth."""

@@ -21,7 +21,8 @@ from nvsim.splats.types import Gaussians
 Float32 = NDArray[np.float32]
 
 LOCK = threading.RLock()
-"""Held while kernels run: they use every core, and not every threading layer of numba allows two callers at once."""
+"""Held while kernels run: they use every core, and not every threading layer of numba allows two callers at once. The
+kernels let go of the interpreter, so that a window stays alive meanwhile."""
 
 _NO_DEPTH, _NO_NORMAL = np.empty((0, 0), np.float32), np.empty((0, 0, 3), np.float32)
 
