@@ -32,12 +32,8 @@ class Textures(NamedTuple):
     """
 
     texels: NDArray[np.uint8]  # (N, 3) RGB
-    offset: NDArray[np.int64]  # (S, LEVELS)
-    rows: NDArray[np.int32]  # (S, LEVELS)
-    columns: NDArray[np.int32]  # (S, LEVELS)
-    origin: NDArray[np.float64]  # (S, 2) metres, the two coordinates of the plane that vary, in axis order
-    extent: NDArray[np.float64]  # (S, 2) metres
-    texel: NDArray[np.float64]  # (S,) metres at level 0
+    chain: NDArray[np.int64]  # (S, LEVELS, 3): first texel, rows and columns of each level
+    place: NDArray[np.float64]  # (S, 5) metres: lower corner and extent along the surface's two axes, texel at level 0
     gloss: NDArray[np.float32]  # (rows, columns) of the floor at `gloss_texel` metres
     gloss_texel: float
 
@@ -218,18 +214,13 @@ def _mips(radiance: Image) -> list[NDArray[np.uint8]]:
 
 
 def _packed(chains: list[list[NDArray[np.uint8]]], places: list[_Place], gloss: NDArray[np.float32]) -> Textures:
-    offset = np.zeros((len(chains), LEVELS), np.int64)
-    rows, columns = np.ones((2, len(chains), LEVELS), np.int32)
+    table = np.zeros((len(chains), LEVELS, 3), np.int64)
     flat, at = [], 0
     for s, chain in enumerate(chains):
         for level in range(LEVELS):
-            image = chain[min(level, len(chain) - 1)]
             if level < len(chain):
-                offset[s, level:] = at
-                flat.append(image.reshape(-1, 3))
+                table[s, level:] = (at, *chain[level].shape[:2])
+                flat.append(chain[level].reshape(-1, 3))
                 at += len(flat[-1])
-            rows[s, level], columns[s, level] = image.shape[:2]
-    origin = np.array([[p.corner[p.axes[0]], p.corner[p.axes[1]]] for p in places])
-    extent = np.array([p.extent for p in places])
-    texel = np.array([p.texel for p in places])
-    return Textures(np.concatenate(flat), offset, rows, columns, origin, extent, texel, gloss, _FLOOR_TEXEL)
+    place = np.array([(p.corner[p.axes[0]], p.corner[p.axes[1]], *p.extent, p.texel) for p in places])
+    return Textures(np.concatenate(flat), table, place, gloss, _FLOOR_TEXEL)

@@ -15,12 +15,12 @@ from nvsim.capture.building.config import BuildingConfig
 from nvsim.capture.building.rendering import render
 from nvsim.capture.building.scan import scan
 from nvsim.capture.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
-from nvsim.capture.building.truth import floor_mask, normals, occupancy, transient_mask
+from nvsim.capture.building.truth import HIGH, LOW, RESOLUTION, floor_mask, normals, occupancy, transient_mask
 from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, silent
 from nvsim.occupancy.ros import write_ros_map
 
-VERSION = 1  # of what is generated: raise it when the same configuration gives other files
+VERSION = 2  # of what is generated: raise it when the same configuration gives other files
 _NOISE = 1.5 / 255
 _TRUTH_EVERY = 10
 _RECORD = "building.json"
@@ -72,7 +72,7 @@ def _exposed(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.ui
     return np.rint(np.clip(noisy, 0, 1) * 255).astype(np.uint8)
 
 
-def _write(path: Path, image: NDArray[np.generic], options: list[int] | None = None) -> None:
+def _write(path: Path, image: NDArray[np.unsignedinteger], options: list[int] | None = None) -> None:
     encoded = cv2.imencode(path.suffix, image, options or [])[1]
     atomic.write_bytes(path, encoded.tobytes())
 
@@ -110,15 +110,17 @@ def _write_capture(capture: Path, scene: Scene, cloud: Cloud) -> None:
 
 def _readme(scene: Scene, cloud: Cloud) -> str:
     moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
-    return f"""The truth of a built-in building (seed {scene.config.seed}, {scene.config.size}): for evaluation, never an input.
+    c = scene.config
+    return f"""The truth of a built-in building (seed {c.seed}, {c.size}): for evaluation, never an input.
 
-{len(scene.plan.rooms)} rooms on {scene.plan.extent.area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m of walk, {len(cloud.points)} points.
-World: metres, z up, floor at z = 0; cameras level, {CAMERA_HEIGHT} m above the floor.
+{len(scene.plan.rooms)} rooms on {scene.plan.extent.area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m of walk,
+{len(cloud.points)} points. World: metres, z up, floor at z = 0; cameras level, {CAMERA_HEIGHT} m above the floor.
 
 floor/      every frame: the floor is visible here, rugs included, also through glass; people are not floor
 transient/  every frame: a person is visible here
-depth/      every {_TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass, people included
+depth/      every {_TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass,
+            people included
 normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
-map.pgm     ROS map_server, {0.05} m: occupied is anything solid between 0.10 and 1.5 m (glass and the step included,
-map.yaml    people not), free the floor connected with the walk, the rest unknown
+map.pgm     ROS map_server, {RESOLUTION} m: occupied is anything solid between {LOW} and {HIGH} m (glass and the step
+map.yaml    included, people not), free the floor connected with the walk, the rest unknown
 """

@@ -1,4 +1,4 @@
-"""Rays against the building: a walk through a 2D grid of boxes, the floor and ceiling planes, and people as capsules."""
+"""Rays against the building: a walk through a 2D grid of boxes, floor and ceiling planes, people as capsules."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-de
         here = row * columns + column
         for k in range(solids.start[here], solids.start[here + 1]):
             b = solids.items[k]
-            near, far, axis = -np.inf, np.inf, 0
+            axis = 0
             t0, t1 = (solids.lo[b, 0] - ox) * ix, (solids.hi[b, 0] - ox) * ix
             near, far = min(t0, t1), max(t0, t1)
             t0, t1 = (solids.lo[b, 1] - oy) * iy, (solids.hi[b, 1] - oy) * iy

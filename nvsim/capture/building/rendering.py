@@ -48,6 +48,27 @@ def render(
 
 
 @njit(cache=True, error_model="numpy")
+def _filtered(texels, base, rows, columns, u, v, step_u, step_v, probes):  # type: ignore[no-untyped-def]
+    """The mean of bilinear samples of one level, `probes` of them in steps about (u, v), each from 0 to 1."""
+    red, green, blue = 0.0, 0.0, 0.0
+    for k in range(probes):
+        s = k + 0.5 * (1 - probes)
+        fx = min(max((u + s * step_u) * columns - 0.5, 0.0), columns - 1.0)
+        fy = min(max((v + s * step_v) * rows - 0.5, 0.0), rows - 1.0)
+        column, row = int(fx), int(fy)
+        fx, fy = fx - column, fy - row
+        p = base + row * columns + column
+        q = p + (columns if row + 1 < rows else 0)
+        r = 1 if column + 1 < columns else 0
+        a, b, c, d = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
+        red += a * texels[p, 0] + b * texels[p + r, 0] + c * texels[q, 0] + d * texels[q + r, 0]
+        green += a * texels[p, 1] + b * texels[p + r, 1] + c * texels[q, 1] + d * texels[q + r, 1]
+        blue += a * texels[p, 2] + b * texels[p + r, 2] + c * texels[q, 2] + d * texels[q + r, 2]
+    share = 1.0 / (255.0 * probes)
+    return red * share, green * share, blue * share
+
+
+@njit(cache=True, error_model="numpy")
 def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
     """Colour of a point that a ray met after t metres; `spread` is the width of the ray per metre."""
     boxes = solids.lo.shape[0]
@@ -67,45 +88,32 @@ def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, 
     else:
         a, b, da, db = x, y, dx, dy
     facing = max(abs(nx * dx + ny * dy + nz * dz), 0.02)
-    u = (a - textures.origin[surface, 0]) / textures.extent[surface, 0]
-    v = (b - textures.origin[surface, 1]) / textures.extent[surface, 1]
+    u = (a - textures.place[surface, 0]) / textures.place[surface, 2]
+    v = (b - textures.place[surface, 1]) / textures.place[surface, 3]
     short = t * spread
     long = short / facing
     probes = min(max(int(long / short + 0.5), 1), _PROBES)
     # The footprint is a strip along the ray's trace on the surface: each probe covers its share of it
-    level = np.log2(max(max(short, long / probes) / textures.texel[surface], 1e-6))
+    level = np.log2(max(max(short, long / probes) / textures.place[surface, 4], 1e-6))
     level = min(max(level, 0.0), LEVELS - 1.001)
     lowest = int(level)
     length = np.sqrt(da * da + db * db) + 1e-9
-    step_u = long * da / length / textures.extent[surface, 0] / probes
-    step_v = long * db / length / textures.extent[surface, 1] / probes
-    first = 0.5 * (1 - probes)
-    texels = textures.texels
-    red, green, blue = 0.0, 0.0, 0.0
-    for above in range(2):
-        share = (1.0 - (level - lowest) if above == 0 else level - lowest) / (255.0 * probes)
-        if share * probes * 255.0 < 0.02:
-            continue
-        rows, columns = textures.rows[surface, lowest + above], textures.columns[surface, lowest + above]
-        base = textures.offset[surface, lowest + above]
-        for k in range(probes):
-            fx = min(max((u + (first + k) * step_u) * columns - 0.5, 0.0), columns - 1.0)
-            fy = min(max((v + (first + k) * step_v) * rows - 0.5, 0.0), rows - 1.0)
-            column, row = int(fx), int(fy)
-            fx, fy = fx - column, fy - row
-            p = base + row * columns + column
-            q = p + (columns if row + 1 < rows else 0)
-            right = 1 if column + 1 < columns else 0
-            w00, w01, w10, w11 = (
-                (1 - fx) * (1 - fy) * share,
-                fx * (1 - fy) * share,
-                (1 - fx) * fy * share,
-                fx * fy * share,
-            )
-            red += w00 * texels[p, 0] + w01 * texels[p + right, 0] + w10 * texels[q, 0] + w11 * texels[q + right, 0]
-            green += w00 * texels[p, 1] + w01 * texels[p + right, 1] + w10 * texels[q, 1] + w11 * texels[q + right, 1]
-            blue += w00 * texels[p, 2] + w01 * texels[p + right, 2] + w10 * texels[q, 2] + w11 * texels[q + right, 2]
-    return red, green, blue
+    step_u = long * da / length / textures.place[surface, 2] / probes
+    step_v = long * db / length / textures.place[surface, 3] / probes
+    share = level - lowest
+    c = textures.chain
+    r0, g0, b0 = _filtered(
+        textures.texels, c[surface, lowest, 0], c[surface, lowest, 1], c[surface, lowest, 2],
+        u, v, step_u, step_v, probes,
+    )  # fmt: skip
+    if share < 0.02:
+        return r0, g0, b0
+    lowest += 1
+    r1, g1, b1 = _filtered(
+        textures.texels, c[surface, lowest, 0], c[surface, lowest, 1], c[surface, lowest, 2],
+        u, v, step_u, step_v, probes,
+    )  # fmt: skip
+    return r0 + share * (r1 - r0), g0 + share * (g1 - g0), b0 + share * (b1 - b0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -117,6 +125,47 @@ def _ray(px, py, pose, lens):  # type: ignore[no-untyped-def]
     dy = (pose[1, 0] * a + pose[1, 1] * b + pose[1, 2]) * scale
     dz = (pose[2, 0] * a + pose[2, 1] * b + pose[2, 2]) * scale
     return dx, dy, dz, scale
+
+
+@njit(cache=True, error_model="numpy")
+def _mirrored_at(mirrored, px, py):  # type: ignore[no-untyped-def]
+    """The coarse mirror image at a pixel position, bilinear."""
+    fx = min(max(px / _COARSE + 0.5, 0.0), mirrored.shape[1] - 1.001)
+    fy = min(max(py / _COARSE + 0.5, 0.0), mirrored.shape[0] - 1.001)
+    c, q = int(fx), int(fy)
+    fx, fy = fx - c, fy - q
+    w00, w01, w10, w11 = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
+    c1, q1, m = c + 1, q + 1, mirrored
+    r = w00 * m[q, c, 0] + w01 * m[q, c1, 0] + w10 * m[q1, c, 0] + w11 * m[q1, c1, 0]
+    g = w00 * m[q, c, 1] + w01 * m[q, c1, 1] + w10 * m[q1, c, 1] + w11 * m[q1, c1, 1]
+    b = w00 * m[q, c, 2] + w01 * m[q, c1, 2] + w10 * m[q1, c, 2] + w11 * m[q1, c1, 2]
+    return r, g, b
+
+
+@njit(cache=True, error_model="numpy")
+def _pane_faces_x(x, y, solids):  # type: ignore[no-untyped-def]
+    """Whether the glass at a point is thin along x."""
+    for k in range(solids.lo.shape[0]):
+        if solids.glass[k] and (
+            solids.lo[k, 0] - 1e-3 < x < solids.hi[k, 0] + 1e-3 and solids.lo[k, 1] - 1e-3 < y < solids.hi[k, 1] + 1e-3
+        ):
+            return solids.hi[k, 0] - solids.lo[k, 0] < solids.hi[k, 1] - solids.lo[k, 1]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _in_the_pane(x, y, z, dx, dy, dz, distance, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
+    """The share of light that glass reflects at a point a ray meets after `distance` metres, and its colour."""
+    along_x = _pane_faces_x(x, y, solids)
+    cosine = abs(dx) if along_x else abs(dy)
+    share = 0.04 + 0.5 * (1.0 - cosine) ** 5
+    mx, my = (-dx, dy) if along_x else (dx, -dy)
+    t, surface, _ = trace(x + 0.03 * mx, y + 0.03 * my, z, mx, my, dz, solids, people)
+    r, g, b = radiance(
+        x + t * mx, y + t * my, z + t * dz, mx, my, dz, distance + t, surface, 3 * spread,
+        solids, textures, people, clothes,
+    )  # fmt: skip
+    return share, r, g, b
 
 
 @njit(cache=True, error_model="numpy")
@@ -134,49 +183,31 @@ def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrore
         if gloss > 0:
             # Schlick's approximation for a dull varnish
             share = gloss * (0.03 + 0.45 * (1.0 + dz) ** 5)
-            fx, fy = (
-                min(max(px / _COARSE + 0.5, 0.0), mirrored.shape[1] - 1.001),
-                min(max(py / _COARSE + 0.5, 0.0), mirrored.shape[0] - 1.001),
-            )
-            c, q = int(fx), int(fy)
-            fx, fy = fx - c, fy - q
-            w00, w01, w10, w11 = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
-            m = mirrored
-            mr = w00 * m[q, c, 0] + w01 * m[q, c + 1, 0] + w10 * m[q + 1, c, 0] + w11 * m[q + 1, c + 1, 0]
-            mg = w00 * m[q, c, 1] + w01 * m[q, c + 1, 1] + w10 * m[q + 1, c, 1] + w11 * m[q + 1, c + 1, 1]
-            mb = w00 * m[q, c, 2] + w01 * m[q, c + 1, 2] + w10 * m[q + 1, c, 2] + w11 * m[q + 1, c + 1, 2]
+            mr, mg, mb = _mirrored_at(mirrored, px, py)
             r, g, b = r + share * (mr - r), g + share * (mg - g), b + share * (mb - b)
     if glass < t:
         r, g, b = 0.93 * r, 0.96 * g, 0.95 * b
-        # The pane stands on a raster line of x or y: the coordinate that the ray crosses there tells which
-        gx, gy, gz = ox + glass * dx, oy + glass * dy, oz + glass * dz
-        along_x = _pane_faces_x(gx, gy, gz, solids)
-        cosine = abs(dx) if along_x else abs(dy)
-        share = 0.04 + 0.5 * (1.0 - cosine) ** 5
-        mx, my = (-dx, dy) if along_x else (dx, -dy)
-        t2, surface2, _ = trace(gx + 0.03 * mx, gy + 0.03 * my, gz, mx, my, dz, solids, people)
-        r2, g2, b2 = radiance(
-            gx + t2 * mx, gy + t2 * my, gz + t2 * dz, mx, my, dz, glass + t2, surface2, 3 * spread,
-            solids, textures, people, clothes,
-        )  # fmt: skip
+        share, r2, g2, b2 = _in_the_pane(
+            ox + glass * dx,
+            oy + glass * dy,
+            oz + glass * dz,
+            dx,
+            dy,
+            dz,
+            glass,
+            spread,
+            solids,
+            textures,
+            people,
+            clothes,
+        )
         r, g, b = r + share * (r2 - r), g + share * (g2 - g), b + share * (b2 - b)
     return r, g, b, t * scale, surface
 
 
-@njit(cache=True, error_model="numpy")
-def _pane_faces_x(x, y, z, solids):  # type: ignore[no-untyped-def]
-    """Whether the glass at a point is thin along x."""
-    for k in range(solids.lo.shape[0]):
-        if solids.glass[k] and (
-            solids.lo[k, 0] - 1e-3 < x < solids.hi[k, 0] + 1e-3 and solids.lo[k, 1] - 1e-3 < y < solids.hi[k, 1] + 1e-3
-        ):
-            return solids.hi[k, 0] - solids.lo[k, 0] < solids.hi[k, 1] - solids.lo[k, 1]
-    return True
-
-
 @njit(cache=True, parallel=True, error_model="numpy")
 def _mirror(pose, lens, rows, columns, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
-    """(rows, columns, 3): what a mirror on the floor would show at the centres of coarse pixels, one beyond each edge."""
+    """(rows, columns, 3): what a mirror on the floor would show in coarse pixels, one beyond each edge."""
     out = np.zeros((rows, columns, 3), np.float32)
     spread = 2.0 * _COARSE / lens[0]
     for row in prange(rows):

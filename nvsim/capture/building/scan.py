@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
 from nvsim.capture.building.baking import Textures
 from nvsim.capture.building.raycast import trace

@@ -34,7 +34,7 @@ def path(stops: tuple[Stop, ...]) -> NDArray[np.float64]:
         in_place = spins[i] or abs(turn) > _SHARPEST
         if spins[i]:
             turn -= 2 * np.pi * (1 if turn > 0 else -1)
-        lengths = np.linalg.norm(corner - before), np.linalg.norm(after - corner)
+        lengths = float(np.linalg.norm(corner - before)), float(np.linalg.norm(after - corner))
         cut = 0.0 if in_place or abs(turn) < 0.02 else min(_CORNER, 0.48 * lengths[0], 0.48 * lengths[1])
         towards = np.array([np.sin(heading), np.cos(heading)])
         pieces.append(_straight(here, corner - cut * towards, heading))
