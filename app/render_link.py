@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import threading
-from multiprocessing.connection import Connection
+from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 
 from PySide6.QtCore import QObject, Signal
@@ -12,6 +12,53 @@ from PySide6.QtCore import QObject, Signal
 from app.render_child import Opened, Picture, RenderSource, Request, Trouble, serve
 
 RESTARTS = 2  # a process that dies more often than this stays dead
+
+
+class _Life:
+    """One run of the process, and the thread that starts it and reads from it: starting costs some 70 ms of imports
+    and forking, which the window's own thread must not spend."""
+
+    def __init__(self, source: RenderSource, heard: Callable[[object], None]) -> None:
+        # Spawned: a fork of a process with threads and a window is not safe.
+        self._context = multiprocessing.get_context("spawn")
+        self.connection, self._theirs = self._context.Pipe()
+        self._source, self._heard = source, heard
+        self._started = threading.Event()
+        self.process: BaseProcess | None = None
+        self._thread = threading.Thread(target=self._run, name="render link", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            process = self._context.Process(
+                target=serve, args=(self._theirs, self._source), name="nvsim renderer", daemon=True
+            )
+            process.start()
+            self.process = process
+        except OSError as error:
+            self._heard(
+                Trouble(f"The renderer cannot be started: {error}; close other programs and open again.", "", True)
+            )
+            return
+        finally:
+            self._theirs.close()
+            self._started.set()
+        try:
+            while True:
+                self._heard(self.connection.recv())
+        except (EOFError, OSError):
+            self._heard(None)
+
+    def end(self) -> None:
+        """Returns when process and thread are gone."""
+        self._started.wait()
+        if self.process is not None:
+            self.process.terminate()
+            self.process.join()
+            self.process.close()
+            self.process = None
+        self._thread.join()  # the process held the other end, so reading has ended
+        self.connection.close()
 
 
 class RenderLink(QObject):
@@ -28,10 +75,8 @@ class RenderLink(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._source: RenderSource | None = None
-        self._process: BaseProcess | None = None
-        self._connection: Connection | None = None
-        self._reader: threading.Thread | None = None
-        self._life = 0
+        self._life: _Life | None = None
+        self._number = 0  # of the life, so that late words of a former one are not heard
         self._deaths = 0
         self._ready = False
         self._sent: Request | None = None
@@ -44,7 +89,7 @@ class RenderLink(QObject):
 
     @property
     def process_id(self) -> int | None:
-        return None if self._process is None else self._process.pid
+        return None if self._life is None or self._life.process is None else self._life.process.pid
 
     @property
     def busy(self) -> bool:
@@ -58,51 +103,30 @@ class RenderLink(QObject):
 
     def ask(self, request: Request) -> None:
         """Sends the request, or keeps it until the answer that is under way has come."""
-        if not self._ready or self._sent is not None or self._connection is None:
+        if not self._ready or self._sent is not None or self._life is None:
             self._waiting = request
             return
         self._sent, self._waiting = request, None
         try:
-            self._connection.send(request)
+            self._life.connection.send(request)
         except OSError:
             self._waiting = request  # the reading thread reports the death
 
     def close(self) -> None:
         """Ends the process and the reading thread; may be called again."""
-        self._life += 1
+        self._number += 1
         self._ready, self._sent = False, None
-        connection, process, reader = self._connection, self._process, self._reader
-        self._connection = self._process = self._reader = None
-        if process is not None:
-            process.terminate()
-            process.join()
-            process.close()
-        if reader is not None:
-            reader.join()  # the child's end is closed, so reading has ended
-        if connection is not None:
-            connection.close()
+        life, self._life = self._life, None
+        if life is not None:
+            life.end()
 
     def _start(self) -> None:
         assert self._source is not None
-        # Spawned: a fork of a process with threads and a window is not safe.
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs, self._source), name="nvsim renderer", daemon=True)
-        process.start()
-        theirs.close()
-        self._connection, self._process = ours, process
-        self._reader = threading.Thread(target=self._listen, args=(ours, self._life), name="render link", daemon=True)
-        self._reader.start()
+        number = self._number
+        self._life = _Life(self._source, lambda message: self._heard.emit(number, message))
 
-    def _listen(self, connection: Connection, life: int) -> None:
-        try:
-            while True:
-                self._heard.emit(life, connection.recv())
-        except (EOFError, OSError):
-            self._heard.emit(life, None)
-
-    def _on_heard(self, life: int, message: object) -> None:
-        if life != self._life:
+    def _on_heard(self, number: int, message: object) -> None:
+        if number != self._number:
             return
         if message is None:
             self._on_death()
