@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,8 +15,6 @@ from nvsim.project.project import Project
 @contextmanager
 def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
     """Opens the project for writing and keeps a job's row until the block ends. Raises InputError."""
-    # Pools of OpenMP, torch and numba spin against each other on few cores; passive waiting leaves the cores to work.
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     project = Project.create_or_open(path) if create else Project.open(path, writable=True)
     with project, listening(as_json) as listen:
         journal = JobJournal(project.connection, verb, listen)
