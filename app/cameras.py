@@ -105,7 +105,8 @@ def top_view(points: NDArray[np.float64], aspect: float = 1.6, fov: float = radi
     """Straight down on all of `points` (N, 3), north up, with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     centre = (low + high) / 2
-    half = max((high[1] - low[1]) / 2, (high[0] - low[0]) / 2 / aspect, 1.0) * 1.15
+    margin = 2.5  # metres: the walls around those who walked
+    half = max((high[1] - low[1]) / 2 + margin, ((high[0] - low[0]) / 2 + margin) / aspect)
     reach = half / tan(fov / 2)
     return ViewPose((float(centre[0]), float(centre[1]), float(high[2]) + reach), 0.0, -pi / 2, reach, fov)
 
@@ -113,7 +114,8 @@ def top_view(points: NDArray[np.float64], aspect: float = 1.6, fov: float = radi
 def overview(points: NDArray[np.float64], fov: float = radians(45)) -> ViewPose:
     """All of `points` (N, 3) from a raised corner."""
     low, high = points.min(axis=0), points.max(axis=0)
-    reach = max(float(np.linalg.norm(high - low)) / 2, 1.5) / sin(fov / 2)
+    # Two metres more: the walls around those who walked.
+    reach = (float(np.linalg.norm(high - low)) / 2 + 2.0) / sin(fov / 2)
     pose = ViewPose((0.0, 0.0, 0.0), radians(-25), radians(-42), reach, fov)
     return replace(pose, position=_at((low + high) / 2 - reach * pose.axes[:, 2]))
 

@@ -130,7 +130,8 @@ class ProjectReader:
         for path in sorted(self._project.layout.models.glob("submap_*/model.json")):
             try:
                 data = json.loads(path.read_text())
-                result[int(path.parent.name.removeprefix("submap_"))] = data.get("info", data)
+                info = {"gaussians": data.get("count"), **data.get("info", {})}
+                result[int(path.parent.name.removeprefix("submap_"))] = info
             except (OSError, ValueError) as error:
                 raise InputError(f"{path} is damaged ({error}); run `nvsim train` again.") from error
         return result

@@ -23,6 +23,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.render.types import RenderOutput
 
+WHOLE = -1  # in place of a submap's index: the whole building without its ceilings
 Renderer = Callable[[Camera, frozenset[str]], tuple[int, RenderOutput]]  # -> (submap that answered, view)
 
 
@@ -41,14 +42,23 @@ class ProjectSource:
     path: Path
 
     def open(self) -> Renderer:
+        from app.cutaway import Cutaway
         from nvsim.project.project import Project
+        from nvsim.render.model import render_model
         from nvsim.render.scene import render_scene
 
         with Project.open(self.path) as project:
-            scene = project.scene()
+            scene, submaps, support = project.scene(), project.submaps(), project.support()
         if scene is None:
             raise InputError(f"{self.path} has no trained model.")
-        return lambda camera, channels: render_scene(scene, camera, channels)
+        cutaway = Cutaway(scene, submaps, None if support is None else support.at)
+
+        def render(camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
+            if cutaway.is_outside(camera.position):
+                return WHOLE, render_model(cutaway.model, camera, channels)
+            return render_scene(scene, camera, channels)
+
+        return render
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ from app.navigation import Navigation
 from app.overlays import Overlays
 from app.pacing import Pacing
 from app.primitives import chip
-from app.render_child import Picture, RenderSource, Request, Trouble
+from app.render_child import WHOLE, Picture, RenderSource, Request, Trouble
 from app.render_link import RenderLink
 from nvsim.geometry.camera import Camera
 
@@ -245,7 +245,8 @@ class SceneView(QWidget):
         words = [f"{x:.1f}, {y:.1f}, {z:.1f} m", f"{cameras.heading_degrees(self.pose):.0f}°"]
         if self._picture is not None:
             size = self._picture.request.camera.intrinsics
-            words += [f"submap {self._picture.submap}", f"{size.width}×{size.height}"]
+            submap = self._picture.submap
+            words += ["whole building" if submap == WHOLE else f"submap {submap}", f"{size.width}×{size.height}"]
         chip(painter, QPointF(10, self.height() - 10), "   ".join(words), ink, fill)
         if words := self.note or self.hint:
             width = painter.fontMetrics().horizontalAdvance(words) + 12

@@ -176,7 +176,7 @@ _ORIGINS = {
 
 
 def _plain(key: str) -> str:
-    return "PSNR" if key == "psnr" else key.replace("_", " ").capitalize()
+    return key.replace("_", " ").capitalize().replace("psnr", "PSNR").replace("Psnr", "PSNR")
 
 
 def _figure(value: object) -> str:

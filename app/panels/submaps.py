@@ -18,7 +18,7 @@ _TIPS = (
     "A part of the walk that becomes one model",
     "Frames that belong to this submap alone",
     "Frames it shares with its neighbours",
-    "Mean over the held-out frames, in decibels",
+    "Decibels; of the training frames where nothing better is known",
     "Gaussians of the trained model",
 )
 
@@ -63,7 +63,7 @@ class SubmapModel(QAbstractTableModel):
         if role != Qt.ItemDataRole.DisplayRole:
             return None
         info = self._document.contents.model_info.get(submap.index, {})
-        psnr, count = info.get("psnr"), info.get("gaussians")
+        psnr, count = info.get("psnr", info.get("training_psnr")), info.get("gaussians")
         return (
             str(submap.index),
             str(len(submap.core)),
