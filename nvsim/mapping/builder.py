@@ -27,7 +27,7 @@ from nvsim.mapping.walk import Walk
 STAGE = "map"
 _TRIES = 3  # places on either side of a gap in the walk that a joining start is tried at
 _HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the walk
-_CROWD = 0.3  # metres; a joining start keeps this far from existing viewpoints
+_CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ def read_octomap(path: Path, low: float = 0.1, high: float = 1.5, floor: float |
         raise InputError(f"{path} holds an empty tree; there is nothing to compare with.")
     low_corner = leaves[:, :3].min(axis=0)
     size = (leaves[:, :3] + leaves[:, 3:4]).max(axis=0) - low_corner
-    if int(size[0]) * int(size[1]) > 400_000_000:
+    if int(size[0]) * int(size[1]) > 100_000_000:
         raise InputError(
             f"{path} spans {size[0] * resolution:.0f} x {size[1] * resolution:.0f} m in cells of {resolution} m; "
             "cut it to the building."

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from columns import Columns, fill, flat_floor, room
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvsim.graph.types import Evidence
@@ -33,6 +33,7 @@ def rows(*hidden: int) -> np.ndarray:
     return alpha
 
 
+@settings(deadline=None)
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(0, 2 * np.pi), st.floats(0.3, 3.5))
 def test_cells_tile_the_corridor(x: float, y: float, heading: float, length: float) -> None:
     corridor = Corridor((x, y), (x + length * np.sin(heading), y + length * np.cos(heading)))
@@ -46,6 +47,7 @@ def test_cells_tile_the_corridor(x: float, y: float, heading: float, length: flo
     assert np.allclose(across + across[:, ::-1], 0, atol=1e-6)
 
 
+@settings(deadline=None)
 @given(st.floats(0.5, 2.0), st.floats(0, 2 * np.pi), st.floats(0.3, 3.5))
 def test_every_cell_lies_in_the_view_that_reads_it(height: float, heading: float, length: float) -> None:
     corridor = Corridor((0.0, 0.0), (length * np.sin(heading), length * np.cos(heading)))
@@ -104,6 +106,7 @@ def test_unknown_floor_is_not_free_and_a_sloping_thing_is_not_floor() -> None:
     assert decide(evidence(rows(), up=np.array(0.5)), CONFIG) == "normal"
 
 
+@settings(deadline=None)
 @given(st.integers(0, 28), st.integers(0, CELLS - 1), st.floats(0, 1))
 def test_more_alpha_never_opens_a_corridor(row: int, cell: int, more: float) -> None:
     rng = np.random.default_rng(row * CELLS + cell)
