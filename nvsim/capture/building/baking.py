@@ -61,7 +61,7 @@ def bake(plan: Plan, boxes: list[Box], solids: Solids, rng: np.random.Generator)
     albedos += [floor, np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)]
     lamps = lamp_places(plan)
     light = _light(places, solids, lamps)
-    gain = 0.88 / float(np.mean(light[ceiling - 1]))
+    gain = 0.92 / float(np.mean(light[ceiling - 1]))
     chains = []
     for surface, albedo in enumerate(albedos):
         if albedo is None:
@@ -69,7 +69,7 @@ def bake(plan: Plan, boxes: list[Box], solids: Solids, rng: np.random.Generator)
             continue
         # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
         boost = 1.45 if surface == ceiling else 1.0
-        shade = np.clip(light[surface] * (gain * boost), 0, 1.3)
+        shade = _exposed(light[surface] * np.float32(gain * boost))
         radiance = albedo * _spread(shade, *albedo.shape[:2])[..., None]
         if surface == ceiling:
             for x, y in lamps:
@@ -77,6 +77,12 @@ def bake(plan: Plan, boxes: list[Box], solids: Solids, rng: np.random.Generator)
                 radiance[r0:r1, c0:c1] = 0.97
         chains.append(_mips(radiance))
     return _packed(chains, places, gloss)
+
+
+def _exposed(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Highlights rolled off above 0.9, so that a pale wall beside a lamp keeps its shading."""
+    over = np.maximum(light - 0.9, 0)
+    return np.asarray(np.minimum(light, 0.9) + 0.25 * (1 - np.exp(-over / 0.25)), np.float32)
 
 
 class _Place(NamedTuple):

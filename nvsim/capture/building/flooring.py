@@ -46,7 +46,7 @@ def _tiles(
     noise = np.random.Generator(np.random.PCG64(int(rng.integers(1 << 30)))).normal(0, 0.03, (64, 64))
     tone = _TONES[key] + noise[j[:, None] % 64, i[None, :] % 64]
     shape = (r1 - r0, c1 - c0)
-    tone = tone + 0.05 * blotches(*shape, (0.07 / texel, 0.07 / texel), rng)
+    tone = tone + 0.06 * blotches(*shape, (0.07 / texel, 0.07 / texel), rng)
     grout = (np.mod(y, size) < 0.018)[:, None] | (np.mod(x, size) < 0.018)[None, :]
     tone = np.where(grout, -0.24, tone)
     return (color + tone[..., None]).astype(np.float32)
@@ -70,7 +70,7 @@ def _planks(
     tone = tone + 0.06 * blotches(rows, columns, (0.035 / texel, 0.5 / texel), rng)
     seam = (np.mod(y, width) < 0.012)[:, None] | (np.mod(along, 1.0) < 0.01)
     tone = np.where(seam, tone - 0.12, tone)
-    image = (color * (1 + 2.0 * tone[..., None])).astype(np.float32)
+    image = (color * (1 + 2.2 * tone[..., None])).astype(np.float32)
     return image.transpose(1, 0, 2) if turned else image
 
 

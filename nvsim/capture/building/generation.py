@@ -20,7 +20,7 @@ from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, silent
 from nvsim.occupancy.ros import write_ros_map
 
-VERSION = 2  # of what is generated: raise it when the same configuration gives other files
+VERSION = 3  # of what is generated: raise it when the same configuration gives other files
 _NOISE = 1.5 / 255
 _TRUTH_EVERY = 10
 _RECORD = "building.json"
@@ -36,7 +36,10 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
     if finished.is_file() and finished.read_text() == record:
         listen(Progress("building", 1, 1, "already there"))
         return
-    finished.unlink(missing_ok=True)
+    try:
+        finished.unlink(missing_ok=True)
+    except OSError as error:
+        raise atomic.as_input_error(finished, error) from error
     listen(Progress("building", 0, 1, "plan"))
     scene = make_scene(config)
     total = len(scene.walk) + 2
@@ -62,7 +65,16 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
     _write_capture(capture, scene, cloud)
     write_ros_map(occupancy(scene), truth / "map.yaml")
     atomic.write_text(truth / "README.txt", _readme(scene, cloud))
+    _forget_others(folder, len(scene.walk))
     atomic.write_text(finished, record)
+
+
+def _forget_others(folder: Path, frames: int) -> None:
+    """Removes frames that a longer walk left here before."""
+    for pattern in ("capture/images/*.jpg", "ground_truth/*/*.png"):
+        for path in folder.glob(pattern):
+            if path.stem.isdigit() and int(path.stem) >= frames:
+                path.unlink()
 
 
 def _exposed(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.uint8]:
