@@ -67,19 +67,25 @@ def estimate_floor(
             "The cloud shows no floor below the cameras and the camera height is not given; "
             "give the height of the camera above the floor in metres (--camera-height)."
         )
+    trusted = camera_height is not None and (cloud is None or cloud.kind != "lidar")
+    if trusted and camera_height is not None:
+        height = camera_height
     grid = _Grid.around(walk, config)
     below = walk - np.array([0.0, 0.0, height])
-    surface = grid.fit(below, np.ones(len(below)), config.stiffness)
+    # Hands bob by a few centimetres and floors do not: without a cloud the fit is stiff.
+    surface = expected = grid.fit(below, np.ones(len(below)), config.stiffness * (20 if trusted else 1))
     if points is None or found is None:
         return surface
     # Twice coarse, then fine: each round moves the expected floor towards the level that the cloud shows.
-    for window in (config.window, config.window, 0.12, 0.06):
+    for window in (0.1, 0.06) if trusted else (config.window, config.window, 0.12, 0.06):
         patches = _patches(points, surface, window)
         if len(patches) == 0:
             break
         xyz = np.concatenate([patches, below])
         weight = np.concatenate([np.ones(len(patches)), np.full(len(below), 0.02)])
         surface = grid.fit(xyz, weight, config.stiffness)
+    if trusted and np.abs(surface.height_at(walk[:, :2]) - expected.height_at(walk[:, :2])).max() > 0.12:
+        return expected  # a sparse cloud may refine a given height, not replace it
     return surface
 
 

@@ -12,6 +12,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, Glimpse
+from nvsim.perception.growing import grow
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import standing
 from nvsim.perception.refine import RefineConfig, refine
@@ -53,6 +54,7 @@ class Projection:
 
     floor     (h, w) bool
     hidden    (h, w) bool, floor that has something before it
+    unsure    (h, w) bool, floor that nothing hides and nothing confirms
     scale     (h, w) float32, pixels of the full image that a metre takes
     ground    (h, w, 2) float32, metres, where the rays meet the floor surface
     distance  (h, w) float32, metres along the rays to there, 0 where they do not meet it
@@ -60,6 +62,7 @@ class Projection:
 
     floor: Mask
     hidden: Mask
+    unsure: Mask
     scale: Float32
     ground: Float32
     distance: Float32
@@ -72,6 +75,7 @@ class GeometricFloor:
         self.config = config or GeometricConfig()
         self.surface = surface
         self._appearance: FloorAppearance | None = None
+        self._is_sparse = cloud is not None and cloud.kind != "lidar"
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
 
     def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image]) -> None:
@@ -87,7 +91,9 @@ class GeometricFloor:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
         seen = self.project(camera)
         floor = seen.floor
-        if self._appearance is not None:
+        if self._is_sparse:
+            floor = grow(floor, seen.floor | seen.unsure, self._glimpse(seen, image).image)
+        elif self._appearance is not None:
             view = self._glimpse(seen, image)
             floor = floor & ~self._appearance.strange(view)
             floor |= self._appearance.shining_through(view, seen.hidden)
@@ -126,7 +132,7 @@ class GeometricFloor:
         floor = _without_specks(floor, self.config.speck)
         nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))
         scale = (camera.intrinsics.fx / nearest).astype(np.float32)
-        return Projection(floor, possible & ~floor, scale, ground.astype(np.float32), distance)
+        return Projection(floor, possible & ~floor, met & ~hidden & ~floor, scale, ground.astype(np.float32), distance)
 
 
 def _without_specks(mask: Mask, area: float) -> Mask:

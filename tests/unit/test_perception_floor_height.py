@@ -76,7 +76,7 @@ def test_without_a_cloud_the_floor_lies_the_camera_height_below_the_walk():
         return 0.05 * x
 
     walk = walk_along_x(10, 1.1, floor)
-    assert error_along(estimate_floor(None, walk, 1.1), walk, floor) < 0.02
+    assert error_along(estimate_floor(None, walk, 1.1), walk, floor) < 0.035
 
 
 def test_cloud_that_shows_no_floor_falls_back_to_the_camera_height():

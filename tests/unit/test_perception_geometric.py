@@ -215,3 +215,11 @@ def test_evaluation_leaves_out_frames_without_floor(tmp_path: Path):
     figures = evaluate_floor(tmp_path / "masks", tmp_path / "truth", ["a.png", "b.png"])
     assert figures["miou"] == pytest.approx(50 / 60) and figures["frames"] == 1
     assert figures["recall"] == 1.0 and figures["precision"] == pytest.approx(50 / 60)
+
+
+def test_a_sparse_cloud_is_enough_to_find_the_floor_that_looks_the_same():
+    dense = scan(0.02, 0.02)
+    sparse = Cloud(dense.points[np.random.default_rng(2).permutation(len(dense.points))[:2500]], None, "sfm")
+    floor, image = truth(camera(0))
+    found = GeometricFloor(sparse, FLAT).segment(camera(0), image).mask
+    assert iou(found, floor) > 0.75

@@ -1,0 +1,35 @@
+"""From the little floor that a sparse cloud confirms to the floor around it that looks the same."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.perception.roles import Image, Mask
+
+_LEAST = 40  # pixels of floor from which colours can be learnt
+_ROUNDS = 3
+
+
+def grow(confirmed: Mask, possible: Mask, image: Image) -> Mask:
+    """(h, w) bool: GrabCut between what cannot be floor (not `possible`) and what is (`confirmed`), both (h, w) bool at
+    the size of `image` (h, w, 3) uint8; only regions that hold confirmed floor are kept."""
+    import cv2
+
+    seeds = confirmed & possible
+    if seeds.sum() < _LEAST or not (~possible).any():
+        return seeds
+    labels = np.full(image.shape[:2], cv2.GC_BGD, np.uint8)
+    labels[possible] = cv2.GC_PR_BGD
+    near = cv2.dilate(seeds.astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
+    labels[possible & near] = cv2.GC_PR_FGD
+    labels[cv2.erode(seeds.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0] = cv2.GC_FGD
+    if not (labels == cv2.GC_FGD).any():
+        return seeds
+    cv2.setRNGSeed(0)  # GrabCut's first clusters are random
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    labels, *_ = cv2.grabCut(image, labels, (0, 0, 1, 1), *models, _ROUNDS, cv2.GC_INIT_WITH_MASK)
+    grown = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)) & possible
+    _, regions = cv2.connectedComponents(grown.astype(np.uint8))
+    held = np.unique(regions[seeds & grown])
+    kept: Mask = np.isin(regions, held[held > 0])
+    return kept
