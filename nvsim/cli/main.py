@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if verb not in COMMANDS:
         print(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", file=sys.stderr)
         return 2
-    # The thread pools of torch and numba spin against each other on few cores; passive waiting leaves the cores to work.
+    # The thread pools of torch and numba spin against each other on few cores; passive waiting leaves them to work.
     # It has to be said before either is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from nvsim.cli.guard import guarded
