@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence, QPalette
-from PySide6.QtWidgets import QMenuBar, QToolBar
+from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
 
 from app.document import Document
 from app.icons import icon
@@ -159,9 +159,9 @@ class ActionTable(QObject):
             if entry.icon:
                 self.actions[entry.id].setIcon(icon(entry.icon, palette))
 
-    def fill_menus(self, bar: QMenuBar) -> dict[str, object]:
+    def fill_menus(self, bar: QMenuBar) -> dict[str, QMenu]:
         """Makes the menus; returns them by title."""
-        menus: dict[str, object] = {}
+        menus: dict[str, QMenu] = {}
         section: dict[str, int] = {}
         for entry in ACTIONS:
             if entry.menu not in menus:

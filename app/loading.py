@@ -103,8 +103,10 @@ class ProjectReader:
             "capture": project.capture,
             "submaps": project.submaps,
             "graph": project.graph,
-            "scene_stamp": lambda: models,
+            # The models come last: announcing them starts the drawing process, which copies sys.path, and reading a map
+            # imports OpenCV, which for a moment puts a folder there whose modules hide those of the standard library.
             "occupancy": project.occupancy,
+            "scene_stamp": lambda: models,
         }
         for part, read in readers.items():
             if self._stamps.get(part, self) == stamps[part]:

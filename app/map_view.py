@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPainterPath, QPen
 from PySide6.QtWidgets import QGraphicsSceneMouseEvent, QStyleOptionGraphicsItem, QVBoxLayout, QWidget
@@ -197,7 +198,7 @@ class MapView(QWidget):
             color.setAlpha(255 if chosen is None or chosen == owner else 60)
             item.setPen(pg.mkPen(color, width=4 if chosen == owner else 2.2))
 
-    def _on_click(self, event: object) -> None:
+    def _on_click(self, event: MouseClickEvent) -> None:
         if event.button() != Qt.MouseButton.LeftButton:
             return
         place = self.plot.getViewBox().mapSceneToView(event.scenePos())

@@ -134,6 +134,7 @@ class NoticeArea(QWidget):
         self.setVisible(bool(self._cards))
         self.adjustSize()
         parent = self.parentWidget()
+        assert parent is not None  # given at construction
         self.move(max(0, parent.width() - self.width() - 14), 14)
         self.raise_()
 

@@ -167,6 +167,8 @@ class Overlays:
         if index is None or capture is None:
             return
         frame = capture.frames[index]
+        if np.linalg.norm(frame.camera_to_world[:3, 3] - camera.position) < 0.3:
+            return  # the eye is in the frame's own camera; its frustum would only line the picture
         k, size = frame.intrinsics, 0.35
         corners = np.array([(0, 0), (k.width, 0), (k.width, k.height), (0, k.height)], float)
         rays = np.stack([(corners[:, 0] - k.cx) / k.fx, (corners[:, 1] - k.cy) / k.fy, np.ones(4)], axis=1) * size

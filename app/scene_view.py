@@ -29,9 +29,9 @@ from app.loading import PARTS
 from app.navigation import Navigation
 from app.overlays import Overlays
 from app.pacing import Pacing
-from app.primitives import chip
-from app.render_child import WHOLE, Picture, RenderSource, Request, Trouble
+from app.render_child import Picture, RenderSource, Request, Trouble
 from app.render_link import RenderLink
+from app.status import paint_status
 from nvsim.geometry.camera import Camera
 
 REST = 100  # milliseconds without movement until the sharp picture is asked for
@@ -230,27 +230,11 @@ class SceneView(QWidget):
             painter.fillRect(self.rect(), gradient)
         self.overlays.layers.grid = self._image is None
         self.overlays.paint(painter, self.overlay_camera)
-        self._paint_status(painter)
+        paint_status(painter, self.size(), self.pose, self._picture, self.note or self.hint)
         painter.end()
         if self._unseen:
             self._unseen = False
             self.pictureShown.emit(self._picture)
-
-    def _paint_status(self, painter: QPainter) -> None:
-        font = painter.font()
-        font.setPointSizeF(8.5)
-        painter.setFont(font)
-        ink, fill = QColor("#dfe7ee"), QColor(16, 20, 26, 175)
-        x, y, z = self.pose.position
-        words = [f"{x:.1f}, {y:.1f}, {z:.1f} m", f"{cameras.heading_degrees(self.pose):.0f}°"]
-        if self._picture is not None:
-            size = self._picture.request.camera.intrinsics
-            submap = self._picture.submap
-            words += ["whole building" if submap == WHOLE else f"submap {submap}", f"{size.width}×{size.height}"]
-        chip(painter, QPointF(10, self.height() - 10), "   ".join(words), ink, fill)
-        if words := self.note or self.hint:
-            width = painter.fontMetrics().horizontalAdvance(words) + 12
-            chip(painter, QPointF((self.width() - width) / 2, 10 + painter.fontMetrics().height()), words, ink, fill)
 
     # Events ----------------------------------------------------------------------------------------------------
 

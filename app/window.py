@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from PySide6.QtWidgets import (
     QFileDialog,
     QLabel,
     QMainWindow,
-    QMenu,
     QStackedWidget,
     QTabWidget,
     QToolBar,
@@ -95,7 +95,6 @@ class MainWindow(QMainWindow):
     def _build_bars(self) -> None:
         menus = self.actions_table.fill_menus(self.menuBar())
         window_menu = menus["&Window"]
-        assert isinstance(window_menu, QMenu)
         window_menu.addSeparator()
         for dock in self._docks.values():
             window_menu.addAction(dock.toggleViewAction())
@@ -139,9 +138,9 @@ class MainWindow(QMainWindow):
         self.submaps.table.doubleClicked.connect(lambda _: self.scene.focus_on_selection())
         self.document.contentsChanged.connect(self._on_contents)
 
-    def _handlers(self) -> dict[str, object]:
+    def _handlers(self) -> dict[str, Callable[..., object]]:
         scene = self.scene
-        handlers: dict[str, object] = {
+        handlers: dict[str, Callable[..., object]] = {
             "open": self._choose_project,
             "refresh": self.refreshWanted.emit,
             "screenshot": self._save_picture,
@@ -242,7 +241,9 @@ class MainWindow(QMainWindow):
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"
         self.settings.setValue("theme", name)
-        theme.apply(QApplication.instance(), name)
+        app = QApplication.instance()
+        assert isinstance(app, QApplication)
+        theme.apply(app, name)
 
     def _dress(self) -> None:
         self.actions_table.dress(self.palette())
