@@ -16,6 +16,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training.backdrop import pack_camera
 from nvsim.training.config import TrainingConfig
+from nvsim.training.triangulate import triangulated_cloud
 from nvsim.training.views import TrainingView
 
 FARTHEST = 15.0
@@ -26,8 +27,8 @@ NEAR, FAR = 0.5, 6.0
 """Depths in metres between which points are placed at random."""
 LEAST_SCALE, LARGEST_SCALE = 0.005, 0.3
 """Bounds of the first standard deviations, metres."""
-_FEW = 500
-# Fewer seen points than this are no basis for a model.
+SPARSE = 200
+"""Points per view below which a cloud is filled up."""
 Float32 = NDArray[np.float32]
 _F = np.float32
 
@@ -75,17 +76,19 @@ def initial_gaussians(
     config: TrainingConfig,
     rng: np.random.Generator,
 ) -> Gaussians:
-    """At most `seed_share` of the cap; every Gaussian half opaque, round, as wide as its neighbours are apart."""
+    """At most `seed_share` of the cap; every Gaussian half opaque, round, as wide as its neighbours are apart. A cloud
+    that is absent or sparse is filled up with points at random in the frusta."""
     count = max(int(config.gaussian_cap * config.seed_share), 1)
-    points, colors = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
-    if cloud is not None:
-        points, colors = seen_points(views, cloud)
-        points, colors = _above(points, colors, floor, config)
+    if cloud is None:
+        cloud = triangulated_cloud(views)
+    points, colors = seen_points(views, cloud)
+    points, colors = _above(points, colors, floor, config)
     if len(points) > count:
         chosen = np.sort(rng.choice(len(points), count, replace=False))
         points, colors = points[chosen], colors[chosen]
-    elif len(points) < _FEW:
-        more, more_colors = random_points(views, count - len(points), rng)
+    enough = min(count, int(SPARSE * len(views)))
+    if len(points) < enough:
+        more, more_colors = random_points(views, enough - len(points), rng)
         more, more_colors = _above(more, more_colors, floor, config)
         points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
     return gaussians_at(points, colors, config.sh_degree)

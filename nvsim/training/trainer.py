@@ -92,7 +92,7 @@ class _Run:
         self._views = views
         self._halves = [v.halved() for v in views] if config.coarse_share > 0 else []
         self._rng = np.random.default_rng(seed)
-        gaussians = initial_gaussians(self._halves or views, cloud, floor, config, self._rng)
+        gaussians = initial_gaussians(views, cloud, floor, config, self._rng)
         network, texture = first_paint(self._halves or views, floor, config, seed)
         self.fit = Fit(gaussians, network, texture, floor, config)
         self._densifier = Densifier(config, floor)
