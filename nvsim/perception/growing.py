@@ -27,8 +27,8 @@ def grow(confirmed: Mask, possible: Mask, image: Image) -> Mask:
         return seeds
     cv2.setRNGSeed(0)  # GrabCut's first clusters are random
     models = np.zeros((1, 65)), np.zeros((1, 65))
-    labels, *_ = cv2.grabCut(image, labels, (0, 0, 1, 1), *models, _ROUNDS, cv2.GC_INIT_WITH_MASK)
-    grown = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)) & possible
+    found, *_ = cv2.grabCut(image, labels, (0, 0, 1, 1), *models, _ROUNDS, cv2.GC_INIT_WITH_MASK)
+    grown = ((found == cv2.GC_FGD) | (found == cv2.GC_PR_FGD)) & possible
     _, regions = cv2.connectedComponents(grown.astype(np.uint8))
     held = np.unique(regions[seeds & grown])
     kept: Mask = np.isin(regions, held[held > 0])
