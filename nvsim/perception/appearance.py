@@ -13,6 +13,7 @@ from nvsim.perception.hybrid import large_regions
 from nvsim.perception.roles import Float32, Image, Mask
 
 _CELL = 0.05
+_FEW = 300  # pixels
 _DARK = 10.0  # added before the logarithm, so that noise in black does not count as colour
 
 
@@ -33,10 +34,10 @@ class AppearanceConfig:
     different: float = 4.5
     least: float = 0.06
     area: float = 0.002
-    alike: float = 1.5
-    window: float = 0.004
+    alike: float = 2.5
+    window: float = 0.006
     pattern: float = 0.03
-    correlation: float = 0.5
+    correlation: float = 0.65
     most: float = 0.4
 
 
@@ -117,8 +118,7 @@ class FloorAppearance:
 
         expected, known = self._expected(view)
         region = hidden & known
-        basis = view.floor & known
-        score = self._score(view, expected, region, basis if basis.sum() > 500 else region)
+        score = self._score(view, expected, region, view.floor & known)
         alike = ((score < self.config.alike) & region).astype(np.uint8)
         opened = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
         regions = large_regions(opened, self.config.window)
@@ -161,17 +161,22 @@ class FloorAppearance:
         """
         import cv2
 
-        if basis.sum() < 50:
-            return np.where(region, np.inf if region is not basis else 0.0, 0.0).astype(np.float32)
         either = region | basis
         rest = np.where(either[..., None], self._logs(view) - expected, 0).astype(np.float32)
-        rest -= np.median(rest[basis], axis=0)
-        fits = (either & (np.abs(rest / self._spread(rest[basis])).max(axis=-1) < 3)).astype(np.float32)
+        # Too little floor to tell the exposure from: the walk's own is taken, and half as much again is granted.
+        alone = basis.sum() < _FEW
+        spread = np.full(3, 1.5 * self.config.least, np.float32)
+        if not alone:
+            rest -= np.median(rest[basis], axis=0)
+            spread = self._spread(rest[basis])
+        fits = (either & (np.abs(rest / spread).max(axis=-1) < 3)).astype(np.float32)
         weight = cv2.GaussianBlur(fits, (0, 0), 16)[..., None]
         slow = cv2.GaussianBlur(fits[..., None] * rest, (0, 0), 16)
         local = np.where(either[..., None], rest - slow / (weight + 0.02), 0).astype(np.float32)
         rest = np.asarray(cv2.blur(local, (3, 3)), np.float32)
-        score: Float32 = np.sqrt(np.mean((rest / self._spread(rest[basis])) ** 2, axis=-1)).astype(np.float32)
+        if not alone:
+            spread = self._spread(rest[basis])
+        score: Float32 = np.sqrt(np.mean((rest / spread) ** 2, axis=-1)).astype(np.float32)
         return score
 
     def _spread(self, values: Float32) -> Float32:

@@ -38,6 +38,7 @@ class FloorHeightConfig:
 
 
 _PATCH = 0.25  # floor points are condensed to one median per patch of this size, so that dense places do not shout
+_TOLERATED = 0.05  # metres: floor points this far from their neighbours' floor lose most of their say
 _LEVEL = 0.02  # resolution of the histograms of heights
 
 
@@ -77,12 +78,15 @@ def estimate_floor(
     if points is None or found is None:
         return surface
     # Twice coarse, then fine: each round moves the expected floor towards the level that the cloud shows.
-    for window in (0.1, 0.06) if trusted else (config.window, config.window, 0.12, 0.06):
+    for window in (0.1, 0.06) if trusted else (config.window, config.window, config.window, 0.12, 0.12, 0.06):
         patches = _patches(points, surface, window)
         if len(patches) == 0:
             break
         xyz = np.concatenate([patches, below])
-        weight = np.concatenate([np.ones(len(patches)), np.full(len(below), 0.02)])
+        # Geman-McClure: a step of 15 cm beside the walk counts for nothing, a ramp is taken up patch by patch.
+        off = patches[:, 2] - surface.height_at(patches[:, :2])
+        agreement = 1.0 / (1.0 + (off / _TOLERATED) ** 2) ** 2
+        weight = np.concatenate([agreement, np.full(len(below), 0.02)])
         surface = grid.fit(xyz, weight, config.stiffness)
     if trusted and np.abs(surface.height_at(walk[:, :2]) - expected.height_at(walk[:, :2])).max() > 0.12:
         return expected  # a sparse cloud may refine a given height, not replace it

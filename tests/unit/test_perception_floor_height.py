@@ -104,3 +104,15 @@ def test_a_single_camera_is_enough():
     walk = np.array([[0.0, 0.0, 1.2]])
     surface = estimate_floor(cloud(scan(rng, lambda x: 0 * x, (-3, -3), (3, 3))), walk)
     assert abs(float(surface.height_at(np.zeros(2)))) < 0.01
+
+
+def test_a_step_beside_the_walk_is_not_taken_for_floor():
+    rng = np.random.default_rng(7)
+    floor = lambda x: 0 * x  # noqa: E731
+    walk = walk_along_x(12, 1.3)
+    ground = scan(rng, floor, number=12000)
+    on_step = (ground[:, 0] > 4) & (ground[:, 0] < 6) & (ground[:, 1] > 1.2) & (ground[:, 1] < 2.6)
+    step = scan(rng, lambda x: 0 * x + 0.16, (4, 1.2), (6, 2.6), 3000)
+    surface = estimate_floor(cloud(ground[~on_step], step), walk)
+    under = np.stack(np.meshgrid(np.linspace(4.2, 5.8, 8), np.linspace(1.3, 2.5, 8)), -1)
+    assert np.abs(surface.height_at(under)).max() < 0.04
