@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from nvsim.errors import InputError
+
+WIDEST = 0.9  # metres across that the evidence of a corridor covers
+
 
 @dataclass(frozen=True)
 class MappingConfig:
@@ -30,7 +34,10 @@ class MappingConfig:
     both_ways: bool = True
     """An edge needs the corridor back as well: a table top hides the floor behind it from one side only."""
     robot_radius: float = 0.25
-    """Metres; the corridor is twice as wide and ends this far beyond the step."""
+    """Metres."""
+    margin: float = 0.1
+    """Metres that are kept free on either side of the robot as well: edges of rendered things are soft by about as
+    much. The corridor is twice the sum of both wide and ends the sum beyond the step."""
     merge_radius: float = 1.0
     """Metres; a step that ends this near to an existing viewpoint joins it when the corridor to it passes."""
     max_distance: float = 4.0
@@ -44,7 +51,19 @@ class MappingConfig:
     view_size: int = 192
     """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.half_width <= WIDEST / 2:
+            raise InputError(
+                f"The corridor of a robot of {self.robot_radius} m radius with {self.margin} m margin is not between 0 "
+                f"and {WIDEST} m wide, which is what the evidence can hold; change --robot-radius or --margin."
+            )
+
+    @property
+    def half_width(self) -> float:
+        """Metres from the middle of a corridor to its side."""
+        return self.robot_radius + self.margin
+
     @staticmethod
     def paper() -> MappingConfig:
         """The paper's decision: the means, one way."""
-        return MappingConfig(rule="mean", both_ways=False)
+        return MappingConfig(rule="mean", both_ways=False, margin=0.0)

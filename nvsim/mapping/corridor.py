@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import Evidence
-from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.source import ViewSource
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 SupportAt = Callable[[NDArray[np.floating]], NDArray[np.bool_]]
 
 DIRECTIONS = 8
-NEAR, DEPTH, WIDTH = 0.05, 0.1, 0.9  # metres: start of the first row, depth of a row, measured width
+NEAR, DEPTH, WIDTH = 0.05, 0.1, WIDEST  # metres: start of the first row, depth of a row, measured width
 CELLS = 18  # across the width: 0.05 m each
 _PITCH = -np.pi / 4
 # 5 degrees behind straight down and above the horizon, so that a corridor between two directions fits either view.

@@ -37,7 +37,7 @@ def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
     alpha, support = [], []
     for evidence in around:
         along, across = _centres(evidence)
-        near = np.hypot(along[:, None], across[None, :]) <= config.robot_radius
+        near = np.hypot(along[:, None], across[None, :]) <= config.half_width
         alpha.append(evidence.alpha[near] / 255.0)
         support.append(evidence.support[near])
     if not alpha:
@@ -52,8 +52,8 @@ def answers(evidence: Evidence, length: float, heading: float, config: MappingCo
     return bool(
         abs(evidence.length - length) < 1e-6
         and turn < 1e-6
-        and evidence.near + len(evidence.alpha) * evidence.depth >= length + config.robot_radius - 1e-9
-        and evidence.width >= 2 * config.robot_radius - 1e-9
+        and evidence.near + len(evidence.alpha) * evidence.depth >= length + config.half_width - 1e-9
+        and evidence.width >= 2 * config.half_width - 1e-9
     )
 
 
@@ -68,6 +68,6 @@ def _robot(evidence: Evidence, config: MappingConfig) -> tuple[slice, slice]:
     """The rows up to the end of the step and the robot's radius beyond, the cells within its radius of the middle; at
     least one of each, so that a point-like robot has a corridor as well."""
     along, across = _centres(evidence)
-    rows = max(1, int((along - evidence.depth / 2 < evidence.length + config.robot_radius - 1e-9).sum()))
-    inside = np.flatnonzero(np.abs(across) <= max(config.robot_radius, evidence.width / evidence.alpha.shape[1]) + 1e-9)
+    rows = max(1, int((along - evidence.depth / 2 < evidence.length + config.half_width - 1e-9).sum()))
+    inside = np.flatnonzero(np.abs(across) <= max(config.half_width, evidence.width / evidence.alpha.shape[1]) + 1e-9)
     return slice(0, rows), slice(int(inside[0]), int(inside[-1]) + 1)

@@ -161,7 +161,7 @@ def test_reapplying_equals_a_fresh_build_and_renders_only_the_new_frontier() -> 
     positions = walk((1.5, 1.5), (5, 1.5), (5, 6), (2, 6))
     world = Columns(occupancy, noise=0.05)
     # A limit between: the strict build accepts only what is far from everything.
-    strict = replace(SMALL, robot_radius=0.4, row_alpha=0.15)
+    strict = replace(SMALL, robot_radius=0.35, row_alpha=0.15)
     builds = {
         config: build_map(world, positions, flat_floor, world.support, config, scan="test")
         for config in (strict, SMALL)

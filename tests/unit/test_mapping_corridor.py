@@ -10,13 +10,14 @@ from columns import Columns, fill, flat_floor, room
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from nvsim.errors import InputError
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, camera_towards, look_down, measure, view_of
 from nvsim.mapping.criteria import answers, can_stand, decide
 from nvsim.occupancy.types import OCCUPIED
 
-CONFIG = MappingConfig()
+CONFIG = MappingConfig(margin=0.0)
 
 
 def evidence(alpha: np.ndarray, support: np.ndarray | None = None, up: np.ndarray | None = None) -> Evidence:
@@ -130,4 +131,11 @@ def test_evidence_answers_only_what_it_measured() -> None:
     assert answers(found, 2.5, 2 * np.pi, CONFIG)
     assert not answers(found, 2.4, 0.0, CONFIG)
     assert not answers(found, 2.5, 0.1, CONFIG)
-    assert not answers(found, 2.5, 0.0, replace(CONFIG, robot_radius=0.5))
+    narrow = replace(found, width=0.5)
+    assert answers(narrow, 2.5, 0.0, CONFIG)
+    assert not answers(narrow, 2.5, 0.0, replace(CONFIG, margin=0.1))
+
+
+def test_a_robot_wider_than_the_evidence_is_refused() -> None:
+    with pytest.raises(InputError, match="robot-radius"):
+        replace(CONFIG, robot_radius=0.5)
