@@ -1,4 +1,4 @@
-"""The Gaussians that training starts from: a cloud as far as the views see it, or points at random in their frusta."""
+"""The Gaussians that training starts from: a cloud as far as the views see it, and guesses where there is none."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training.backdrop import pack_camera
 from nvsim.training.config import TrainingConfig
+from nvsim.training.guess import guessed_points
 from nvsim.training.triangulate import triangulated_cloud
 from nvsim.training.views import TrainingView
 
@@ -23,12 +24,12 @@ FARTHEST = 15.0
 """Metres beyond which a point does not count as seen."""
 CELLS = 48
 """Columns of the coarse depth image that tells hidden points from seen ones."""
-NEAR, FAR = 0.5, 6.0
-"""Depths in metres between which points are placed at random."""
 LEAST_SCALE, LARGEST_SCALE = 0.005, 0.3
 """Bounds of the first standard deviations, metres."""
-SPARSE = 200
-"""Points per view below which a cloud is filled up."""
+SPARSE_SHARE = 0.4
+"""A cloud of features says nothing of bare walls: it gets at most this share of the seeds, and guesses the rest."""
+FEW = 500
+"""A scan with fewer seen points is filled up with guesses too."""
 Float32 = NDArray[np.float32]
 _F = np.float32
 
@@ -77,18 +78,17 @@ def initial_gaussians(
     rng: np.random.Generator,
 ) -> Gaussians:
     """At most `seed_share` of the cap; every Gaussian half opaque, round, as wide as its neighbours are apart. A cloud
-    that is absent or sparse is filled up with points at random in the frusta."""
+    that is absent or sparse is filled up with guesses from the images."""
     count = max(int(config.gaussian_cap * config.seed_share), 1)
-    if cloud is None:
-        cloud = triangulated_cloud(views)
+    cloud = triangulated_cloud(views) if cloud is None else cloud
     points, colors = seen_points(views, cloud)
     points, colors = _above(points, colors, floor, config)
-    if len(points) > count:
-        chosen = np.sort(rng.choice(len(points), count, replace=False))
+    most = count if cloud.kind == "lidar" else int(count * SPARSE_SHARE)
+    if len(points) > most:
+        chosen = np.sort(rng.choice(len(points), most, replace=False))
         points, colors = points[chosen], colors[chosen]
-    enough = min(count, int(SPARSE * len(views)))
-    if len(points) < enough:
-        more, more_colors = random_points(views, enough - len(points), rng)
+    if cloud.kind != "lidar" or len(points) < FEW:
+        more, more_colors = guessed_points(views, points, floor, count - len(points), rng)
         more, more_colors = _above(more, more_colors, floor, config)
         points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
     return gaussians_at(points, colors, config.sh_degree)
@@ -136,24 +136,6 @@ def _pixel_colors(views: Sequence[TrainingView], points: Float32, best: NDArray[
         v = np.clip(pixels[:, 1].astype(int), 0, view.image.shape[0] - 1)
         colors[mine] = view.image[v, u].astype(np.float32) / 255
     return colors
-
-
-def random_points(views: Sequence[TrainingView], count: int, rng: np.random.Generator) -> tuple[Float32, Float32]:
-    """`count` points (N, 3) on the rays of random pixels that are not floor, and the colours (N, 3) of the pixels."""
-    per_view = np.bincount(rng.integers(0, len(views), count), minlength=len(views))
-    points, colors = [], []
-    for view, n in zip(views, per_view, strict=True):
-        candidates = np.flatnonzero(~view.floor.reshape(-1))
-        if n == 0 or len(candidates) == 0:
-            continue
-        chosen = rng.choice(candidates, n)
-        depth = NEAR * (FAR / NEAR) ** rng.random(n)
-        rays = view.camera.rays().reshape(-1, 3)[chosen]
-        points.append((view.camera.position + rays * depth[:, None]).astype(np.float32))
-        colors.append(view.image.reshape(-1, 3)[chosen].astype(np.float32) / 255)
-    if not points:
-        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
-    return np.concatenate(points), np.concatenate(colors)
 
 
 def _above(points: Float32, colors: Float32, floor: FloorSurface, config: TrainingConfig) -> tuple[Float32, Float32]:

@@ -1,4 +1,4 @@
-"""A sparse cloud from the images themselves: SIFT features of neighbouring views, matched and triangulated with the known
+"""A sparse cloud from the images themselves: SIFT features of neighbouring views, matched and triangulated with known
 poses. For captures that bring no cloud."""
 
 from __future__ import annotations
@@ -87,16 +87,15 @@ def _triangulate(a: TrainingView, b: TrainingView, fa: _Features, fb: _Features)
     homogeneous = cv2.triangulatePoints(_projection(a), _projection(b), pa.T, pb.T)
     with np.errstate(divide="ignore", invalid="ignore"):
         points = np.asarray((homogeneous[:3] / homogeneous[3]).T, np.float64)
-    keep = np.isfinite(points).all(axis=1)
+    keep = np.asarray(np.isfinite(points).all(axis=1))
     points = np.where(keep[:, None], points, 0)
     for view, pixels in ((a, pa), (b, pb)):
         drawn, depth = view.camera.project(points)
-        keep &= np.asarray((depth > NEAREST) & (depth < FARTHEST))
-        keep &= np.linalg.norm(drawn - pixels, axis=1) < REPROJECTION
+        keep = keep & (depth > NEAREST) & (depth < FARTHEST) & (np.linalg.norm(drawn - pixels, axis=1) < REPROJECTION)
     to_a, to_b = points - a.camera.position, points - b.camera.position
     lengths = np.linalg.norm(to_a, axis=1) * np.linalg.norm(to_b, axis=1)
     cosine = np.sum(to_a * to_b, axis=1) / np.maximum(lengths, 1e-12)
-    keep &= np.arccos(np.clip(cosine, -1, 1)) > LEAST_PARALLAX
+    keep = keep & (np.arccos(np.clip(cosine, -1, 1)) > LEAST_PARALLAX)
     return points[keep], pa[keep]
 
 

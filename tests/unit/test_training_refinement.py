@@ -14,10 +14,12 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 from nvsim.training.config import DensifyConfig, RobustConfig, TrainingConfig
 from nvsim.training.densify import Densifier, divide
-from nvsim.training.initialise import gaussians_at, initial_gaussians, random_points, seen_points
+from nvsim.training.guess import guessed_points
+from nvsim.training.initialise import gaussians_at, initial_gaussians, seen_points
 from nvsim.training.optimizer import Group
 from nvsim.training.robust import RobustMask
-from nvsim.training.synthetic import synthetic_room
+from nvsim.training.synthetic import ROOM, synthetic_room
+from nvsim.training.triangulate import triangulated_cloud
 
 FLOOR = FloorSurface.flat(0.0)
 
@@ -96,13 +98,31 @@ def test_points_behind_a_wall_and_near_the_floor_seed_nothing() -> None:
 
 def test_without_a_cloud_seeds_lie_in_front_of_the_cameras() -> None:
     room = synthetic_room(6, 64, 48, 10)
-    points, colors = random_points(room.views, 400, np.random.default_rng(0))
+    nothing = np.zeros((0, 3), np.float32)
+    points, colors = guessed_points(room.views, nothing, room.floor, 400, np.random.default_rng(0))
     assert points.shape == colors.shape == (400, 3)
     seen = np.zeros(len(points), bool)
     for view in room.views:
         pixels, depth = view.camera.project(points)
         seen |= (depth > 0) & (pixels >= -0.01).all(axis=1) & (pixels <= [64.01, 48.01]).all(axis=1)
     assert seen.all()
+
+
+def test_guessed_points_lie_near_the_walls_that_stand_on_the_floor() -> None:
+    room = synthetic_room(12, 96, 72, 10)
+    nothing = np.zeros((0, 3), np.float32)
+    points, _ = guessed_points(room.views, nothing, room.floor, 2000, np.random.default_rng(0))
+    to_wall = np.minimum(np.abs(points), np.abs(ROOM - points)).min(axis=1)
+    assert np.median(to_wall) < 0.3
+
+
+def test_triangulated_features_lie_on_the_walls() -> None:
+    room = synthetic_room(40, 240, 180, 10)
+    cloud = triangulated_cloud(room.views)
+    assert cloud.kind == "sfm" and len(cloud.points) > 100
+    assert cloud.colors is not None and len(cloud.colors) == len(cloud.points)
+    off = np.minimum(np.abs(cloud.points), np.abs(ROOM - cloud.points)).min(axis=1)
+    assert np.median(off) < 0.1
 
 
 def test_robust_mask_rejects_a_pasted_square_and_nothing_else() -> None:
