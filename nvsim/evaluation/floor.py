@@ -14,8 +14,8 @@ _LEAST_FLOOR = 0.01
 _WORST = 10
 
 
-def evaluate_floor(masks: Path, truth: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Compares `masks`/NAME with `truth`/NAME for every name; a mask of another size is resized to the truth's.
+def evaluate_floor(pairs: Sequence[tuple[Path, Path]]) -> dict[str, Any]:
+    """Compares every pair of a mask and its truth; a mask of another size is resized to the truth's.
 
     Returns JSON-able figures: `miou`, the mean intersection over union of the frames with at least 1 % true floor
     (NaN-free: 0 where there is no such frame), `frames` that count, `precision` and `recall` over all their pixels,
@@ -27,14 +27,14 @@ def evaluate_floor(masks: Path, truth: Path, names: Sequence[str]) -> dict[str, 
     rows: list[dict[str, Any]] = []
     true_positive = claimed = actual = 0
     elsewhere: list[float] = []
-    for name in names:
-        expected = read_mask(truth / name)
+    for mask, truth in pairs:
+        expected = read_mask(truth)
         height, width = expected.shape
-        found = read_mask(masks / name, width, height)
+        found = read_mask(mask, width, height)
         both, either = int((found & expected).sum()), int((found | expected).sum())
         share = float(expected.mean())
         counts = share >= _LEAST_FLOOR
-        rows.append({"name": name, "floor": share, "iou": both / either if either else 1.0, "counts": counts})
+        rows.append({"name": truth.name, "floor": share, "iou": both / either if either else 1.0, "counts": counts})
         if counts:
             true_positive, claimed, actual = (
                 true_positive + both,
@@ -45,7 +45,7 @@ def evaluate_floor(masks: Path, truth: Path, names: Sequence[str]) -> dict[str, 
             elsewhere.append(float(found.mean()))
     scored = [r for r in rows if r["counts"]]
     if not rows:
-        raise InputError(f"There is no floor mask to compare with {truth}; give the folder of the true floor masks.")
+        raise InputError("There is no floor mask to compare; give the folder of the true floor masks.")
     return {
         "miou": float(np.mean([r["iou"] for r in scored])) if scored else 0.0,
         "frames": len(scored),

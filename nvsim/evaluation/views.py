@@ -47,7 +47,7 @@ def evaluate_views(
     for done, index in enumerate(frames):
         listen(Progress("evaluate", done, len(frames)))
         frame = capture.frames[index]
-        image = read_image(frame, frame.intrinsics).astype(np.float32) / 255
+        image = (read_image(frame, frame.intrinsics) / np.float32(255)).astype(np.float32)
         submap, output = render_scene(scene, frame.camera, frozenset({"rgb", "alpha"}))
         assert output.rgb is not None and output.alpha is not None
         floor, valid = _regions(project, folder, index, frame.name, image.shape[:2])
@@ -110,7 +110,7 @@ def _ssim(a: NDArray[np.float32], b: NDArray[np.float32], valid: NDArray[np.bool
     """Wang et al. 2004: 11x11 Gaussian window of sigma 1.5, mean over the pixels that count and the channels."""
 
     def blur(x: NDArray[np.float32]) -> NDArray[np.float32]:
-        return cv2.GaussianBlur(x, (11, 11), 1.5)
+        return np.asarray(cv2.GaussianBlur(x, (11, 11), 1.5), np.float32)
 
     c1, c2 = 0.01**2, 0.03**2
     ma, mb = blur(a), blur(b)

@@ -35,9 +35,9 @@ class MappingConfig:
     """An edge needs the corridor back as well: a table top hides the floor behind it from one side only."""
     robot_radius: float = 0.25
     """Metres."""
-    margin: float = 0.1
-    """Metres that are kept free on either side of the robot as well: edges of rendered things are soft by about as
-    much. The corridor is twice the sum of both wide and ends the sum beyond the step."""
+    margin: float = 0.05
+    """Metres that are kept free on either side of the robot as well, because edges of rendered things are soft. The
+    corridor is twice the sum of both wide and ends the sum beyond the step; a door of 0.8 m lets it pass."""
     merge_radius: float = 1.0
     """Metres; a step that ends this near to an existing viewpoint joins it when the corridor to it passes."""
     max_distance: float = 4.0

@@ -17,20 +17,18 @@ _THINNING = 0.25
 
 @dataclass(frozen=True)
 class SubmapConfig:
-    """How the walk is cut.
-
-    count                C, the number of submaps; None chooses it from the memory budget
-    overlap              delta, metres: a frame this close to a frame of the core belongs to the submap too
-    memory_gb            what training one submap may hold at its peak, where `count` is None
-    megabytes_per_frame  what one training frame adds to that peak: a 480x360 image as float32 with mask and loss
-                         buffers (6 MB), and the 1200 Gaussians that a new view brings on a walk with a picture every
-                         0.3 m (parameters, gradient, two Adam moments and per-thread gradient rows: 1.5 kB each)
-    """
+    """How the walk is cut."""
 
     count: int | None = None
+    """C, the number of submaps; left out, it is chosen from the memory budget."""
     overlap: float = 1.5
+    """delta, metres: a frame this close to a frame of the core belongs to the submap too."""
     memory_gb: float = 2.0
+    """What training one submap may hold at its peak, where the number is left out."""
     megabytes_per_frame: float = 8.0
+    """What one training frame adds to that peak."""
+    # A 480x360 image as float32 with mask and loss buffers (6 MB), and the 1200 Gaussians that a new view brings on a
+    # walk with a picture every 0.3 m (parameters, gradient, two Adam moments, per-thread gradient rows: 1.5 kB each).
 
     @property
     def frames_per_submap(self) -> int:

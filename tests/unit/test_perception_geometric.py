@@ -188,7 +188,7 @@ def test_stage_writes_every_mask_once_resumes_and_scores_well(capture: Capture, 
     segment_capture(capture, lambda i: FLAT, at_once, SegmentConfig(threads=1))
     names = [f"{k:06d}.png" for k in range(6)]
     assert all((masks / n).read_bytes() == (at_once / n).read_bytes() for n in names)
-    figures = evaluate_floor(masks, exact, names)
+    figures = evaluate_floor([(masks / n, exact / n) for n in names])
     assert figures["miou"] > 0.95 and figures["frames"] == 6 and len(figures["per_frame"]) == 6
     assert figures["worst"][0]["iou"] == min(r["iou"] for r in figures["per_frame"])
 
@@ -212,7 +212,7 @@ def test_evaluation_leaves_out_frames_without_floor(tmp_path: Path):
             mask = np.zeros((100, 100), np.uint8)
             mask[floor:] = 255
             cv2.imwrite(str(tmp_path / folder / name), mask)
-    figures = evaluate_floor(tmp_path / "masks", tmp_path / "truth", ["a.png", "b.png"])
+    figures = evaluate_floor([(tmp_path / "masks" / n, tmp_path / "truth" / n) for n in ("a.png", "b.png")])
     assert figures["miou"] == pytest.approx(50 / 60) and figures["frames"] == 1
     assert figures["recall"] == 1.0 and figures["precision"] == pytest.approx(50 / 60)
 
