@@ -46,6 +46,26 @@ class FloorSupport:
         with replacing(path) as temporary, open(temporary, "wb") as file:
             np.savez_compressed(file, cells=self.cells, origin=np.array(self.origin), spacing=np.array(self.spacing))
 
+    def trodden(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
+        """The same with the floor under the walk: somebody carried the camera over the ground within `radius` metres
+        of its positions (N, 2 or 3), though it may never have looked down there."""
+        low = np.minimum(self.origin, positions[:, :2].min(axis=0) - radius - self.spacing)
+        offset = np.ceil((np.array(self.origin) - low) / self.spacing).astype(int)
+        origin = np.array(self.origin) - offset * self.spacing
+        rows, columns = self.cells.shape
+        top = np.ceil((positions[:, :2].max(axis=0) + radius - origin) / self.spacing).astype(int) + 1
+        cells = np.zeros((max(rows + offset[1], top[1]), max(columns + offset[0], top[0])), bool)
+        cells[offset[1] : offset[1] + rows, offset[0] : offset[0] + columns] = self.cells
+        y, x = np.ogrid[: cells.shape[0], : cells.shape[1]]
+        centres = (positions[:, :2] - origin) / self.spacing - 0.5
+        reach = radius / self.spacing
+        for column, row in np.unique(np.round(centres, 1), axis=0):
+            r0, r1 = max(0, int(row - reach)), int(row + reach) + 2
+            c0, c1 = max(0, int(column - reach)), int(column + reach) + 2
+            disc = (y[r0:r1] - row) ** 2 + (x[:, c0:c1] - column) ** 2 <= reach**2
+            cells[r0:r1, c0:c1] |= disc
+        return FloorSupport(cells, (float(origin[0]), float(origin[1])), self.spacing)
+
     @staticmethod
     def load(path: Path) -> FloorSupport:
         """Reads what `save` wrote. Raises InputError for a file that is missing or something else."""

@@ -17,7 +17,7 @@ _BEAT = 1.0  # seconds between updates of a job's row
 
 @dataclass(frozen=True)
 class JobRecord:
-    """state: "running", "done", "failed", "stopped", or "interrupted" (its process is gone without a word);
+    """stage: the command's verb; state: "running", "done", "failed", "stopped", or "interrupted" (its process is gone without a word);
     progress 0 to 1; started and finished in seconds since the epoch."""
 
     id: int
@@ -69,8 +69,8 @@ class JobJournal:
         if isinstance(event, Progress) and time.monotonic() - self._beat > _BEAT:
             self._beat = time.monotonic()
             self._connection.execute(
-                "UPDATE jobs SET stage = ?, done = ?, total = ?, updated = ?, message = ? WHERE id = ?",
-                (event.stage, event.done, event.total, time.time(), event.detail, self._id),
+                "UPDATE jobs SET done = ?, total = ?, updated = ?, message = ? WHERE id = ?",
+                (event.done, event.total, time.time(), f"{event.stage} {event.detail}".strip(), self._id),
             )
         self._listen(event)
 

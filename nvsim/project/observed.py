@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from nvsim.capture.types import Capture
@@ -12,6 +13,7 @@ from nvsim.project.project import Project
 
 _LOW, _HIGH = 0.10, 1.5  # metres above the floor within which a point is an obstacle
 _POINTS_PER_CELL = 2
+_SMALLEST = 12  # cells; smaller specks are noise of the scan
 
 
 def observed_occupancy(
@@ -29,5 +31,8 @@ def observed_occupancy(
     above = points[:, 2] - floor_of(project).height_at(points[:, :2])
     index = empty.index(points[(above > _LOW) & (above < _HIGH), :2])
     counts = np.bincount(index[:, 0] * columns + index[:, 1], minlength=rows * columns).reshape(rows, columns)
-    cells[counts >= _POINTS_PER_CELL] = OCCUPIED
+    labels, sizes = cv2.connectedComponentsWithStats((counts >= _POINTS_PER_CELL).astype(np.uint8), connectivity=8)[1:3]
+    solid = sizes[:, cv2.CC_STAT_AREA] >= _SMALLEST
+    solid[0] = False  # the background
+    cells[solid[labels]] = OCCUPIED
     return OccupancyMap(cells.astype(np.uint8), resolution, empty.origin)

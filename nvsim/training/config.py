@@ -71,7 +71,7 @@ class RobustConfig:
     start: float = 0.4
     """Share of all steps before anything is masked: until then everything is wrong."""
     threshold: float = 0.15
-    """A block is an outlier when its mean absolute colour error exceeds this..."""
+    """A block is an outlier when its mean colour is off by more than this..."""
     factor: float = 4.0
     """...and this many times the median over the image's blocks."""
     most: float = 0.4

@@ -42,7 +42,7 @@ def _compose(
     error: Any,
     sums: Any,
 ) -> None:
-    # Per row: planar weighted prediction and target for the SSIM, the mean absolute error of every pixel (of the
+    # Per row: planar weighted prediction and target for the SSIM, the error of every pixel (of the
     # background where the mask says floor), and the sums of every other term.
     height, width = alpha.shape
     for y in prange(height):
@@ -52,7 +52,6 @@ def _compose(
             through = _F(1) - alpha[y, x]
             masked = floor_aware and floor[y, x]
             w = _F(0) if masked else _F(inlier[y, x])
-            wrong = _F(0)
             for c in range(3):
                 true = _F(image[y, x, c]) * _BYTE
                 ground = background[c, y, x]
@@ -63,11 +62,10 @@ def _compose(
                 total += w * abs(difference)
                 squares += w * difference * difference
                 if masked:
-                    wrong += abs(ground - true)
+                    error[c, y, x] = ground - true
                     floor_sum += _F(inlier[y, x]) * np.sqrt((ground - true) * (ground - true) + SMOOTH)
                 else:
-                    wrong += abs(difference)
-            error[y, x] = wrong / _F(3)
+                    error[c, y, x] = difference
             counted += w
             if masked:
                 suppression += alpha[y, x]
@@ -152,7 +150,7 @@ class FloorAwareLoss:
     d_background   (3, H, W) dL / d(background), what the network learns from
     d_texture      (3, H, W) the part of it from the background floor loss: the texture learns from floor pixels only,
                    otherwise whatever shines through half-opaque Gaussians is painted onto the floor
-    error          (H, W) mean absolute colour error of every pixel: of the background where M, of the image elsewhere
+    error          (3, H, W) drawn minus true colour of every pixel: of the background where M, of the image elsewhere
     """
 
     def __init__(self, config: LossConfig, width: int, height: int) -> None:
@@ -166,7 +164,7 @@ class FloorAwareLoss:
         self._slopes = planes(3, 3)
         self._sums, self._ssim_sums = np.zeros((6, height)), np.zeros((3, height))
         self.d_rgb = np.zeros((height, width, 3), np.float32)
-        self.d_alpha, self.error = planes(), planes()
+        self.d_alpha, self.error = planes(), planes(3)
         self.d_background, self.d_texture = planes(3), planes(3)
 
     def __call__(

@@ -2,8 +2,8 @@
 
 Splatfacto-W masks a share of each image that follows the mean error, whatever the picture shows. Here a view keeps the
 error of each of its blocks over its visits, and a block is left out while its error is large both in absolute terms and
-against the other blocks of the image: a person who walked by stays wrong however long one trains, a static scene that
-fits loses nothing. As in Splatfacto-W every part of the image may be masked (never_mask_upper = 0) and at most 40 % of
+against the other blocks of the image. It is the error of the block's mean colour that counts: books on a shelf that are
+still blurred have the right mean, and would never become sharp if they were masked; a person before a wall has not. As in Splatfacto-W every part of the image may be masked (never_mask_upper = 0) and at most 40 % of
 it. Where the mask says floor, the error is the background's.
 """
 
@@ -27,17 +27,20 @@ Float32 = NDArray[np.float32]
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _block_means(error: Any, blocks: Any) -> None:
-    height, width = error.shape
+    _, height, width = error.shape
     rows, columns = blocks.shape
     for r in prange(rows):
         y0, y1 = r * height // rows, (r + 1) * height // rows
         for c in range(columns):
             x0, x1 = c * width // columns, (c + 1) * width // columns
-            total = np.float32(0)
-            for y in range(y0, y1):
-                for x in range(x0, x1):
-                    total += error[y, x]
-            blocks[r, c] = total / np.float32(max((y1 - y0) * (x1 - x0), 1))
+            wrong = np.float32(0)
+            for channel in range(3):
+                total = np.float32(0)
+                for y in range(y0, y1):
+                    for x in range(x0, x1):
+                        total += error[channel, y, x]
+                wrong += abs(total)
+            blocks[r, c] = wrong / np.float32(max(3 * (y1 - y0) * (x1 - x0), 1))
 
 
 @njit(parallel=True, cache=True)
@@ -60,7 +63,7 @@ class RobustMask:
         self.errors = np.full((count, max(height // BLOCK, 1), max(width // BLOCK, 1)), -1, np.float32)
 
     def observe(self, view: int, error: Float32) -> None:
-        """Takes in the error (H, W) of a visit to `view`, at any size."""
+        """Takes in the error (3, H, W) of a visit to `view`, drawn minus true colour, at any size."""
         seen = np.empty(self.errors.shape[1:], np.float32)
         _block_means(error, seen)
         known = self.errors[view]

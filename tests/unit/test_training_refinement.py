@@ -129,9 +129,9 @@ def test_robust_mask_rejects_a_pasted_square_and_nothing_else() -> None:
     rng = np.random.default_rng(0)
     mask = RobustMask(RobustConfig(), 3, 160, 120)
     for visit in range(4):
-        error = rng.uniform(0, 0.06, (120, 160) if visit % 2 else (60, 80)).astype(np.float32)
-        scale = error.shape[0] / 120
-        error[int(40 * scale) : int(72 * scale), int(64 * scale) : int(96 * scale)] = 0.5
+        error = rng.uniform(0, 0.06, (3, 120, 160) if visit % 2 else (3, 60, 80)).astype(np.float32)
+        scale = error.shape[1] / 120
+        error[:, int(40 * scale) : int(72 * scale), int(64 * scale) : int(96 * scale)] = 0.5
         mask.observe(1, error)
     inlier = np.ones((120, 160), bool)
     mask.inlier(1, inlier)
@@ -141,9 +141,19 @@ def test_robust_mask_rejects_a_pasted_square_and_nothing_else() -> None:
     assert inlier.all()
 
 
+def test_robust_mask_keeps_a_pattern_that_is_still_blurred() -> None:
+    mask = RobustMask(RobustConfig(), 1, 160, 120)
+    error = np.zeros((3, 120, 160), np.float32)
+    error[:, 40:72, 64:96] = np.where(np.indices((32, 32)).sum(axis=0) % 2, 0.5, -0.5)
+    mask.observe(0, error)
+    inlier = np.ones((120, 160), bool)
+    mask.inlier(0, inlier)
+    assert inlier.all()
+
+
 def test_robust_mask_leaves_an_image_alone_that_is_wrong_all_over() -> None:
     mask = RobustMask(RobustConfig(), 1, 160, 120)
-    mask.observe(0, np.random.default_rng(0).uniform(0.2, 0.6, (120, 160)).astype(np.float32))
+    mask.observe(0, np.random.default_rng(0).uniform(0.2, 0.6, (3, 120, 160)).astype(np.float32))
     inlier = np.ones((120, 160), bool)
     mask.inlier(0, inlier)
     assert inlier.all()

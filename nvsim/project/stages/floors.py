@@ -18,12 +18,13 @@ from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key
 
 STAGE = "floors"
+_VERSION = 2  # of what this stage commits; raised when the same inputs give something else
 
 
 def run(project: Project, listen: Listener) -> None:
     """Masks of all frames; frames that are held out of training do not count as support."""
     config = capture_config(project)
-    key = ledger.key_of(STAGE, submaps_key(project), config)
+    key = ledger.key_of(STAGE, submaps_key(project), config, _VERSION)
     if ledger.is_current(project, STAGE, key):
         listen(Log("The floor masks are up to date.", STAGE))
         return
@@ -74,7 +75,7 @@ def _support(project: Project, config: CaptureConfig) -> float:
         (read_mask(project.layout.mask(i)) for i in frames),
         floor_of(project),
         capture.cloud,
-    )
+    ).trodden(capture.positions[frames])
     support.save(project.layout.support)
     return float(support.cells.sum() * support.spacing**2)
 

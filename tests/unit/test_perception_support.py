@@ -1,0 +1,24 @@
+"""What nobody looked down at, but somebody walked over, is floor."""
+
+import numpy as np
+
+from nvsim.perception.support import FloorSupport
+
+
+def test_the_walk_supports_the_ground_around_it_also_outside_the_old_grid():
+    before = FloorSupport(np.zeros((4, 5), bool), (0.0, 0.0), 0.1)
+    walk = np.array([[-1.0, 0.2, 1.4], [2.0, -0.7, 1.4]])
+    after = before.trodden(walk, radius=0.3)
+    x, y = np.meshgrid(np.arange(-2, 3, 0.037), np.arange(-2, 2, 0.037))
+    xy = np.stack([x, y], -1)
+    distance = np.min([np.hypot(x - p[0], y - p[1]) for p in walk], axis=0)
+    assert after.at(xy)[distance < 0.22].all()
+    assert not after.at(xy)[distance > 0.38].any()
+
+
+def test_what_was_supported_stays():
+    before = FloorSupport(np.ones((3, 3), bool), (5.0, 5.0), 0.1)
+    after = before.trodden(np.array([[0.0, 0.0, 1.0]]))
+    xy = np.stack(np.meshgrid(np.arange(5.05, 5.3, 0.1), np.arange(5.05, 5.3, 0.1)), -1)
+    assert after.at(xy).all()
+    assert not after.at(np.array([2.5, 2.5]))
