@@ -17,8 +17,8 @@ _BEAT = 1.0  # seconds between updates of a job's row
 
 @dataclass(frozen=True)
 class JobRecord:
-    """stage: the command's verb; state: "running", "done", "failed", "stopped", or "interrupted" (its process is gone without a word);
-    progress 0 to 1; started and finished in seconds since the epoch."""
+    """stage: the command's verb. state: "running", "done", "failed", "stopped", or "interrupted" (its process is gone).
+    progress: 0 to 1. started, finished: seconds since the epoch."""
 
     id: int
     stage: str
