@@ -27,6 +27,7 @@ from nvsim.mapping.walk import Walk
 STAGE = "map"
 _TRIES = 3  # places on either side of a gap in the walk that a joining start is tried at
 _HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the walk
+_KEEPING = 5.0  # seconds between two savings of what was measured
 _CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
 
 
@@ -54,11 +55,14 @@ def build_map(
     previous: NavGraph | None = None,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = _never,
+    keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
     """Builds the navigation graph of the camera positions `trajectory` (N, 3).
 
     `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
-    `previous` is decided again instead of being rendered, and what a person added to it is kept.
+    `previous` is decided again instead of being rendered, and what a person added to it is kept. `keep` is given what
+    was measured so far every few seconds, as a graph of evidence alone: a build that was cut off takes it as `previous`
+    and ends like one that was not.
 
     Raises InputError when the trajectory is empty or nobody can stand anywhere on it.
     Source: paper, section III-D, Algorithm 1.
@@ -71,7 +75,12 @@ def build_map(
     measurements = Measurements(source, floor_at, support, config, lattice, remembered)
     walk = Walk(trajectory, support)
     search = Search(Draft(scan), lattice, measurements, walk, floor_at, config)
-    explorer = _Explorer(search, walk, config, listen, should_stop)
+
+    def keep_evidence() -> None:
+        if keep is not None:
+            keep(NavGraph(scan, evidence={e.key: e for e in measurements.everything()}))
+
+    explorer = _Explorer(search, walk, config, listen, should_stop, keep_evidence)
     explorer.cover()
     explorer.bridge()
     draft = search.draft
@@ -134,11 +143,18 @@ class _Explorer:
     """Starts searches until the walk is covered and the graph follows it."""
 
     def __init__(
-        self, search: Search, walk: Walk, config: MappingConfig, listen: Listener, should_stop: Callable[[], bool]
+        self,
+        search: Search,
+        walk: Walk,
+        config: MappingConfig,
+        listen: Listener,
+        should_stop: Callable[[], bool],
+        keep: Callable[[], None],
     ) -> None:
         self._search, self._walk, self._config = search, walk, config
         self._listen, self._should_stop = listen, should_stop
         self._tried: set[int] = set()
+        self._keep, self._kept = keep, time.monotonic()
 
     def cover(self) -> None:
         """Starts at the place with the most clearance, then at those that are not covered yet, in the same order."""
@@ -201,3 +217,6 @@ class _Explorer:
         found = len(self._search.draft.viewpoints)
         done = found - self._search.waiting
         self._listen(Progress(STAGE, max(0, done), max(1, found), f"{found} viewpoints"))
+        if time.monotonic() - self._kept > _KEEPING:
+            self._keep()
+            self._kept = time.monotonic()

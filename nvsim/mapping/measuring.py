@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,6 +85,11 @@ class Measurements:
         evidence = measure(view, viewpoint.id, -1, corridor, self._floor_at, self._support, other.id)
         self._joins[viewpoint.id, other.id] = evidence
         return evidence
+
+    def everything(self) -> tuple[Evidence, ...]:
+        """All evidence measured or remembered so far; corridors to other viewpoints are numbered from 8."""
+        joins = enumerate(self._joins.values(), DIRECTIONS)
+        return (*self._steps.values(), *(replace(e, direction=i) for i, e in joins))
 
     def _step(self, viewpoint: Viewpoint, k: int) -> Corridor:
         return Corridor(viewpoint.position[:2], self._lattice.target(viewpoint.id, k))

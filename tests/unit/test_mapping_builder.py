@@ -198,3 +198,17 @@ def test_walk_that_stands_on_nothing_is_refused_with_a_sentence() -> None:
         build(fill(room(4, 4), 0, 0, 4, 4, UNKNOWN), walk((1, 2), (3, 2)))
     with pytest.raises(InputError, match="no camera"):
         build(room(4, 4), np.zeros((0, 3)))
+
+
+def test_a_build_from_kept_evidence_ends_the_same_and_renders_only_the_rest(monkeypatch) -> None:
+    monkeypatch.setattr("nvsim.mapping.builder._KEEPING", 0.0)
+    occupancy = fill(room(9, 8), 3, 2.5, 4.2, 4.5, OCCUPIED)
+    positions = walk((1.5, 1.5), (5, 1.5), (5, 6), (2, 6))
+    kept: list = []
+    world = Columns(occupancy, noise=0.05)
+    whole = build_map(world, positions, flat_floor, world.support, SMALL, scan="test", keep=kept.append)
+    assert len(kept) > 3
+    half = kept[len(kept) // 2]
+    resumed = build_map(world, positions, flat_floor, world.support, SMALL, scan="test", previous=half)
+    assert same_graph(resumed.graph, whole.graph)
+    assert 0 < resumed.report["rendered_viewpoints"] < whole.report["rendered_viewpoints"]

@@ -8,9 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.atomic import write_bytes
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
 from nvsim.geometry.camera import Camera
+from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.mapping.config import MappingConfig
 from nvsim.project import ledger
 from nvsim.project.floor_heights import floor_of
@@ -53,7 +55,11 @@ def run(project: Project, config: MappingConfig, listen: Listener, reapply: bool
     if reapply and previous is None:
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
     started = time.monotonic()
-    ledger.begin(project, STAGE, key)
+    partial = project.layout.partial_map
+    if not ledger.begin(project, STAGE, key):
+        partial.unlink(missing_ok=True)
+    elif previous is None and partial.is_file():
+        previous = decode_graph(partial.read_bytes())
     capture = project.need_capture()
     scan = scan_name(project)
     result = build_map(
@@ -65,9 +71,11 @@ def run(project: Project, config: MappingConfig, listen: Listener, reapply: bool
         scan=scan,
         previous=previous,
         listen=listen,
+        keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
     project.set_graph(result.graph)
     ledger.finish(project, STAGE, time.monotonic() - started, result.report)
+    partial.unlink(missing_ok=True)
     graph = result.graph
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))
 
