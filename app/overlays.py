@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPen
 
@@ -67,10 +68,19 @@ class Overlays:
 
     def pick_frame(self, camera: Camera, cursor: QPointF) -> int | None:
         """The index of the frame whose position is under the cursor."""
-        positions = self._document.trajectory.positions
-        if not self.layers.trajectory or len(positions) == 0:
+        if not self.layers.trajectory or len(self._document.trajectory.positions) == 0:
             return None
+        positions = self.walk()
         return nearest_point(*camera.project(positions), (cursor.x(), cursor.y()), PICK_TOLERANCE)
+
+    def walk(self) -> NDArray[np.float64]:
+        """The trajectory as it is drawn: on the floor like the graph, because from a camera at the same height it would
+        be one line along the horizon."""
+        arrays = self._document.graph_arrays
+        lowered = self._document.trajectory.positions.copy()
+        if arrays.ids:
+            lowered[:, 2] -= float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2]))
+        return lowered
 
     def _paint_grid(self, painter: QPainter, camera: Camera) -> None:
         extent = self._document.extent
@@ -90,7 +100,7 @@ class Overlays:
         pairs = trajectory.segments
         if len(pairs) == 0:
             return
-        positions = trajectory.positions
+        positions = self.walk()
         lines, index, _ = projected_segments(camera, positions[pairs[:, 0]], positions[pairs[:, 1]])
         owners = trajectory.submaps[pairs[index, 1]]
         for owner in np.unique(owners):

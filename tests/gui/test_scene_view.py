@@ -60,7 +60,7 @@ def test_a_double_click_on_the_walk_stands_where_the_frame_was_taken(
     view: SceneView, document: Document, qtbot: QtBot
 ) -> None:
     view.overlays.layers.graph = False
-    place = pixel_of(view, document.trajectory.positions[60])
+    place = pixel_of(view, view.overlays.walk()[60])
     qtbot.mouseDClick(view, Qt.MouseButton.LeftButton, pos=place)
     chosen = document.selection.frame
     assert chosen is not None and abs(chosen - 60) <= 3
