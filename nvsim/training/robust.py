@@ -3,8 +3,9 @@
 Splatfacto-W masks a share of each image that follows the mean error, whatever the picture shows. Here a view keeps the
 error of each of its blocks over its visits, and a block is left out while its error is large both in absolute terms and
 against the other blocks of the image. It is the error of the block's mean colour that counts: books on a shelf that are
-still blurred have the right mean, and would never become sharp if they were masked; a person before a wall has not. As in Splatfacto-W every part of the image may be masked (never_mask_upper = 0) and at most 40 % of
-it. Where the mask says floor, the error is the background's.
+still blurred have the right mean, and would never become sharp if they were masked; a person before a wall has not. As
+in Splatfacto-W every part of the image may be masked (never_mask_upper = 0) and at most 40 % of it. Where the mask says
+floor, the error is the background's.
 """
 
 from __future__ import annotations
@@ -70,11 +71,16 @@ class RobustMask:
         self.errors[view] = np.where(known < 0, seen, MEMORY * known + (1 - MEMORY) * seen)
 
     def outliers(self, view: int) -> NDArray[np.uint8]:
-        """(rows, columns), 1 where a block is masked: the outliers and the blocks beside them."""
+        """(rows, columns), 1 where a block is masked: outliers that fill a square of 3 by 3 blocks, as the seams of
+        what does not fit yet are thin, and the blocks beside them."""
         c, errors = self._config, self.errors[view]
         limit = max(c.threshold, c.factor * float(np.median(errors)), float(np.quantile(errors, 1 - c.most)))
         found = (errors > limit).astype(np.uint8)
-        return np.asarray(cv2.dilate(found, np.ones((3, 3), np.uint8)), np.uint8) if found.any() else found
+        if not found.any():
+            return found
+        square = np.ones((3, 3), np.uint8)
+        whole = cv2.morphologyEx(found, cv2.MORPH_OPEN, square, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(cv2.dilate(whole, square), np.uint8)
 
     def inlier(self, view: int, out: NDArray[np.bool_]) -> None:
         """Writes the inlier mask of `view` at the size of `out` (H, W)."""
