@@ -101,7 +101,7 @@ class FloorAppearance:
         """(h, w) bool: the regions of the view's floor that do not look like the floor known there."""
         import cv2
 
-        expected, known = self._expected(view)
+        expected, known = self.expected(view)
         floor = view.floor & known
         score = self._score(view, expected, floor, floor)
         different = ((score > self.config.different) & floor).astype(np.uint8)
@@ -116,7 +116,7 @@ class FloorAppearance:
         slow changes are taken out), not the colour, so that plain floors never shine through anything."""
         import cv2
 
-        expected, known = self._expected(view)
+        expected, known = self.expected(view)
         region = hidden & known
         score = self._score(view, expected, region, view.floor & known)
         alike = ((score < self.config.alike) & region).astype(np.uint8)
@@ -127,7 +127,7 @@ class FloorAppearance:
         inside = regions.astype(np.float32)[..., None]
         seen, there = (
             x - cv2.GaussianBlur(x * inside, (0, 0), 5) / (cv2.GaussianBlur(inside, (0, 0), 5)[..., None] + 1e-3)
-            for x in (self._logs(view), expected)
+            for x in (self.logs(view), expected)
         )
         count, labels = cv2.connectedComponents(regions.astype(np.uint8))
         keep = np.zeros(count, bool)
@@ -140,11 +140,12 @@ class FloorAppearance:
         return found
 
     @staticmethod
-    def _logs(view: Glimpse) -> Float32:
+    def logs(view: Glimpse) -> Float32:
+        """(h, w, 3) log colours of a view, comparable with `expected`."""
         logs: Float32 = np.log(view.image.astype(np.float32) + _DARK)
         return logs
 
-    def _expected(self, view: Glimpse) -> tuple[Float32, Mask]:
+    def expected(self, view: Glimpse) -> tuple[Float32, Mask]:
         """The known colours (h, w, 3) at the view's pixels, and where they are known."""
         import cv2
 
@@ -162,7 +163,7 @@ class FloorAppearance:
         import cv2
 
         either = region | basis
-        rest = np.where(either[..., None], self._logs(view) - expected, 0).astype(np.float32)
+        rest = np.where(either[..., None], self.logs(view) - expected, 0).astype(np.float32)
         # Too little floor to tell the exposure from: the walk's own is taken, and half as much again is granted.
         alone = basis.sum() < _FEW
         spread = np.full(3, 1.5 * self.config.least, np.float32)

@@ -4,7 +4,7 @@ shows before it hides it, floor that nothing confirms is left out, and the edge 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,12 +12,15 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, Glimpse
+from nvsim.perception.glass import GlassConfig, SeeThrough
 from nvsim.perception.growing import grow
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import standing
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
 from nvsim.perception.splatting import splat_depth
+
+_SPECK = 0.02  # metres: half-width of a point that hides next to nothing
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,10 @@ class GeometricConfig:
     contact: float = 0.95
     margin: float = 0.998
     speck: float = 0.0006
-    glimpses: int = 100
+    glimpses: int = 160
     appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
+    glass: GlassConfig = GlassConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,7 @@ class Projection:
     scale     (h, w) float32, pixels of the full image that a metre takes
     ground    (h, w, 2) float32, metres, where the rays meet the floor surface
     distance  (h, w) float32, metres along the rays to there, 0 where they do not meet it
+    before    (h, w) float32, metres along the rays to what stands nearest, inf where nothing does
     """
 
     floor: Mask
@@ -66,6 +71,7 @@ class Projection:
     scale: Float32
     ground: Float32
     distance: Float32
+    before: Float32
 
 
 class GeometricFloor:
@@ -84,8 +90,21 @@ class GeometricFloor:
         chosen = np.unique(
             np.linspace(0, len(cameras) - 1, min(len(cameras), self.config.glimpses)).round().astype(int)
         )
-        views = (self._glimpse(self.project(cameras[i]), read(int(i))) for i in chosen)
-        self._appearance = FloorAppearance.learn(views, self.config.appearance)
+        seen = [self.project(cameras[i]) for i in chosen]
+        glimpses = [self._glimpse(s, read(int(i))) for s, i in zip(seen, chosen, strict=True)]
+        self._appearance = FloorAppearance.learn(glimpses, self.config.appearance)
+        if self._appearance is None:
+            return
+        through = SeeThrough(self.config.glass)
+        for i, projection, view in zip(chosen, seen, glimpses, strict=True):
+            expected, known = self._appearance.expected(view)
+            hits = cameras[i].position + projection.before[..., None] * self._small(cameras[i]).rays()
+            hidden = projection.hidden & known & np.isfinite(projection.before)
+            behind = projection.distance - projection.before
+            through.vote(self._appearance.logs(view), expected, hidden, hits.astype(np.float32), behind)
+        glass = through.glass(self._standing.points)
+        radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
+        self._standing = replace(self._standing, radii=radii)
 
     def segment(self, camera: Camera, image: Image) -> FloorMask:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
@@ -111,7 +130,7 @@ class GeometricFloor:
         """The floor by geometry alone, at the working size."""
         import cv2
 
-        small = Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
+        small = self._small(camera)
         rays = small.rays()
         distance = self.surface.meet(small.position, rays)
         met = distance < self.config.farthest
@@ -132,7 +151,12 @@ class GeometricFloor:
         floor = _without_specks(floor, self.config.speck)
         nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))
         scale = (camera.intrinsics.fx / nearest).astype(np.float32)
-        return Projection(floor, possible & ~floor, met & ~hidden & ~floor, scale, ground.astype(np.float32), distance)
+        before = (depth / (rays @ small.rotation[:, 2].astype(np.float32))).astype(np.float32)
+        unsure = met & ~hidden & ~floor
+        return Projection(floor, possible & ~floor, unsure, scale, ground.astype(np.float32), distance, before)
+
+    def _small(self, camera: Camera) -> Camera:
+        return Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
 
 
 def _without_specks(mask: Mask, area: float) -> Mask:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.atomic import make_folder, write_bytes
 from nvsim.capture.images import read_image
@@ -19,6 +20,8 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
 from nvsim.perception.roles import Image, Mask
+
+_NEAR = 6.0  # metres
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,8 @@ def segment_capture(
     providers: dict[int, GeometricFloor] = {}
     for key in dict.fromkeys(id(surfaces[i]) for i in missing):
         providers[key] = GeometricFloor(capture.cloud, surfaces[walks[key][0]], config.geometric)
-        providers[key].learn([view(i)[0] for i in walks[key]], partial(read_small, walks[key]))
+        near = _around(capture.positions, walks[key], surfaces[walks[key][0]])
+        providers[key].learn([view(i)[0] for i in near], partial(read_small, near))
 
     def one(index: int) -> int:
         camera, intrinsics = view(index)
@@ -103,6 +107,18 @@ def segment_capture(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:
+    """The frames among `positions` (N, 3) from which the floor of the `members` is seen: theirs, and those near them on
+    the same storey, because the floor behind a glass wall may belong to the next submap."""
+    from scipy.spatial import cKDTree
+
+    above = positions[:, 2] - surface.height_at(positions[:, :2])
+    distance, _ = cKDTree(positions[members]).query(positions, distance_upper_bound=_NEAR)
+    same = (distance < _NEAR) & (above > 0.1) & (above < 3.0)
+    same[members] = True
+    return [int(i) for i in np.flatnonzero(same)]
 
 
 def read_mask(path: Path, width: int | None = None, height: int | None = None) -> Mask:
