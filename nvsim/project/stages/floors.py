@@ -18,7 +18,7 @@ from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key
 
 STAGE = "floors"
-_VERSION = 2  # of what this stage commits; raised when the same inputs give something else
+_VERSION = 3  # of what this stage commits; raised when the same inputs give something else
 
 
 def run(project: Project, listen: Listener) -> None:
