@@ -69,8 +69,8 @@ class Findings:
         for message, wheres in sorted(places.items(), key=lambda kind: -len(kind[1])):
             listed = ", ".join(wheres[:_LISTED])
             more = f" and {len(wheres) - _LISTED} more" if len(wheres) > _LISTED else ""
-            count = f"{len(wheres)} times " if len(wheres) > 1 else ""
-            kinds.append(f"{message}, {count}({listed}{more})")
+            count = f", {len(wheres)} times" if len(wheres) > 1 else ""
+            kinds.append(f"{message}{count} ({listed}{more})")
         raise InputError(
             f"{source} cannot be used: {'; '.join(kinds)}; repair these and try again, "
             f"`nvsim check {source}` says what each would cause."
