@@ -33,4 +33,5 @@ def offer(project: Path, wanted: bool, quiet: bool) -> int:
 
 def open_window(arguments: list[str]) -> int:
     """Runs the window until it is closed; returns its exit code."""
-    return subprocess.call([sys.executable, "-m", "app", *arguments])
+    # -P: a folder called app where the person happens to stand is not ours.
+    return subprocess.call([sys.executable, "-P", "-m", "app", *arguments])

@@ -42,7 +42,7 @@ def _window() -> float:
     if not has_display():
         environment["QT_QPA_PLATFORM"] = "offscreen"
     result = subprocess.run(
-        [sys.executable, "-m", "app", "--bench"], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-m", "app", "--bench"], env=environment, capture_output=True, text=True, check=False
     )
     if result.returncode != 0:
         last = (result.stderr.strip().splitlines() or ["no message"])[-1]
