@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QElapsedTimer, QSettings, Qt, QTimer
@@ -35,7 +38,19 @@ def run_application(
     project: Path | None, *, screenshot: Path | None, seconds: float | None, theme: str | None, bench: bool
 ) -> int:
     """See main.run."""
-    settings = QSettings("nvsim", "window")
+    with _settings(remembered=not bench and screenshot is None) as settings:
+        return _run(settings, project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench)
+
+
+def _run(
+    settings: QSettings,
+    project: Path | None,
+    *,
+    screenshot: Path | None,
+    seconds: float | None,
+    theme: str | None,
+    bench: bool,
+) -> int:
     app = make_application(theme, settings)
     session = Session(settings)
     restore = install_excepthook(session.notices)
@@ -62,6 +77,20 @@ def run_application(
         session.close()
         restore()
     return code
+
+
+@contextmanager
+def _settings(remembered: bool) -> Iterator[QSettings]:
+    """The person's own window state, or one that begins empty and is forgotten: a measurement or a picture must neither
+    depend on how somebody left the window nor change it."""
+    if remembered:
+        yield QSettings("nvsim", "window")
+        return
+    with tempfile.TemporaryDirectory(prefix="nvsim-window-") as folder:
+        settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
+        yield settings
+        settings.clear()
+        settings.sync()  # or its end would write the file again
 
 
 def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds: float | None) -> None:

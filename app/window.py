@@ -90,6 +90,7 @@ class MainWindow(QMainWindow):
         dock = QDockWidget(title, self)
         dock.setObjectName(f"dock_{name}")
         dock.setWidget(widget)
+        dock.setMinimumWidth(200)  # a layout of a smaller screen must not squeeze it to nothing
         return dock
 
     def _build_bars(self) -> None:

@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -28,36 +29,53 @@ def command(capture: Path, project: Path, steps: int) -> list[str]:
             "--train.steps", str(steps)]  # fmt: skip
 
 
-def run_killed(argv: list[str], seconds: float, rng: random.Random, kills: int) -> list[str]:
-    """Runs until it ends, killed `kills` times within `seconds` of undisturbed work; returns the stages it was in."""
-    stages = []
-    moments = sorted(rng.uniform(0.02, 0.98) * seconds for _ in range(kills))
-    gaps = [b - a for a, b in zip([0.0, *moments], moments)]
-    for gap in gaps:
-        # A rerun first skips what is done; start-up takes about two seconds of it.
-        process = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True)
-        time.sleep(gap + 2.0)
-        process.send_signal(signal.SIGKILL)
-        lines = (process.communicate()[0] or "").splitlines()
-        events = [json.loads(line) for line in lines if line.endswith("}")]
-        stages.append(next((e["stage"] for e in reversed(events) if e.get("stage")), "start"))
-    subprocess.run(argv, check=True, stdout=subprocess.DEVNULL)
-    return stages
+def run_watched(argv: list[str], stage: str = "", delay: float = 0.0) -> tuple[bool, dict[str, float]]:
+    """Runs until it ends, or is killed `delay` seconds after the first sign of `stage`; returns whether it was
+    killed, and the seconds that every stage took."""
+    process = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    first: dict[str, float] = {}
+    last: dict[str, float] = {}
+    timer: threading.Timer | None = None
+    for line in process.stdout:
+        if not line.endswith("}\n"):
+            continue  # cut off by the kill
+        event = json.loads(line)
+        name, now = event.get("stage", ""), time.perf_counter()
+        first.setdefault(name, now)
+        last[name] = now
+        if timer is None and name == stage and event["event"] == "progress":
+            timer = threading.Timer(delay, process.send_signal, [signal.SIGKILL])
+            timer.start()
+    code = process.wait()
+    if timer is not None:
+        timer.cancel()
+    if code not in (0, -signal.SIGKILL):
+        raise SystemExit(f"{' '.join(argv)} failed with {code}")
+    return code != 0, {name: last[name] - first[name] for name in first}
+
+
+def run_killed(argv: list[str], seconds: dict[str, float], rng: random.Random, kills: int) -> list[str]:
+    """Kills the run `kills` times, each in a stage drawn at random and at a random moment of it, then lets it end;
+    returns the stages it was killed in."""
+    stages = ["import", "floors", "train", "map"]
+    drawn = sorted(rng.choices(stages, [1, 3, 4, 3], k=kills), key=stages.index)
+    fell = [s for s in drawn if run_watched(argv, s, rng.uniform(0.05, 0.7) * seconds.get(s, 0.0))[0]]
+    run_watched(argv)
+    return fell
 
 
 def measure(capture: Path, work: Path, kills: int, seed: int, steps: int) -> dict[str, object]:
     """Whether the graph of the killed run is the graph of the quiet one, and where the kills fell."""
     quiet = work / "house.nvsim"
-    started = time.perf_counter()
-    subprocess.run(command(capture, quiet, steps), check=True, stdout=subprocess.DEVNULL)
-    seconds = time.perf_counter() - started
+    _, seconds = run_watched(command(capture, quiet, steps))
     # The scan id comes from the project's name, and viewpoint ids from the scan id: both projects get one name.
     twin = work / "twin" / quiet.name
     stages = run_killed(command(capture, twin, steps), seconds, random.Random(seed), kills)
     with Project.open(quiet) as a, Project.open(twin) as b:
         equal = same_graph(a.need_graph(), b.need_graph())
         nodes = len(a.need_graph().viewpoints)
-    return {"same_graph": equal, "killed_in": stages, "seconds": round(seconds, 1), "nodes": nodes}
+    return {"same_graph": equal, "killed_in": stages, "seconds": round(sum(seconds.values()), 1), "nodes": nodes}
 
 
 def main() -> int:
