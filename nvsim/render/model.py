@@ -16,7 +16,7 @@ def render_model(
 
     Safe to call from several threads. Raises ValueError for an unknown channel.
     """
-    output, transmittance = render_over(model.gaussians, camera, channels, model.antialiased)
+    output, transmittance = render_over(model.gaussians_at(camera.position), camera, channels, model.antialiased)
     if output.rgb is not None:
         paint_background(model, camera, transmittance, output.rgb)
     return output

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +94,15 @@ class FloorTexture:
     high: tuple[float, float]
 
 
+class Appearance(Protocol):
+    """What colours the Gaussians have by the position of the camera (paper, section III-C, camera pose embedding)."""
+
+    def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
+        """`gaussians` with the SH coefficients that they have seen from `position` (3,); the other arrays are shared.
+        What is returned may be overwritten by the next call."""
+        ...
+
+
 @dataclass(eq=False)
 class SubmapModel:
     """One trained submap: image = Gaussians + (1 - alpha) * background (paper section III-C).
@@ -100,6 +110,7 @@ class SubmapModel:
     antialiased   whether the Gaussians were fitted with opacity compensation and must be drawn so
     floor         the floor surface that the texture lies on
     info          what a person may want to know: preset, steps, seconds, figures. JSON-able
+    appearance    how the Gaussians' colours depend on the camera position, None where they do not
     """
 
     gaussians: Gaussians
@@ -108,3 +119,8 @@ class SubmapModel:
     floor: FloorSurface
     antialiased: bool = True
     info: dict[str, object] = field(default_factory=dict)
+    appearance: Appearance | None = None
+
+    def gaussians_at(self, position: NDArray[np.floating]) -> Gaussians:
+        """The Gaussians with the colours that they have seen from `position` (3,)."""
+        return self.gaussians if self.appearance is None else self.appearance.coloured(self.gaussians, position)
