@@ -1,6 +1,6 @@
 """What training reaches on one submap of a rendered house: held-out and novel views, as a table and one JSON line.
 
-python tests/benchmarks/house_walk.py [--data FOLDER] [--pictures FOLDER] [--seed N] [--preset NAME] [any option of training]
+python tests/benchmarks/house_walk.py [--data FOLDER] [--pictures FOLDER] [--seed N] [--preset NAME] [any training flag]
 
 The protocol: the cameras are cut into four clusters, the largest (152 frames) is trained at 320x240 with the true floor
 masks, every 8th frame held out. Novel views lie beside the walk, at most 0.9 m from one of its cameras, and look 35 to
