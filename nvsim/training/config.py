@@ -21,6 +21,14 @@ class LossConfig:
     fill: float = 0.1
     """Weight of (1 - M) * (1 - alpha), the mirror image of the suppression: what is not floor is a surface. Not in the
     paper."""
+    mask_floor: bool = False
+    """Takes the floor out of the reconstruction loss although no floor term is on (the paper's second ablation row). A
+    floor term takes it out in any case."""
+
+    @property
+    def masks_floor(self) -> bool:
+        """Whether the reconstruction loss leaves out the floor."""
+        return self.mask_floor or self.suppression > 0 or self.floor > 0
 
 
 @dataclass(frozen=True)

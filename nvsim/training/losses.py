@@ -155,7 +155,7 @@ class FloorAwareLoss:
 
     def __init__(self, config: LossConfig, width: int, height: int) -> None:
         self._config = config
-        self._floor_aware = config.suppression > 0 or config.floor > 0
+        self._floor_aware = config.masks_floor
 
         def planes(*shape: int) -> Float32:
             return np.zeros((*shape, height, width), np.float32)

@@ -62,7 +62,7 @@ def plain(sample: Sample, config: LossConfig) -> tuple[torch.Tensor, list[torch.
     )
     image = torch.from_numpy(sample.image).double().permute(2, 0, 1) / 255
     floor, inlier = torch.from_numpy(sample.floor).double(), torch.from_numpy(sample.inlier).double()
-    if config.suppression == 0 and config.floor == 0:
+    if config.suppression == 0 and config.floor == 0 and not config.mask_floor:
         floor = torch.zeros_like(floor)
     drawn = rgb.permute(2, 0, 1) + (1 - alpha) * background
     w = inlier * (1 - floor)
@@ -98,8 +98,14 @@ def test_ssim_of_an_image_with_itself_is_one() -> None:
 
 @pytest.mark.parametrize(
     "config",
-    [LossConfig(), LossConfig(fill=0.0), LossConfig(suppression=0.0, floor=0.0, fill=0.0), LossConfig(ssim=0.0)],
-    ids=["nvsim", "splatfacto-i", "3dgs", "l1"],
+    [
+        LossConfig(),
+        LossConfig(fill=0.0),
+        LossConfig(suppression=0.0, floor=0.0, fill=0.0),
+        LossConfig(suppression=0.0, floor=0.0, fill=0.0, mask_floor=True),
+        LossConfig(ssim=0.0),
+    ],
+    ids=["nvsim", "splatfacto-i", "3dgs", "masked", "l1"],
 )
 def test_total_and_gradients_match_torch(sample: Sample, config: LossConfig) -> None:
     loss, values = sample.loss(config)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from typing import TYPE_CHECKING
 
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress
@@ -14,6 +15,9 @@ from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.imported import capture_config
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
+
+if TYPE_CHECKING:
+    from nvsim.training.views import TrainingView
 
 STAGE = "train"
 
@@ -77,7 +81,7 @@ def _train_one(
     if surface is None:
         raise InputError(f"{layout.surface(submap.index)} is missing; run `nvsim floors --project` again.")
     kept_out = held_out(len(capture.frames), capture_config(project).hold_out)
-    views = _views(project, [i for i in submap.frames if i not in kept_out], config)
+    views = training_views(project, [i for i in submap.frames if i not in kept_out], config)
     model = train_submap(
         views,
         capture.cloud,
@@ -96,7 +100,8 @@ def _train_one(
     listen(Done(STAGE, f"submap {submap.index}: {len(model.gaussians)} Gaussians in {seconds:.0f} s", summary))
 
 
-def _views(project: Project, frames: list[int], config: TrainingConfig) -> list:
+def training_views(project: Project, frames: list[int], config: TrainingConfig) -> list[TrainingView]:
+    """The images and floor masks of `frames` at the training size. Raises InputError for one that cannot be read."""
     from concurrent.futures import ThreadPoolExecutor
 
     from nvsim.capture.images import read_image
