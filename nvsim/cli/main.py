@@ -20,6 +20,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "floors": ("floors", "find the floor in every frame"),
     "train": ("train", "fit the floor-aware Gaussian model of each submap"),
     "map": ("map", "walk the models and build the navigation graph"),
+    "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
     "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
     "evaluate views": ("evaluate_views", "PSNR and SSIM of the frames held out of training"),
     "evaluate floor": ("evaluate_floor", "IoU of the floor masks against a truth"),

@@ -35,7 +35,9 @@ def test_a_wrong_command_line_is_exit_code_2(argv):
     assert run(*argv).returncode == 2
 
 
-@pytest.mark.parametrize("verb", ["submaps", "floors", "train", "map", "evaluate views", "export r2r", "app"])
+@pytest.mark.parametrize(
+    "verb", ["submaps", "floors", "train", "map", "panorama", "evaluate views", "export r2r", "app"]
+)
 def test_a_missing_project_is_one_sentence_and_exit_code_2(verb, tmp_path):
     result = run(*verb.split(), "--project", str(tmp_path / "nowhere.nvsim"))
     assert result.returncode == 2

@@ -1,0 +1,76 @@
+"""Draw a panorama of the trained models: equirectangular, or the six faces of a skybox.
+
+Equirectangular: the heading is in the middle of the picture, 0 degrees is +y, to the right is clockwise; depth is the
+distance along the ray. Faces: one strip in the order and orientation of Matterport's skyboxes (up, back, left, front,
+right, down); depth is along the axis of each face.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from nvsim.cli.arguments import ProjectArguments
+from nvsim.errors import InputError
+from nvsim.project.project import Project
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    out: Path = Path("panorama.jpg")
+    """The picture, .jpg or .png; other channels go beside it as PNG files."""
+    at: tuple[float, float, float] | None = None
+    """X Y Z in metres, in the project's frame."""
+    viewpoint: str | None = None
+    """Id of a viewpoint of the navigation graph, in place of --at."""
+    heading: float = 0.0
+    """Degrees, of the middle of the picture or of the front face."""
+    faces: bool = False
+    """Six faces in place of the equirectangular picture."""
+    size: int | None = None
+    """Height in pixels: of the equirectangular picture, which is twice as wide (1024), or of a face (512)."""
+    also: tuple[Literal["alpha", "depth", "normal"], ...] = ()
+    """What else to write: alpha (8 bits), depth (16 bits, millimetres), normal (8 bits)."""
+
+
+def run(arguments: Arguments) -> int:
+    import numpy as np
+
+    from nvsim.render.panorama import render_cube, render_equirectangular, skybox
+    from nvsim.render.panorama_files import write_panorama
+    from nvsim.render.types import RenderOutput
+
+    if arguments.size is not None and not 1 <= arguments.size <= 16384:
+        raise InputError(f"A panorama cannot be {arguments.size} pixels high; give --size from 1 to 16384.")
+    with Project.open(arguments.project) as project:
+        position = np.array(_place(arguments, project))
+        scene = project.scene()
+    if scene is None:
+        raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
+    heading, channels = math.radians(arguments.heading), frozenset({"rgb", *arguments.also})
+    if arguments.faces:
+        views = render_cube(scene, position, arguments.size or 512, channels, heading)
+        image = RenderOutput()
+        for channel in channels:
+            setattr(image, channel, skybox([getattr(view, channel) for view in views]))
+    else:
+        height = arguments.size or 1024
+        image = render_equirectangular(scene, position, 2 * height, height, channels, heading)
+    for path in write_panorama(arguments.out, image):
+        print(path)
+    return 0
+
+
+def _place(arguments: Arguments, project: Project) -> tuple[float, float, float]:
+    if (arguments.at is None) == (arguments.viewpoint is None):
+        raise InputError("A panorama needs a place: give either --at X Y Z or --viewpoint ID.")
+    if arguments.at is not None:
+        if not all(map(math.isfinite, arguments.at)):
+            raise InputError("The place of a panorama must be three finite numbers; give --at X Y Z in metres.")
+        return arguments.at
+    found = project.need_graph().viewpoints.get(arguments.viewpoint or "")
+    if found is None:
+        raise InputError(f"The graph of {arguments.project} has no viewpoint {arguments.viewpoint}; check the id.")
+    return found.position
