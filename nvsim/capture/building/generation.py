@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim import atomic
 from nvsim.capture.building.config import BuildingConfig
+from nvsim.capture.building.novel import listing, novel_cameras
 from nvsim.capture.building.rendering import render
 from nvsim.capture.building.scan import scan
 from nvsim.capture.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
@@ -20,7 +21,7 @@ from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, silent
 from nvsim.occupancy.ros import write_ros_map
 
-VERSION = 3  # of what is generated: raise it when the same configuration gives other files
+VERSION = 4  # of what is generated: raise it when the same configuration gives other files
 _NOISE = 1.5 / 255
 _TRUTH_EVERY = 10
 _RECORD = "building.json"
@@ -42,10 +43,12 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
         raise atomic.as_input_error(finished, error) from error
     listen(Progress("building", 0, 1, "plan"))
     scene = make_scene(config)
-    total = len(scene.walk) + 2
+    true_map = occupancy(scene)
+    novel = novel_cameras(scene, true_map, _stream(config.seed, 7))
+    total = len(scene.walk) + len(novel) + 2
     textures = textures_of(scene)
     listen(Progress("building", 1, total, "scan"))
-    cloud = scan(scene, textures, np.random.Generator(np.random.PCG64(np.random.SeedSequence([config.seed, 5]))))
+    cloud = scan(scene, textures, _stream(config.seed, 5))
     listen(Progress("building", 2, total, "frames"))
     capture, truth = folder / "capture", folder / "ground_truth"
     for frame in range(len(scene.walk)):
@@ -62,24 +65,38 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
             rgb = np.rint((normals(scene, view) + 1) * 127.5).astype(np.uint8)
             _write(truth / "normals" / f"{name}.png", rgb[..., ::-1])
         listen(Progress("building", frame + 3, total, "frames"))
+    nobody = np.empty((0, 5)), np.empty((0, 3))
+    for i, camera in enumerate(novel):
+        view = render(camera, scene.solids, textures, *nobody)
+        picture = np.rint(np.clip(view.color[..., ::-1], 0, 1) * 255).astype(np.uint8)
+        _write(truth / "novel" / f"{i:03d}.png", picture)
+        _write(truth / "novel_floor" / f"{i:03d}.png", 255 * floor_mask(scene, view).astype(np.uint8))
+        listen(Progress("building", len(scene.walk) + i + 3, total, "novel views"))
+    atomic.write_text(truth / "holdout_frames.txt", listing(scene.camera(0).intrinsics, novel))
     _write_capture(capture, scene, cloud)
-    write_ros_map(occupancy(scene), truth / "map.yaml")
-    atomic.write_text(truth / "README.txt", _readme(scene, cloud))
-    _forget_others(folder, len(scene.walk))
+    write_ros_map(true_map, truth / "map.yaml")
+    atomic.write_text(truth / "README.txt", _readme(scene, cloud, len(novel)))
+    _forget_others(folder, len(scene.walk), len(novel))
     atomic.write_text(finished, record)
 
 
-def _forget_others(folder: Path, frames: int) -> None:
+def _stream(*key: int) -> np.random.Generator:
+    """Independent random numbers for each part."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(list(key))))
+
+
+def _forget_others(folder: Path, frames: int, novel: int) -> None:
     """Removes frames that a longer walk left here before."""
     for pattern in ("capture/images/*.jpg", "ground_truth/*/*.png"):
         for path in folder.glob(pattern):
-            if path.stem.isdigit() and int(path.stem) >= frames:
+            count = novel if path.parent.name.startswith("novel") else frames
+            if path.stem.isdigit() and int(path.stem) >= count:
                 path.unlink()
 
 
 def _exposed(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.uint8]:
     """BGR bytes with the sensor's noise."""
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, 6, frame])))
+    rng = _stream(seed, 6, frame)
     noisy = color[..., ::-1] + np.float32(_NOISE) * rng.standard_normal(color.shape, dtype=np.float32)
     return np.rint(np.clip(noisy, 0, 1) * 255).astype(np.uint8)
 
@@ -120,7 +137,7 @@ def _write_capture(capture: Path, scene: Scene, cloud: Cloud) -> None:
     atomic.write_text(capture / "transforms.json", json.dumps(transforms, indent=1) + "\n")
 
 
-def _readme(scene: Scene, cloud: Cloud) -> str:
+def _readme(scene: Scene, cloud: Cloud, novel: int) -> str:
     moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
     c = scene.config
     return f"""The truth of a built-in building (seed {c.seed}, {c.size}): for evaluation, never an input.
@@ -133,6 +150,8 @@ transient/  every frame: a person is visible here
 depth/      every {_TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass,
             people included
 normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
+novel/      {novel} views from beside the walk, turned 35 to 145 degrees off it, without people and noise;
+            holdout_frames.txt has their poses, novel_floor/ their true floor
 map.pgm     ROS map_server, {RESOLUTION} m: occupied is anything solid between {LOW} and {HIGH} m (glass and the step
 map.yaml    included, people not), free the floor connected with the walk, the rest unknown
 """

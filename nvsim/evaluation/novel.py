@@ -1,0 +1,112 @@
+"""Novel views of a truth: pictures from beside the walk, turned away from it, with poses and (if known) their floor.
+
+FOLDER/holdout_frames.txt   "# PINHOLE width height fx F fy F cx C cy C", then a line per view: its picture and the
+                            16 numbers of the row-major camera-to-world pose (OpenCV axes, frame of the capture)
+FOLDER/novel/NAME.png       the pictures
+FOLDER/novel_floor/NAME.png true floor masks, 255 on floor; may be missing
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.images import decode
+from nvsim.capture.types import Alignment
+from nvsim.errors import InputError
+from nvsim.evaluation.scores import Scores, psnr
+from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.perception.segment import read_mask
+
+LISTING = "holdout_frames.txt"
+STEEP = -0.35
+"""Upward part of a ray's direction below which it looks steeply down, by about 20 degrees."""
+_PINHOLE = re.compile(r"#\s*PINHOLE\s+(\d+)\s+(\d+)\s+fx\s+(\S+)\s+fy\s+(\S+)\s+cx\s+(\S+)\s+cy\s+(\S+)")
+
+
+@dataclass(frozen=True, eq=False)
+class NovelView:
+    """name without folder and suffix; camera in the aligned frame; floor None where the truth has no mask."""
+
+    name: str
+    camera: Camera
+    picture: Path
+    floor: Path | None
+
+    def image(self) -> NDArray[np.float32]:
+        """(H, W, 3) float32 in 0 to 1. Raises InputError when it cannot be read or has another size."""
+        image = decode(self.picture)
+        k = self.camera.intrinsics
+        if image.shape[:2] != (k.height, k.width):
+            raise InputError(
+                f"{self.picture} has {image.shape[1]}x{image.shape[0]} pixels but {LISTING} says {k.width}x{k.height}; "
+                "render it again at that size."
+            )
+        return (image / np.float32(255)).astype(np.float32)
+
+    def floor_mask(self) -> NDArray[np.bool_] | None:
+        k = self.camera.intrinsics
+        return None if self.floor is None else read_mask(self.floor, k.width, k.height)
+
+
+def has_novel_views(folder: Path | None) -> bool:
+    return folder is not None and (folder / LISTING).is_file()
+
+
+def read_novel_views(folder: Path, alignment: Alignment) -> list[NovelView]:
+    """The views in the order of the file, brought into the aligned frame. Raises InputError naming file and line."""
+    path = folder / LISTING
+    if not path.is_file():
+        raise InputError(
+            f"{path} is missing, so there are no novel views; name a truth that has them with --truth DIR."
+        )
+    intrinsics: Intrinsics | None = None
+    views: list[NovelView] = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        found = _PINHOLE.match(line)
+        try:
+            if found:
+                width, height = int(found[1]), int(found[2])
+                intrinsics = Intrinsics(width, height, *(float(found[i]) for i in range(3, 7)))
+            if not line.strip() or line.startswith("#"):
+                continue
+            name, *numbers = line.split()
+            pose = np.array([float(n) for n in numbers]).reshape(4, 4)
+        except ValueError as error:
+            raise InputError(
+                f"{path}, line {number}, is not a picture's name and the 16 numbers of its pose; correct the line."
+            ) from error
+        if intrinsics is None:
+            raise InputError(f"{path} names views before a line '# PINHOLE width height fx F fy F cx C cy C'; add it.")
+        picture = folder / name
+        mask = folder / "novel_floor" / f"{picture.stem}.png"
+        camera = Camera(intrinsics, aligned_pose(pose, alignment))
+        views.append(NovelView(picture.stem, camera, picture, mask if mask.is_file() else None))
+    return views
+
+
+def aligned_pose(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.float64]:
+    """A camera-to-world pose (4, 4) of the capture's own frame in the aligned one."""
+    result = np.eye(4)
+    result[:3, :3] = alignment.rotation @ pose[:3, :3]
+    result[:3, 3] = alignment.scale * alignment.rotation @ pose[:3, 3]
+    return result
+
+
+def novel_score(
+    view: NovelView, image: NDArray[np.float32], rendered: NDArray[np.float32], alpha: NDArray[np.float32]
+) -> Scores:
+    """novel_psnr of the whole picture, novel_psnr_down of the rays that look steeply down, novel_alpha_floor, the mean
+    alpha on the true floor (NaN where the truth does not say which pixels are floor)."""
+    error = ((image - np.clip(rendered, 0, 1)) ** 2).mean(axis=2)
+    down = view.camera.rays()[..., 2] < STEEP
+    floor = view.floor_mask()
+    return {
+        "novel_psnr": psnr(float(error.mean())),
+        "novel_psnr_down": psnr(float(error[down].mean())) if down.any() else np.nan,
+        "novel_alpha_floor": float(alpha[floor].mean()) if floor is not None and floor.any() else np.nan,
+    }
