@@ -67,6 +67,13 @@ class Workspace:
         """Number of meetings of a tile and a Gaussian in the last view."""
         return self._entries
 
+    @property
+    def splats(self) -> tuple[Float32, NDArray[np.int32]]:
+        """The splats of the last view for a backend that draws them by other means: rows (N, 16) with columns as in
+        render.layout, and of each block b of B the number of rows that it packed to the start of its run, N * b // B.
+        Both are overwritten by the next `project`."""
+        return self._rows[: self.count], self._visible
+
     def project(self, gaussians: Gaussians, camera: Camera, antialiased: bool, sh_degree: int | None = None) -> None:
         """Splats of the Gaussians (arrays as from `ready`). `sh_degree` limits the degree that is evaluated."""
         k = camera.intrinsics
