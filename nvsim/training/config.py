@@ -48,6 +48,8 @@ class RateConfig:
     texture: float = 4e-3
     texture_end: float = 2e-4
     """A constant rate leaves coloured noise on the floor."""
+    exposure: float = 0.02
+    """Of the logarithms of the gains, per visit to a view."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,8 @@ class TrainingConfig:
     """Whether a background network fills what the Gaussians leave open (paper, section III-C)."""
     texture: bool = True
     """Whether the floor surface carries a learned texture. Not in the paper."""
+    exposure: bool = False
+    """Whether a gain per image and channel is learned and left out of the model: for cameras that meter as they go."""
     antialiased: bool = True
     """Opacity compensation of Mip-Splatting, so that training at half size and drawing at full size agree."""
     loss: LossConfig = field(default_factory=LossConfig)

@@ -22,6 +22,7 @@ from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background import COEFFICIENTS, BackgroundNetwork
 from nvsim.training.config import RateConfig, TrainingConfig
 from nvsim.training.densify import Refinement
+from nvsim.training.exposure import Exposure
 from nvsim.training.losses import FloorAwareLoss, LossValues
 from nvsim.training.optimizer import Group
 from nvsim.training.texture import LearnedTexture, meet_floor
@@ -71,8 +72,10 @@ class Fit:
         texture: LearnedTexture | None,
         floor: FloorSurface,
         config: TrainingConfig,
+        views: int = 1,
     ) -> None:
         self.config, self.floor = config, floor
+        self.exposure = Exposure(views, config.rate.exposure) if config.exposure else None
         self.network, self.texture = network, texture
         self.sums = np.zeros((len(gaussians), 3), np.float32)
         self.parts: dict[str, float] = {}
@@ -132,8 +135,10 @@ class Fit:
             background = self.paint(camera)
         return rgb + transmittance[..., None] * background.transpose(1, 2, 0), 1 - transmittance
 
-    def differentiate(self, view: TrainingView, inlier: NDArray[np.bool_], sh_degree: int) -> LossValues:
-        """Draws a view and fills every group's gradient. The error of every pixel is in the canvas's loss."""
+    def differentiate(
+        self, view: TrainingView, inlier: NDArray[np.bool_], sh_degree: int, index: int = 0
+    ) -> LossValues:
+        """Draws view `index` and fills every group's gradient. The error of each pixel is in the canvas's loss."""
         camera = view.camera
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
         watch = _Stopwatch()
@@ -143,7 +148,11 @@ class Fit:
             background = self.paint(camera)
             watch.lap("background")
             loss = canvas.loss
+            if self.exposure is not None:
+                self.exposure.apply(index, rgb, background)
             values = loss(rgb, 1 - transmittance, background, view.image, view.floor, inlier)
+            if self.exposure is not None:
+                self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background, loss.d_texture)
             watch.lap("loss")
             self._workspace.draw_gradient(transmittance, loss.d_rgb, loss.d_alpha, canvas.no_depth)
             self._workspace.project_gradient(self.gaussians, self.gradients, self.sums)
@@ -189,11 +198,13 @@ class Fit:
         for name, group in self.groups.items():
             arrays[f"{name}.values"] = group.values
             arrays[f"{name}.first"], arrays[f"{name}.second"] = group.first, group.second
-        return arrays
+        return arrays if self.exposure is None else {**arrays, **self.exposure.state()}
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
         """The inverse of `state`, in a fit of the same configuration and views."""
         self.sums = np.ascontiguousarray(arrays["sums"], np.float32)
+        if self.exposure is not None:
+            self.exposure.restore(arrays)
         for name, group in self.groups.items():
             values = np.ascontiguousarray(arrays[f"{name}.values"], np.float32)
             if name in FIELDS:

@@ -94,7 +94,7 @@ class _Run:
         self._rng = np.random.default_rng(seed)
         gaussians = initial_gaussians(views, cloud, floor, config, self._rng)
         network, texture = first_paint(self._halves or views, floor, config, seed)
-        self.fit = Fit(gaussians, network, texture, floor, config)
+        self.fit = Fit(gaussians, network, texture, floor, config, len(views))
         self._densifier = Densifier(config, floor)
         k = views[0].camera.intrinsics
         self._robust = RobustMask(config.robust, len(views), k.width, k.height)
@@ -159,7 +159,7 @@ class _Run:
         canvas.inlier[:] = True
         if c.robust.enabled and share >= c.robust.start:
             self._robust.inlier(index, canvas.inlier)
-        values = self.fit.differentiate(view, canvas.inlier, int(share / SH_SHARE))
+        values = self.fit.differentiate(view, canvas.inlier, int(share / SH_SHARE), index)
         self.fit.move(step)
         if c.robust.enabled:
             self._robust.observe(index, canvas.loss.error)
