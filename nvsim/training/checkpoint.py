@@ -6,10 +6,10 @@ import dataclasses
 import hashlib
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +21,39 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig
 from nvsim.training.views import TrainingView
 
-FORMAT = 1
+FORMAT = 2
 _ABOUT = "about"
 Arrays = dict[str, NDArray[np.generic]]
+
+
+class Stateful(Protocol):
+    """A part of a training that changes from step to step."""
+
+    def state(self) -> Arrays:
+        """Everything that a step may change and a later step depends on, by name. Numbers are arrays of no dimension.
+        The arrays may be live ones: they are written at once."""
+
+    def restore(self, arrays: Arrays) -> None:
+        """The inverse, in a part made from the same inputs."""
+
+
+def gather(parts: Mapping[str, Stateful]) -> Arrays:
+    """The arrays of all parts, named PART/NAME."""
+    return {f"{part}/{name}": array for part, one in parts.items() for name, array in one.state().items()}
+
+
+def spread(parts: Mapping[str, Stateful], arrays: Arrays) -> None:
+    """Gives every part its own of what `gather` collected."""
+    for part, one in parts.items():
+        prefix = f"{part}/"
+        one.restore({name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)})
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
     """step    updates done so far
-    arrays     by name, as `Fit.state` and the trainer gave them
-    progress   JSON-able: random state, order of the views, running figures
+    arrays     as `gather` names them
+    progress   JSON-able: random state, order of the views, running figures, number of threads
     """
 
     step: int
@@ -44,11 +67,11 @@ def fingerprint(
     floor: FloorSurface,
     config: TrainingConfig,
     seed: int,
-    threads: int,
 ) -> str:
-    """A hash of all that the course of a training depends on. How often it is saved is not part of it."""
+    """A hash of all that a training is made from: data, configuration and seed. How often it is saved is not part of
+    it, nor the number of threads, which changes no more than the order of sums."""
     digest = hashlib.blake2b(digest_size=16)
-    settings = dataclasses.asdict(dataclasses.replace(config, threads=threads, checkpoint_seconds=0.0))
+    settings = dataclasses.asdict(dataclasses.replace(config, threads=0, checkpoint_seconds=0.0))
     digest.update(json.dumps([FORMAT, settings, seed, floor.origin, floor.spacing], sort_keys=True).encode())
     arrays: list[NDArray[Any]] = [floor.heights]
     if cloud is not None:

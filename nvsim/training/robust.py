@@ -85,3 +85,9 @@ class RobustMask:
     def inlier(self, view: int, out: NDArray[np.bool_]) -> None:
         """Writes the inlier mask of `view` at the size of `out` (H, W)."""
         _spread(self.outliers(view), out)
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        return {"errors": self.errors}
+
+    def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
+        self.errors[:] = arrays["errors"]

@@ -57,8 +57,9 @@ def train_submap(
     submap      goes into the events
     preview     a picture file that is rewritten now and then: a view beside its image
 
-    The result depends on the inputs, `seed` and the number of threads alone, interrupted or not. Raises InputError when
-    there are no views, or when the disk refuses a file.
+    The result depends on the inputs, `seed` and the number of threads alone, interrupted or not; a run that goes on
+    with another number of threads differs by the rounding of sums. Raises InputError when there are no views, or when
+    the disk refuses a file.
     """
     if not views:
         raise InputError("A submap without images cannot be trained; give it frames or merge it with its neighbour.")
@@ -70,7 +71,7 @@ def train_submap(
     try:
         run = _Run(views, cloud, floor, config, seed, submap, listen)
         if checkpoint is not None:
-            run.attach(checkpoint, files.fingerprint(views, cloud, floor, config, seed, chosen))
+            run.attach(checkpoint, files.fingerprint(views, cloud, floor, config, seed))
         return run.finish(preview)
     finally:
         numba.set_num_threads(threads)
@@ -98,6 +99,7 @@ class _Run:
         self._densifier = Densifier(config, floor)
         k = views[0].camera.intrinsics
         self._robust = RobustMask(config.robust, len(views), k.width, k.height)
+        self._parts: dict[str, files.Stateful] = {"fit": self.fit, "robust": self._robust}
         self._step = 0
         self._order: list[int] = []
         self._figures = {"loss": 0.0, "psnr": 0.0}
@@ -118,13 +120,14 @@ class _Run:
         if found is None:
             self._listen(Warning(f"{path} belongs to other inputs; training starts again.", STAGE))
             return
-        arrays, progress = found.arrays, found.progress
-        self.fit.restore(arrays)
-        self._robust.errors[:] = arrays["robust.errors"]
+        progress = found.progress
+        files.spread(self._parts, found.arrays)
         self._rng.bit_generator.state = progress["random"]
         self._order, self._figures = list(progress["order"]), dict(progress["figures"])
         self._seconds, self._step = float(progress["seconds"]), found.step
-        self._listen(Log(f"Submap {self._submap} continues from step {self._step}.", STAGE))
+        threads = numba.get_num_threads()
+        changed = "" if progress["threads"] == threads else f", threads: {threads} instead of {progress['threads']}"
+        self._listen(Log(f"Submap {self._submap} continues from step {self._step}{changed}.", STAGE))
 
     def finish(self, preview: Path | None) -> SubmapModel:
         """All remaining steps."""
@@ -188,14 +191,14 @@ class _Run:
         self._listen(Preview(STAGE, str(path), f"submap {self._submap}, step {self._step}: image and model"))
 
     def _save(self, path: Path) -> None:
-        arrays = {**self.fit.state(), "robust.errors": self._robust.errors}
         progress: dict[str, Any] = {
             "random": self._rng.bit_generator.state,
             "order": self._order,
             "figures": self._figures,
             "seconds": self._seconds,
+            "threads": numba.get_num_threads(),
         }
-        files.save(path, files.Checkpoint(self._step, arrays, progress), self._key)
+        files.save(path, files.Checkpoint(self._step, files.gather(self._parts), progress), self._key)
 
     def _info(self) -> dict[str, object]:
         return {

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -95,25 +96,61 @@ def test_the_same_seed_gives_the_same_model_and_another_does_not(room: Synthetic
     assert not is_same(first, train(room, config, seed=8))
 
 
-def test_killed_and_resumed_training_is_bit_identical(room: SyntheticRoom, tmp_path: Path) -> None:
-    config = replace(SMALL, densify=replace(SMALL.densify, every=20), robust=replace(SMALL.robust, start=0.3))
-    straight = train(room, config)
-    file = tmp_path / "submap.ckpt"
+def train_killed(room: SyntheticRoom, config: TrainingConfig, file: Path, step: int) -> None:
+    """Leaves a checkpoint of `step` and no model."""
     save = trainer._Run._save
 
     def save_then_die(self: trainer._Run, path: Path) -> None:
         save(self, path)
-        if self._step == 30:
+        if self._step == step:
             raise Killed
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trainer._Run, "_save", save_then_die)
         with pytest.raises(Killed):
             train(room, config, checkpoint=file)
+
+
+GROWING = {"every": 10, "start": 0.0, "gradient": 0.0}
+RESUMED = {
+    name: replace(
+        preset(name),
+        steps=40,
+        gaussian_cap=2500,
+        checkpoint_seconds=0.0,
+        densify=replace(preset(name).densify, **GROWING),
+        robust=replace(preset(name).robust, enabled=name == "nvsim", start=0.3),
+    )
+    for name in PRESETS
+}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_killed_and_resumed_training_is_bit_identical(room: SyntheticRoom, tmp_path: Path, name: str) -> None:
+    file = tmp_path / "submap.ckpt"
+    straight = train(room, RESUMED[name])
+    train_killed(room, RESUMED[name], file, 23)
     events: list[Event] = []
-    resumed = train(room, config, checkpoint=file, listen=events.append)
-    assert any("continues from step 30" in getattr(e, "text", "") for e in events)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "PREVIEW_SECONDS", 0.0)  # pictures made on the way must not matter either
+        resumed = train(room, RESUMED[name], checkpoint=file, listen=events.append, preview=tmp_path / "p.jpg")
+    assert any("continues from step 23" in getattr(e, "text", "") for e in events)
     assert is_same(straight, resumed)
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="takes two threads")
+def test_a_run_that_goes_on_with_another_number_of_threads_ends_as_well(room: SyntheticRoom, tmp_path: Path) -> None:
+    config = replace(SMALL, steps=150, densify=replace(SMALL.densify, every=20))
+    file, both, one = tmp_path / "submap.ckpt", replace(config, threads=2), replace(config, threads=1)
+    straight = train(room, both)
+    train_killed(room, both, file, 70)
+    events: list[Event] = []
+    changed = train(room, one, checkpoint=file, listen=events.append)
+    assert any("threads: 1 instead of 2" in getattr(e, "text", "") for e in events)
+    assert not is_same(straight, changed)
+    everywhere = np.ones_like(room.views[0].floor)
+    before, after = (np.mean([psnr(m, v, everywhere) for v in room.views]) for m in (straight, changed))
+    assert after == pytest.approx(before, abs=0.05)
 
 
 def test_a_checkpoint_of_other_inputs_is_ignored_with_a_warning(room: SyntheticRoom, tmp_path: Path) -> None:
