@@ -16,6 +16,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, help="close by itself after this time")
     parser.add_argument("--screenshot", type=Path, help="save the settled window as a PNG file and close")
     parser.add_argument("--bench", action="store_true", help="measure itself, print one JSON object and close")
+    parser.add_argument("--memory", type=float, metavar="GIB", help="for trained models; remembered, 0 forgets it")
     given = parser.parse_args(arguments)
     from app.main import run
 
@@ -25,6 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
         seconds=given.seconds,
         theme=given.theme,
         bench=given.bench,
+        memory=given.memory,
     )
 
 

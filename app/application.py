@@ -35,11 +35,29 @@ def make_application(theme: str | None, settings: QSettings) -> QApplication:
 
 
 def run_application(
-    project: Path | None, *, screenshot: Path | None, seconds: float | None, theme: str | None, bench: bool
+    project: Path | None,
+    *,
+    screenshot: Path | None,
+    seconds: float | None,
+    theme: str | None,
+    bench: bool,
+    memory: float | None,
 ) -> int:
     """See main.run."""
     with _settings(remembered=not bench and screenshot is None) as settings:
-        return _run(settings, project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench)
+        budget = _memory_budget(settings, memory)
+        return _run(settings, project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, budget=budget)
+
+
+def _memory_budget(settings: QSettings, gibibytes: float | None) -> int | None:
+    """Bytes for trained models. What was given is remembered for the next window, 0 forgets it."""
+    if gibibytes is not None:
+        settings.setValue("memory_gib", gibibytes)
+    try:
+        remembered = float(str(settings.value("memory_gib", 0.0)))
+    except ValueError:
+        remembered = 0.0  # somebody wrote into the settings file
+    return round(remembered * 2**30) if 0 < remembered < 2**20 else None
 
 
 def _run(
@@ -50,9 +68,10 @@ def _run(
     seconds: float | None,
     theme: str | None,
     bench: bool,
+    budget: int | None,
 ) -> int:
     app = make_application(theme, settings)
-    session = Session(settings)
+    session = Session(settings, budget)
     restore = install_excepthook(session.notices)
     code = 0
     try:

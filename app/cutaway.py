@@ -81,13 +81,14 @@ class Cutaway:
         heights: list[float] = []
         for submap in self._submaps:
             model = self._scene.model(submap.index)
-            parts.append(self._part(model, submap.index))
+            # Only the best of each can be among the best of all: so no more than two lots are ever in memory.
+            parts = [_best(_joined([*parts, self._part(model, submap.index)]))]
             heights.append(float(np.median(model.floor.height_at(submap.positions[:, :2]))))
             mine = owner == submap.index
             colors[mine] = floor_colors(model, grid[mine], submap.positions.mean(axis=0))
         high = (float(low[0] + columns * TEXEL), float(low[1] + rows * TEXEL))
         texture = FloorTexture((np.clip(colors, 0, 1).astype(np.float32),), (float(low[0]), float(low[1])), high)
-        return SubmapModel(_joined(parts), None, texture, FloorSurface.flat(float(np.median(heights))))
+        return SubmapModel(parts[0], None, texture, FloorSurface.flat(float(np.median(heights))))
 
     def _part(self, model: SubmapModel, index: int) -> Gaussians:
         g = model.gaussians
@@ -103,18 +104,22 @@ def _chosen(g: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
 def _joined(parts: list[Gaussians]) -> Gaussians:
     degree = min(p.sh_degree for p in parts)
     k = (degree + 1) ** 2
-    joined = Gaussians(
+    return Gaussians(
         np.concatenate([p.means for p in parts]),
         np.concatenate([p.log_scales for p in parts]),
         np.concatenate([p.quats for p in parts]),
         np.concatenate([p.opacity_logits for p in parts]),
         np.ascontiguousarray(np.concatenate([p.sh[:, :k] for p in parts])),
     )
-    if len(joined) <= MOST:
-        return joined
-    two_largest = np.sort(joined.log_scales, axis=1)[:, 1:].sum(axis=1)
-    cover = two_largest - np.log1p(np.exp(-joined.opacity_logits))
-    return _chosen(joined, np.sort(np.argpartition(-cover, MOST)[:MOST]))
+
+
+def _best(g: Gaussians) -> Gaussians:
+    """The MOST Gaussians that cover most, in the order in which they came."""
+    if len(g) <= MOST:
+        return g
+    two_largest = np.sort(g.log_scales, axis=1)[:, 1:].sum(axis=1)
+    cover = two_largest - np.log1p(np.exp(-g.opacity_logits))
+    return _chosen(g, np.sort(np.argpartition(-cover, MOST)[:MOST]))
 
 
 def floor_colors(model: SubmapModel, xy: NDArray[np.floating], eye: NDArray[np.floating]) -> NDArray[np.float32]:

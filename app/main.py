@@ -22,6 +22,7 @@ def run(
     seconds: float | None = None,
     theme: str | None = None,
     bench: bool = False,
+    memory: float | None = None,
 ) -> int:
     """Opens the window; returns the exit code: 0, or 2 after one sentence on stderr when it cannot open.
 
@@ -29,6 +30,7 @@ def run(
     seconds      it closes by itself after that time
     theme        "dark" or "light" in place of the remembered one
     bench        measures itself, prints one JSON object and closes
+    memory       GiB for the trained models in memory, remembered for the next window; 0 forgets it
     """
     from app.preflight import obstacle
 
@@ -43,4 +45,4 @@ def run(
 
     from app.application import run_application
 
-    return run_application(project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench)
+    return run_application(project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, memory=memory)

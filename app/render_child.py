@@ -37,9 +37,10 @@ class RenderSource(Protocol):
 
 @dataclass(frozen=True)
 class ProjectSource:
-    """The trained models of a project."""
+    """The trained models of a project, with `memory_budget` bytes for those in memory, as SceneModel takes it."""
 
     path: Path
+    memory_budget: int | None = None
 
     def open(self) -> Renderer:
         from app.cutaway import Cutaway
@@ -48,7 +49,8 @@ class ProjectSource:
         from nvsim.render.scene import render_scene
 
         with Project.open(self.path) as project:
-            scene, submaps, support = project.scene(), project.submaps(), project.support()
+            scene = project.scene(self.memory_budget)
+            submaps, support = project.submaps(), project.support()
         if scene is None:
             raise InputError(f"{self.path} has no trained model.")
         cutaway = Cutaway(scene, submaps, None if support is None else support.at)

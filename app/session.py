@@ -16,10 +16,12 @@ from nvsim.errors import InputError
 
 
 class Session(QObject):
-    """Owns the window and what feeds it."""
+    """Owns the window and what feeds it. `memory_budget` in bytes is for the trained models in memory, as SceneModel
+    takes it."""
 
-    def __init__(self, settings: QSettings) -> None:
+    def __init__(self, settings: QSettings, memory_budget: int | None = None) -> None:
         super().__init__()
+        self._memory_budget = memory_budget
         self.notices = Notices(self)
         self.document = Document(parent=self)
         self.window = MainWindow(self.document, settings, self.notices)
@@ -68,4 +70,5 @@ class Session(QObject):
     def _on_contents(self, parts: frozenset[str]) -> None:
         contents = self.document.contents
         if "scene_stamp" in parts and contents.path is not None:
-            self.window.show_source(ProjectSource(contents.path) if contents.scene_stamp is not None else None)
+            source = ProjectSource(contents.path, self._memory_budget)
+            self.window.show_source(source if contents.scene_stamp is not None else None)

@@ -10,6 +10,8 @@ from typing import Annotated, Any, TypeVar
 
 import tyro
 
+from nvsim.errors import InputError
+
 T = TypeVar("T")
 Positional = Annotated[T, tyro.conf.Positional]
 Inline = Annotated[T, tyro.conf.arg(name="")]
@@ -24,6 +26,19 @@ class ProjectArguments:
     """The project folder, NAME.nvsim."""
     json: bool = False
     """Print typed events, or the result, as JSON."""
+
+
+Memory = Annotated[float | None, tyro.conf.arg(metavar="GIB")]
+"""A limit in GiB on the trained models in memory."""
+
+
+def memory_budget(gibibytes: float | None) -> int | None:
+    """Bytes. Raises InputError when it is not positive."""
+    if gibibytes is None:
+        return None
+    if not 0 < gibibytes < 1 << 20:
+        raise InputError(f"Models cannot have {gibibytes} GiB of memory; give --memory a positive number.")
+    return round(gibibytes * (1 << 30))
 
 
 def parse(command: ModuleType, argv: list[str], verb: str) -> Any:

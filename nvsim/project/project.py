@@ -190,8 +190,9 @@ class Project:
 
         return FloorSupport.load(self.layout.support)
 
-    def scene(self) -> SceneModel | None:
-        """The ensemble of the submap models that exist; None while there is none."""
+    def scene(self, memory_budget: int | None = None) -> SceneModel | None:
+        """The ensemble of the submap models that exist, with `memory_budget` bytes for those in memory (see
+        SceneModel); None while there is none."""
         submaps = self.submaps()
         folders = [self.layout.model(s.index) for s in submaps]
         found = [f if (f / "model.json").is_file() else None for f in folders]
@@ -199,7 +200,7 @@ class Project:
             return None
         from nvsim.splats.scene import SceneModel
 
-        return SceneModel(submaps, found)
+        return SceneModel(submaps, found, memory_budget)
 
     def occupancy(self) -> OccupancyMap | None:
         """The map that a person may compare the graph with: the truth of the built-in building, else what the cloud

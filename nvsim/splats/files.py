@@ -22,7 +22,8 @@ import safetensors.numpy
 from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.splats.ply import read_ply, write_ply
+from nvsim.splats.blocks import read_gaussians
+from nvsim.splats.ply import write_ply
 from nvsim.splats.types import Background, FloorTexture, SubmapModel
 
 FORMAT, VERSION = "nvsim submap model", 1
@@ -40,8 +41,57 @@ def save_model(model: SubmapModel, folder: Path) -> None:
         atomic.write_text(place / DESCRIPTION, text + "\n")
 
 
+_verified: dict[Path, dict[str, tuple[int, int, int]]] = {}
+# Folders whose fingerprints this process has checked, and the files' status then: a model that was evicted and comes
+# back is not hashed again while its files are the same.
+
+
 def load_model(folder: Path) -> SubmapModel:
     """What `save_model` wrote. Raises InputError naming the file that is missing, damaged, or of a newer version."""
+    data, path = _read_description(folder), folder / DESCRIPTION
+    try:
+        _check_sizes(folder, data["files"])
+        stamps = {name: _stamp(folder / name) for name in (GAUSSIANS, NETWORKS)}
+        unchanged = _verified.get(folder) == stamps
+        gaussians, digest = read_gaussians(folder / GAUSSIANS, hashed=not unchanged)
+        if not unchanged:
+            _check(folder / GAUSSIANS, digest, data["files"])
+            _check(folder / NETWORKS, _fingerprint(folder / NETWORKS)["sha256"], data["files"])
+            _verified[folder] = stamps
+        # One tensor after the other: the file as a whole is never in memory.
+        with safetensors.safe_open(folder / NETWORKS, framework="numpy") as file:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dict
+        return SubmapModel(
+            gaussians,
+            _background(data["background"], tensors),
+            _texture(data["texture"], tensors),
+            FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), data["floor"]["spacing"]),
+            bool(data["antialiased"]),
+            dict(data["info"]),
+        )
+    except OSError as error:
+        raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
+    except (KeyError, TypeError, ValueError, safetensors.SafetensorError) as error:
+        raise InputError(f"{path} is damaged ({error!r}); train this submap again.") from error
+
+
+def memory_needed(folder: Path) -> int:
+    """Bytes that the arrays of the model in `folder` will take, before they are read; at least what scene.memory_of
+    says of them later. Raises InputError when its description is missing or damaged."""
+    data = _read_description(folder)
+    try:
+        values = 11 + 3 * (int(data["sh_degree"]) + 1) ** 2
+        with open(folder / NETWORKS, "rb") as file:
+            head = 8 + int.from_bytes(file.read(8), "little")
+        networks = max(0, int(data["files"][NETWORKS]["bytes"]) - head)
+        return 4 * values * int(data["count"]) + networks * (1 if data["texture"] is None else 2)
+    except OSError as error:
+        raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{folder / DESCRIPTION} is damaged ({error!r}); train this submap again.") from error
+
+
+def _read_description(folder: Path) -> dict[str, Any]:
     path = folder / DESCRIPTION
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -55,24 +105,24 @@ def load_model(folder: Path) -> SubmapModel:
         raise InputError(
             f"{path} has version {data.get('version')}, but this program reads version {VERSION}; update the program."
         )
-    try:
-        for name in (GAUSSIANS, NETWORKS):
-            if _fingerprint(folder / name) != data["files"][name]:
-                raise InputError(f"{folder / name} is not as it was written; train this submap again.")
-        tensors = safetensors.numpy.load((folder / NETWORKS).read_bytes())
-        gaussians, _ = read_ply(folder / GAUSSIANS)
-        return SubmapModel(
-            gaussians,
-            _background(data["background"], tensors),
-            _texture(data["texture"], tensors),
-            FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), data["floor"]["spacing"]),
-            bool(data["antialiased"]),
-            dict(data["info"]),
-        )
-    except OSError as error:
-        raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
-    except (KeyError, TypeError, ValueError, safetensors.SafetensorError) as error:
-        raise InputError(f"{path} is damaged ({error!r}); train this submap again.") from error
+    return data
+
+
+def _check_sizes(folder: Path, files: dict[str, Any]) -> None:
+    # Before anything is read: a file that was cut off says so at once.
+    for name in (GAUSSIANS, NETWORKS):
+        if (folder / name).stat().st_size != files[name]["bytes"]:
+            raise InputError(f"{folder / name} is not as it was written; train this submap again.")
+
+
+def _check(path: Path, digest: str | None, files: dict[str, Any]) -> None:
+    if digest != files[path.name]["sha256"]:
+        raise InputError(f"{path} is not as it was written; train this submap again.")
+
+
+def _stamp(path: Path) -> tuple[int, int, int]:
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns, status.st_ino
 
 
 def _description(model: SubmapModel) -> dict[str, Any]:

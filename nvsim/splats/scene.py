@@ -10,26 +10,36 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.splats.files import load_model
+from nvsim.splats.files import load_model, memory_needed
 from nvsim.splats.types import SubmapModel
-from nvsim.submaps.types import Submap, nearest_submap
+from nvsim.submaps.types import Submap
 
 GIBIBYTE = 1 << 30
+NEAR_BORDER = 3.0
+"""Metres by which the second nearest submap may be farther than the nearest to be loaded ahead: the eye is then at most
+half of this from the border between them."""
 
 
 class SceneModel:
-    """Answers which submap model draws a view from a position. Models are loaded when first asked for, and the least
-    recently used are let go when together they exceed the budget; the one asked for always stays. Thread-safe.
+    """Answers which submap model draws a view from a position. Models are loaded when first asked for; before that, the
+    least recently used are let go until the new one fits the budget. The one asked for is loaded even when it alone
+    exceeds it. Thread-safe; a load holds nobody up who asks for another model.
 
     submaps         all of them, whether trained or not
     folders         where the model of each is, None for one that is not trained
-    memory_budget   bytes of arrays
+    memory_budget   bytes of arrays; None takes `default_budget`
+    ahead           whether `model_at` loads the next submap in a thread of its own when the position is near its
+                    border, if it fits without the one in use being let go
 
     Raises ValueError when the lists do not match or no submap has a model.
     """
 
     def __init__(
-        self, submaps: Sequence[Submap], folders: Sequence[Path | None], memory_budget: int = 2 * GIBIBYTE
+        self,
+        submaps: Sequence[Submap],
+        folders: Sequence[Path | None],
+        memory_budget: int | None = None,
+        ahead: bool = True,
     ) -> None:
         if len(submaps) != len(folders):
             raise ValueError(f"{len(submaps)} submaps but {len(folders)} folders")
@@ -37,9 +47,16 @@ class SceneModel:
         self._submaps = [s for s in submaps if s.index in self._folders]
         if not self._submaps:
             raise ValueError("a scene model needs at least one trained submap")
-        self._budget = memory_budget
-        self._lock = threading.Lock()
+        self._budget = default_budget() if memory_budget is None else memory_budget
+        self._ahead = ahead
+        self._positions = np.concatenate([s.positions for s in self._submaps])
+        self._firsts = np.cumsum([0, *(len(s.positions) for s in self._submaps[:-1])])
+        self._asking = threading.Lock()  # held by the one thread that loads what was asked for
+        self._changed = threading.Condition()  # guards all that follows
         self._loaded: OrderedDict[int, SubmapModel] = OrderedDict()
+        self._loading: dict[int, int] = {}  # index -> bytes set aside for it
+        self._needed: dict[int, int] = {}  # index -> bytes, of those that were looked at to be loaded ahead
+        self._hopeless: set[int] = set()  # what could not be loaded ahead; asking for it says why
 
     @property
     def indices(self) -> tuple[int, ...]:
@@ -49,36 +66,135 @@ class SceneModel:
     @property
     def loaded(self) -> tuple[int, ...]:
         """Indices of the models in memory, least recently used first."""
-        with self._lock:
+        with self._changed:
             return tuple(self._loaded)
 
+    @property
+    def memory(self) -> int:
+        """Bytes of the models in memory and of those being loaded."""
+        with self._changed:
+            return self._taken()
+
     def nearest(self, position: NDArray[np.floating]) -> int:
-        """Index of the submap, among those with a model, with the core camera nearest to `position` (3,)."""
-        return nearest_submap(self._submaps, position)
+        """Index of the submap, among those with a model, with the core camera nearest to `position` (3,) (paper
+        Algorithm 1, line 4)."""
+        return self._submaps[int(np.argmin(self._distances(position)))].index
 
     def model_at(self, position: NDArray[np.floating]) -> tuple[int, SubmapModel]:
         """Index and model of `nearest`. Raises InputError when its files cannot be read."""
-        index = self.nearest(position)
-        return index, self.model(index)
+        distances = self._distances(position)
+        order = np.argsort(distances, kind="stable")[:2]
+        index = self._submaps[int(order[0])].index
+        model = self.model(index)
+        if self._ahead and len(order) > 1 and distances[order[1]] - distances[order[0]] < NEAR_BORDER:
+            self._load_ahead(self._submaps[int(order[1])].index)
+        return index, model
 
     def model(self, index: int) -> SubmapModel:
         """The model of a submap. Raises KeyError when it has none, InputError when its files cannot be read."""
-        with self._lock:
-            found = self._loaded.get(index)
-            if found is None:
-                found = self._loaded[index] = load_model(self._folders[index])
-            self._loaded.move_to_end(index)
-            while len(self._loaded) > 1 and sum(map(memory_of, self._loaded.values())) > self._budget:
-                self._loaded.popitem(last=False)
+        folder = self._folders[index]
+        with self._changed:
+            found = self._find(index)
+        if found is not None:
             return found
+        with self._asking:
+            needed = memory_needed(folder)
+            with self._changed:
+                found = self._find(index)  # another thread may have been faster
+                if found is not None:
+                    return found
+                self._loading[index] = needed
+                self._let_go(keep=0)
+                # What is being loaded ahead cannot be let go before it is there.
+                while self._taken() > self._budget and len(self._loading) > 1:
+                    self._changed.wait()
+                    self._let_go(keep=0)
+            model = None
+            try:
+                model = load_model(folder)
+            finally:
+                self._end(index, model)
+            return model
+
+    def _find(self, index: int) -> SubmapModel | None:
+        """The model if it is in memory, or on its way there in another thread."""
+        while index in self._loading:
+            self._changed.wait()
+        if index not in self._loaded:
+            return None
+        self._loaded.move_to_end(index)
+        return self._loaded[index]
+
+    def _load_ahead(self, index: int) -> None:
+        with self._changed:
+            if index in self._loaded or index in self._hopeless or self._loading:
+                return
+            if not self._fits_beside_the_last(self._needed.get(index, 0)):
+                return
+            self._loading[index] = 0
+        threading.Thread(target=self._run_ahead, args=(index,), name="load ahead").start()
+
+    def _run_ahead(self, index: int) -> None:
+        model = None
+        try:
+            needed = memory_needed(self._folders[index])
+            with self._changed:
+                self._needed[index] = needed
+                fits = self._fits_beside_the_last(needed)
+                if fits:
+                    self._loading[index] = needed
+                    self._let_go(keep=1)
+            if fits:
+                model = load_model(self._folders[index])
+        except Exception:
+            # Whoever asks for this model is told what is wrong with it; a guess bothers nobody.
+            with self._changed:
+                self._hopeless.add(index)
+        self._end(index, model, ahead=True)
+
+    def _fits_beside_the_last(self, needed: int) -> bool:
+        last = next(reversed(self._loaded.values()), None)
+        kept = 0 if last is None else memory_of(last)
+        return needed + kept + sum(self._loading.values()) <= self._budget
+
+    def _end(self, index: int, model: SubmapModel | None, ahead: bool = False) -> None:
+        with self._changed:
+            del self._loading[index]
+            if model is not None:
+                last = next(reversed(self._loaded), index)
+                self._loaded[index] = model
+                if ahead:
+                    self._loaded.move_to_end(last)  # the one in use stays the most recent
+                self._let_go(keep=1)
+            self._changed.notify_all()
+
+    def _let_go(self, keep: int) -> None:
+        """Lets go of the least recently used while the budget is exceeded, but for the last `keep`."""
+        while len(self._loaded) > keep and self._taken() > self._budget:
+            self._loaded.popitem(last=False)
+
+    def _taken(self) -> int:
+        return sum(map(memory_of, self._loaded.values())) + sum(self._loading.values())
+
+    def _distances(self, position: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(submaps,) metres to the nearest core camera of each."""
+        squares = np.sum((self._positions - position) ** 2, axis=1)
+        return np.asarray(np.sqrt(np.minimum.reduceat(squares, self._firsts)), np.float64)
+
+
+def default_budget() -> int:
+    """A quarter of the machine's memory: beside the models, kernels, the window and the system want their share."""
+    import psutil
+
+    return int(psutil.virtual_memory().total) // 4
 
 
 def memory_of(model: SubmapModel) -> int:
-    """Bytes of the model's arrays."""
+    """Bytes of the model's arrays, with the floor texture twice: the kernels pack theirs when it is first drawn."""
     g = model.gaussians
     arrays = [g.means, g.log_scales, g.quats, g.opacity_logits, g.sh, model.floor.heights]
     if model.background is not None:
         arrays += list(model.background.weights.values())
     if model.texture is not None:
-        arrays += list(model.texture.levels)
+        arrays += 2 * list(model.texture.levels)
     return sum(a.nbytes for a in arrays)

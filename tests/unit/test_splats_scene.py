@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.scene import render_scene
+from nvsim.splats import files as files_module
 from nvsim.splats import scene as scene_module
-from nvsim.splats.files import save_model
+from nvsim.splats.files import load_model, memory_needed, save_model
 from nvsim.splats.scene import SceneModel, memory_of
-from nvsim.splats.types import Gaussians, SubmapModel
+from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 from nvsim.submaps.types import Submap
 
 
@@ -69,6 +71,102 @@ def test_models_load_when_asked_for_and_the_least_recently_used_goes(folders):
     scene.model(2)
     assert scene.loaded == (0, 2)
     assert scene.model(0) is first
+
+
+def test_what_a_model_needs_is_known_before_it_is_read(tmp_path):
+    model = submap_model(COLOURS[0])
+    model.texture = FloorTexture((np.zeros((40, 30, 3), np.float32),), (0.0, 0.0), (1.0, 1.0))
+    save_model(model, tmp_path / "0")
+    needed = memory_needed(tmp_path / "0")
+    assert memory_of(model) <= needed <= 1.01 * memory_of(model)
+
+
+def test_room_is_made_before_a_model_is_read(folders, monkeypatch):
+    size = memory_of(submap_model(COLOURS[0]))
+    scene = SceneModel(SUBMAPS, folders, memory_budget=2 * size)
+    taken = []
+    load = scene_module.load_model
+    monkeypatch.setattr(scene_module, "load_model", lambda f: taken.append(scene.memory) or load(f))
+    for i in (0, 1, 2, 0, 2, 1):
+        scene.model(i)
+    assert max(taken) <= 2 * size, "what is set aside counts"
+
+
+def settled(scene, expected, seconds=5.0):
+    """Whether the models in memory become `expected` while a thread may still be loading."""
+    end = time.monotonic() + seconds
+    while scene.loaded != expected and time.monotonic() < end:
+        time.sleep(0.005)
+    return scene.loaded == expected
+
+
+def test_the_next_model_is_loaded_ahead_near_its_border(folders):
+    scene = SceneModel(SUBMAPS, folders)
+    assert scene.model_at(np.array([2.0, 0, 1.5]))[0] == 0
+    assert not settled(scene, (1, 0), seconds=0.2), "far from the border nothing is read"
+    assert scene.model_at(np.array([4.0, 0, 1.5]))[0] == 0
+    assert settled(scene, (1, 0)), "the one in use is the last to go"
+
+
+def test_nothing_is_loaded_ahead_that_does_not_fit_beside_what_is_used(folders):
+    size = memory_of(submap_model(COLOURS[0]))
+    scene = SceneModel(SUBMAPS, folders, memory_budget=2 * size - 1)
+    scene.model_at(np.array([4.0, 0, 1.5]))
+    assert not settled(scene, (1, 0), seconds=0.2) and scene.loaded == (0,)
+    roomy = SceneModel(SUBMAPS, folders, memory_budget=2 * size)
+    roomy.model(2)
+    roomy.model_at(np.array([4.0, 0, 1.5]))
+    assert settled(roomy, (1, 0)), "the least recently used made room"
+
+
+def test_a_broken_neighbour_disturbs_nobody_until_it_is_asked_for(folders):
+    (folders[1] / "model.json").write_text("{")
+    scene = SceneModel(SUBMAPS, folders)
+    for _ in range(3):
+        assert scene.model_at(np.array([4.0, 0, 1.5]))[0] == 0
+    with pytest.raises(InputError, match="damaged"):
+        scene.model_at(np.array([6.0, 0, 1.5]))
+
+
+def test_walking_in_many_threads_never_exceeds_the_budget(folders, monkeypatch):
+    size = memory_of(submap_model(COLOURS[0]))
+    scene = SceneModel(SUBMAPS, folders, memory_budget=2 * size)
+    load, over = scene_module.load_model, []
+
+    def slow(folder):
+        over.append(scene.memory)
+        time.sleep(0.002)
+        return load(folder)
+
+    monkeypatch.setattr(scene_module, "load_model", slow)
+
+    def walk(seed):
+        for x in np.random.default_rng(seed).uniform(-5, 25, 40):
+            index, model = scene.model_at(np.array([x, 0, 1.5]))
+            assert index == min(2, max(0, round(x / 10))) and len(model.gaussians) == 3
+
+    threads = [threading.Thread(target=walk, args=(seed,)) for seed in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(timeout=60)
+        assert not thread.is_alive()
+    assert max(over) <= 2 * size
+
+
+def test_a_model_that_comes_back_is_hashed_again_only_when_its_files_changed(folders, monkeypatch):
+    read = files_module.read_gaussians
+    monkeypatch.setattr(files_module, "read_gaussians", lambda p, hashed: asked.append(hashed) or read(p, hashed))
+    asked = []
+    load_model(folders[0])
+    load_model(folders[0])
+    assert asked == [True, False]
+    path = folders[0] / "gaussians.ply"
+    data = bytearray(path.read_bytes())
+    data[-3] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="not as it was written"):
+        load_model(folders[0])
 
 
 def test_the_model_asked_for_stays_even_when_it_exceeds_the_budget(folders):

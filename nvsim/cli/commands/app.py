@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli import window
-from nvsim.cli.arguments import Positional
+from nvsim.cli.arguments import Memory, Positional, memory_budget
 from nvsim.errors import InputError
 from nvsim.project.project import Project
 
@@ -17,6 +17,8 @@ class Arguments:
     """The project folder, NAME.nvsim."""
     project: Path | None = None
     """The same, by name."""
+    memory: Memory = None
+    """GiB for trained models, remembered for the next time; 0 goes back to a quarter of the machine's."""
 
 
 def run(arguments: Arguments) -> int:
@@ -27,4 +29,9 @@ def run(arguments: Arguments) -> int:
 
     if importlib.util.find_spec("PySide6") is None:
         raise InputError("the window needs PySide6-Essentials; `pip install PySide6-Essentials` adds it.")
-    return window.open_window([f"--project={path}"] if path is not None else [])
+    words = [f"--project={path}"] if path is not None else []
+    if arguments.memory is not None:
+        if arguments.memory != 0:
+            memory_budget(arguments.memory)  # refuses what is no size
+        words.append(f"--memory={arguments.memory}")
+    return window.open_window(words)

@@ -8,7 +8,7 @@ from typing import Any, Literal, cast
 
 import tyro
 
-from nvsim.cli.arguments import Inline, ProjectArguments, given
+from nvsim.cli.arguments import Inline, Memory, ProjectArguments, given, memory_budget
 from nvsim.cli.session import working
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.stages import mapped
@@ -20,6 +20,8 @@ class Arguments(ProjectArguments):
     """Decide the stored evidence again under these thresholds; render only what newly opens."""
     preset: Literal["nvsim", "paper"] = "nvsim"
     """What the other flags start from: our defaults, or the paper's."""
+    memory: Memory = None
+    """GiB for trained models; a quarter of the machine's when left out."""
     config: Inline[MappingConfig] = field(default_factory=MappingConfig)
 
 
@@ -30,6 +32,7 @@ def defaults(argv: list[str]) -> Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    budget = memory_budget(arguments.memory)
     with working(arguments.project, "map", arguments.json) as (project, listen):
-        mapped.run(project, arguments.config, listen, arguments.reapply)
+        mapped.run(project, arguments.config, listen, arguments.reapply, budget)
     return 0

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
 from nvsim.errors import InputError
 from nvsim.project.project import Project
 
@@ -33,6 +33,8 @@ class Arguments(ProjectArguments):
     """Height in pixels: of the equirectangular picture, which is twice as wide (1024), or of a face (512)."""
     also: tuple[Literal["alpha", "depth", "normal"], ...] = ()
     """What else to write: alpha (8 bits), depth (16 bits, millimetres), normal (8 bits)."""
+    memory: Memory = None
+    """GiB for trained models; a quarter of the machine's when left out."""
 
 
 def run(arguments: Arguments) -> int:
@@ -46,7 +48,7 @@ def run(arguments: Arguments) -> int:
         raise InputError(f"A panorama cannot be {arguments.size} pixels high; give --size from 1 to 16384.")
     with Project.open(arguments.project) as project:
         position = np.array(_place(arguments, project))
-        scene = project.scene()
+        scene = project.scene(memory_budget(arguments.memory))
     if scene is None:
         raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
     heading, channels = math.radians(arguments.heading), frozenset({"rgb", *arguments.also})

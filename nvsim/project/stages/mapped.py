@@ -37,8 +37,15 @@ class SceneViews:
         return index, [render_model(model, c, frozenset({"alpha", "normal"})) for c in cameras]
 
 
-def run(project: Project, config: MappingConfig, listen: Listener, reapply: bool = False) -> None:
-    """Builds the graph; with `reapply` decides the stored one again and renders only what newly opens.
+def run(
+    project: Project,
+    config: MappingConfig,
+    listen: Listener,
+    reapply: bool = False,
+    memory_budget: int | None = None,
+) -> None:
+    """Builds the graph; with `reapply` decides the stored one again and renders only what newly opens. `memory_budget`
+    in bytes is for the models in memory, as SceneModel takes it.
 
     Raises InputError while no submap is trained.
     """
@@ -48,7 +55,7 @@ def run(project: Project, config: MappingConfig, listen: Listener, reapply: bool
     if ledger.is_current(project, STAGE, key):
         listen(Log("The navigation graph is up to date.", STAGE))
         return
-    scene, support = project.scene(), project.support()
+    scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
     previous = project.graph() if reapply else None

@@ -1,0 +1,121 @@
+"""The Gaussians of a binary PLY file, read block by block: what is held is the result and a few megabytes, never the
+whole file beside it, and the fingerprint is taken on the way."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from io import FileIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.splats.types import Gaussians
+
+_ROWS = 8192  # 2 MB at degree 3: stays in the second-level cache between reading, hashing and sorting into columns
+_LONGEST_HEADER = 1 << 16
+_MEAN, _DC = ("x", "y", "z"), ("f_dc_0", "f_dc_1", "f_dc_2")
+_SCALE, _ROTATION = ("scale_0", "scale_1", "scale_2"), ("rot_0", "rot_1", "rot_2", "rot_3")
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """start    byte of the first row
+    count    rows
+    columns  property -> its place in a row of float32
+    """
+
+    start: int
+    count: int
+    columns: dict[str, int]
+
+    @property
+    def coefficients(self) -> int:
+        """Of each colour, the first included."""
+        return 1 + sum(name.startswith("f_rest_") for name in self.columns) // 3
+
+    def at(self, names: tuple[str, ...]) -> NDArray[np.intp]:
+        return np.array([self.columns[name] for name in names], np.intp)
+
+
+def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
+    """The Gaussians of a file as `ply.write_ply` writes them, and the SHA-256 of the file when it is to be `hashed`.
+
+    Raises InputError when the file is of another layout, truncated, or holds values that are not finite, and OSError
+    when it cannot be read.
+    """
+    digest = hashlib.sha256() if hashed else None
+    with open(path, "rb", buffering=0) as file:
+        layout = _layout(path, file.read(_LONGEST_HEADER))
+        file.seek(0)
+        header = file.read(layout.start)
+        if digest is not None:
+            digest.update(header)
+        n, k = layout.count, layout.coefficients
+        gaussians = Gaussians(
+            np.empty((n, 3), np.float32),
+            np.empty((n, 3), np.float32),
+            np.empty((n, 4), np.float32),
+            np.empty(n, np.float32),
+            np.empty((n, k, 3), np.float32),
+        )
+        # Files hold red's coefficients, then green's, then blue's; we hold the three colours of each coefficient.
+        rest = [f"f_rest_{colour * (k - 1) + i}" for i in range(k - 1) for colour in range(3)]
+        try:
+            takes = [
+                (gaussians.means, layout.at(_MEAN)),
+                (gaussians.log_scales, layout.at(_SCALE)),
+                (gaussians.quats, layout.at(_ROTATION)),
+                (gaussians.opacity_logits.reshape(n, 1), layout.at(("opacity",))),
+                (gaussians.sh.reshape(n, 3 * k), layout.at((*_DC, *rest))),
+            ]
+        except KeyError as error:
+            raise InputError(f"{path} has no property {error.args[0]}; train this submap again.") from error
+        block = np.empty((_ROWS, len(layout.columns)), "<f4")
+        for first in range(0, n, _ROWS):
+            rows = block[: min(_ROWS, n - first)]
+            if not _fill(file, rows):
+                raise InputError(f"{path} is truncated: {n} Gaussians announced; train this submap again.")
+            if digest is not None:
+                digest.update(rows)  # type: ignore[arg-type]
+            if not np.isfinite(rows).all():
+                raise InputError(f"{path} holds values that are not finite; train this submap again.")
+            for target, columns in takes:
+                # mode: the places are known to be inside, and only then take writes in place.
+                np.take(rows, columns, axis=1, out=target[first : first + len(rows)], mode="clip")
+        if digest is not None:
+            while more := file.read(1 << 20):
+                digest.update(more)
+    return gaussians, None if digest is None else digest.hexdigest()
+
+
+def _fill(file: FileIO, rows: NDArray[np.float32]) -> bool:
+    view = memoryview(rows).cast("B")  # type: ignore[arg-type]
+    done = 0
+    while done < len(view):
+        got = file.readinto(view[done:])
+        if not got:
+            return False
+        done += got
+    return True
+
+
+def _layout(path: Path, begin: bytes) -> _Layout:
+    end = begin.find(b"end_header\n")
+    lines = begin[: max(end, 0)].decode("ascii", "replace").splitlines()
+    words = [line.split() for line in lines if not line.startswith(("comment", "obj_info"))]
+    count, columns = -1, dict[str, int]()
+    for line in words[2:]:
+        match line:
+            case ["element", "vertex", number] if count < 0 and number.isascii() and number.isdigit():
+                count = int(number)
+            case ["property", "float" | "float32", name] if count >= 0 and name not in columns:
+                columns[name] = len(columns)
+            case _:
+                count = -1
+                break
+    if words[:2] != [["ply"], ["format", "binary_little_endian", "1.0"]] or count < 0:
+        raise InputError(f"{path} is not laid out as NVSim writes Gaussians; train this submap again.")
+    return _Layout(end + len(b"end_header\n"), count, columns)

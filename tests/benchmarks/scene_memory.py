@@ -1,0 +1,121 @@
+"""Browsing more models than fit the memory: peak of the process and milliseconds per load, as one JSON object.
+
+python tests/benchmarks/scene_memory.py [--submaps N] [--gaussians N] [--limit GIB] [--budget GIB] [--folder DIR]
+
+Writes N submaps of random Gaussians of degree 3 in a row (240 MB each for a million; removed afterwards), and walks
+along them and back in a process of its own whose address space is limited to --limit GiB (RLIMIT_AS), drawing a view at
+every step with the models' budget at --budget GiB. A process that asks for more is refused, so finishing proves the
+limit; beside it stand its peak of resident memory (ru_maxrss) and of address space (VmPeak).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+SPACING = 10.0  # metres between the middles of two submaps
+STEP = 1.0  # metres between two views
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--submaps", type=int, default=15)
+    parser.add_argument("--gaussians", type=int, default=1_000_000)
+    parser.add_argument("--limit", type=float, default=4.0, help="GiB of address space")
+    parser.add_argument("--budget", type=float, default=2.0, help="GiB of models in memory")
+    parser.add_argument("--folder", type=Path, help="where the temporary files go")
+    parser.add_argument("--no-ahead", action="store_true", help="load nothing before it is asked for")
+    parser.add_argument("--browse", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.browse is not None:
+        print(json.dumps(browse(options.browse, options.submaps, options.limit, options.budget, not options.no_ahead)))
+        return
+    with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+        begin = time.perf_counter()
+        write(Path(folder), options.submaps, options.gaussians)
+        print(f"written in {time.perf_counter() - begin:.0f} s", file=sys.stderr)
+        # Both would otherwise reserve address space for as many arenas as there are cores.
+        environment = {**os.environ, "MALLOC_ARENA_MAX": "2", "OMP_WAIT_POLICY": "PASSIVE"}
+        sys.exit(subprocess.call([sys.executable, __file__, *sys.argv[1:], "--browse", folder], env=environment))
+
+
+def write(folder: Path, submaps: int, count: int) -> None:
+    """A model is a box of Gaussians around (10 i, 0, 1.5)."""
+    import numpy as np
+
+    from nvsim.geometry.floor_surface import FloorSurface
+    from nvsim.splats.files import save_model
+    from nvsim.splats.types import Gaussians, SubmapModel
+
+    for i in range(submaps):
+        r = np.random.default_rng(i)
+        means = (r.random((count, 3), np.float32) - 0.5) * np.float32([SPACING, 8, 3]) + np.float32(
+            [SPACING * i, 0, 1.5]
+        )
+        g = Gaussians(
+            means,
+            np.full((count, 3), -4.5, np.float32),
+            r.standard_normal((count, 4), np.float32),
+            np.zeros(count, np.float32),
+            0.3 * r.standard_normal((count, 16, 3), np.float32),
+        )
+        save_model(SubmapModel(g, None, None, FloorSurface.flat(0.0)), folder / str(i))
+
+
+def browse(folder: Path, submaps: int, limit: float, budget: float, ahead: bool) -> dict[str, object]:
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_AS, (round(limit * 2**30),) * 2)
+    import numpy as np
+
+    from nvsim.geometry.camera import Camera, Intrinsics, look
+    from nvsim.render.scene import render_scene
+    from nvsim.splats import scene as scenes
+    from nvsim.submaps.types import Submap
+
+    loads: list[float] = []
+    load = scenes.load_model
+
+    def timed(path: Path):
+        begin = time.perf_counter()
+        model = load(path)
+        loads.append(1e3 * (time.perf_counter() - begin))
+        return model
+
+    scenes.load_model = timed
+    places = [Submap(i, (i,), (i,), np.array([[SPACING * i, 0.0, 1.5]])) for i in range(submaps)]
+    scene = scenes.SceneModel(places, [folder / str(i) for i in range(submaps)], round(budget * 2**30), ahead)
+    intrinsics = Intrinsics.from_fov(640, 480, np.radians(70))
+    along = np.arange(0, SPACING * (submaps - 1) + STEP / 2, STEP)
+    frames, most, seen = [], 0, set()
+    for x in (*along, *along[::-1]):
+        begin = time.perf_counter()
+        index, _ = render_scene(scene, Camera(intrinsics, look(np.array([x, 0.3, 1.5]), np.pi / 2)))
+        frames.append(1e3 * (time.perf_counter() - begin))
+        seen.add(index)
+        most = max(most, scene.memory)
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return {
+        "submaps": len(seen),
+        "limit_gib": limit,
+        "budget_gib": budget,
+        "peak_rss_gib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
+        "peak_address_space_gib": round(int(status["VmPeak"].split()[0]) / 2**20, 2),
+        "peak_models_gib": round(most / 2**30, 2),
+        "loads": len(loads),
+        "load_ms_first": round(float(np.median(loads[:submaps])), 0),
+        "load_ms_again": round(float(np.median(loads[submaps:])), 0) if len(loads) > submaps else None,
+        "frames": len(frames),
+        "frame_ms_median": round(float(np.median(frames)), 1),
+        "frame_ms_longest": round(float(np.max(frames[1:])), 0),
+    }
+
+
+if __name__ == "__main__":
+    main()
