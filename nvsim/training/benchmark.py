@@ -9,10 +9,11 @@ import numba
 import numpy as np
 import torch
 
-from nvsim.training.config import DensifyConfig, TrainingConfig
+from nvsim.training.config import TrainingConfig
 from nvsim.training.fit import Fit
 from nvsim.training.floor_paint import first_paint
 from nvsim.training.initialise import initial_gaussians
+from nvsim.training.strategies.config import DensifyConfig
 from nvsim.training.synthetic import synthetic_room
 
 PARTS = ("forward", "background", "loss", "backward", "background_backward", "optimizer")
@@ -28,7 +29,11 @@ def measure(
     gaussians, width, height, threads
     """
     config = TrainingConfig(
-        gaussian_cap=gaussians, seed_share=1.0, seed_height=0.0, densify=DensifyConfig(enabled=False), coarse_share=0.0
+        gaussian_cap=gaussians,
+        seed_share=1.0,
+        seed_height=0.0,
+        densify=DensifyConfig(strategy="none"),
+        coarse_share=0.0,
     )
     room = synthetic_room(24, width, height, gaussians + gaussians // 8, seed)
     rng = np.random.default_rng(seed)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.training.strategies.config import AdaptiveConfig, DensifyConfig
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,9 @@ class LossConfig:
     fill: float = 0.1
     """Weight of (1 - M) * (1 - alpha), the mirror image of the suppression: what is not floor is a surface. Not in the
     paper."""
+    alpha: float = 0.0
+    """Weight of alpha where the background explains the pixel (Splatfacto-W: 0.15). The paper drops it; for the
+    ablation."""
     mask_floor: bool = False
     """Takes the floor out of the reconstruction loss although no floor term is on (the paper's second ablation row). A
     floor term takes it out in any case."""
@@ -53,31 +58,12 @@ class RateConfig:
 
 
 @dataclass(frozen=True)
-class DensifyConfig:
-    """Growth up to the cap by the mean absolute screen gradient (AbsGS), and pruning."""
-
-    enabled: bool = True
-    every: int = 100
-    """Steps between refinements."""
-    start: float = 0.1
-    stop: float = 0.7
-    """The shares of all steps between which the model grows."""
-    growth: float = 0.1
-    """At most this share of the Gaussians is added by one refinement: those with the largest gradients."""
-    gradient: float = 2e-4
-    """Least mean absolute gradient, per half image, of a Gaussian worth dividing."""
-    prune_opacity: float = 0.02
-    """Fainter Gaussians are removed."""
-    largest: float = 1.0
-    """Standard deviation in metres above which a Gaussian is removed."""
-
-
-@dataclass(frozen=True)
 class RobustConfig:
-    """Transients (people walking by) are taken out of the losses: blocks of pixels that stay wrong although the rest
-    of the model fits."""
+    """Transients (people walking by) are taken out of the losses."""
 
-    enabled: bool = True
+    kind: Literal["blocks", "quantile", "none"] = "blocks"
+    """"blocks": blocks of pixels that stay wrong over the visits of a view although the rest of it fits. "quantile":
+    Splatfacto-W's, a share of the worst pixels of each image that follows its error, whatever the picture shows."""
     start: float = 0.4
     """Share of all steps before anything is masked: until then everything is wrong."""
     threshold: float = 0.15
@@ -86,6 +72,8 @@ class RobustConfig:
     """...and this many times the median over the image's blocks."""
     most: float = 0.4
     """No more than this share of an image is masked (Splatfacto-W's upper bound)."""
+    renewal: float = 0.11
+    """Share of the steps after which "quantile" forgets the largest error it saw (Splatfacto-W: 6000 of 55000)."""
 
 
 @dataclass(frozen=True)
@@ -98,14 +86,21 @@ class TrainingConfig:
     image_size: int = 640
     """Longest side of the training images, pixels."""
     coarse_share: float = 0.5
-    """Share of the steps, from the first, that train at half that size."""
+    """Share of the steps, from the first, that train below that size."""
+    coarse_levels: int = 1
+    """How often that size is halved at the first step; every level gets as many steps."""
     gaussian_cap: int = 80_000
     """The model never has more Gaussians than this."""
     seed_share: float = 0.7
     """Share of the cap that is placed at the start, when the cloud has that many points."""
     seed_height: float = 0.04
     """Metres above the floor below which the cloud seeds no Gaussian; 0 or less keeps all points."""
+    seed_opacity: float = 0.5
     sh_degree: int = 1
+    sh_interval: float = 0.15
+    """Share of the steps after which each further degree of the spherical harmonics joins."""
+    random_background: bool = False
+    """Without a background network: another colour at every step shines through, so that nothing stays open."""
     background: bool = True
     """Whether a background network fills what the Gaussians leave open (paper, section III-C)."""
     texture: bool = True
@@ -131,6 +126,9 @@ class TrainingConfig:
             ("sh_degree must be 0 to 3", 0 <= self.sh_degree <= 3),
             ("coarse_share must lie in 0 to 1", 0 <= self.coarse_share <= 1),
             ("seed_share must lie above 0 and at most at 1", 0 < self.seed_share <= 1),
+            ("coarse_levels must be 0 to 4", 0 <= self.coarse_levels <= 4),
+            ("seed_opacity must lie in 0 to 1", 0 < self.seed_opacity < 1),
+            ("sh_interval must not be negative", self.sh_interval >= 0),
             ("texture needs background", self.background or not self.texture),
         ):
             if not fine:
@@ -142,23 +140,78 @@ class TrainingConfig:
         return self.loss.suppression > 0 or self.loss.floor > 0
 
 
-def _splatfacto_i() -> TrainingConfig:
-    base = TrainingConfig()
-    return replace(base, name="splatfacto-i", texture=False, loss=replace(base.loss, fill=0.0))
+UNIT = 5.0
+"""Metres that a unit of nerfstudio's scenes is taken for: it scales the cameras to +-1, and a submap is about 10 m."""
 
 
-def _gaussians_only() -> TrainingConfig:
+def _splatfacto() -> TrainingConfig:
+    """Splatfacto's rules (nerfstudio, models/splatfacto.py) by shares of its 30,000 steps, lengths times UNIT.
+
+    Changed for short runs: the Gaussian cap; a refinement every 100 steps, although these are far fewer refinements.
+    """
     return TrainingConfig(
         name="3dgs",
+        coarse_share=0.2,
+        coarse_levels=2,
         seed_height=0.0,
+        seed_opacity=0.1,
+        sh_degree=3,
+        sh_interval=1 / 30,
         background=False,
+        random_background=True,
         texture=False,
+        antialiased=False,
         loss=LossConfig(suppression=0.0, floor=0.0, fill=0.0),
-        robust=RobustConfig(enabled=False),
+        rate=RateConfig(means=1.6e-4 * UNIT, means_end=1.6e-6 * UNIT, opacity_logits=5e-2),
+        densify=DensifyConfig(
+            strategy="adaptive",
+            start=0.017,
+            stop=0.5,
+            prune_opacity=0.1,
+            largest=0.5 * UNIT,
+            adaptive=AdaptiveConfig(small=0.01 * UNIT, screen_stop=0.13, reset=0.1),
+        ),
+        robust=RobustConfig(kind="none"),
     )
 
 
-_PRESETS = {"nvsim": TrainingConfig, "splatfacto-i": _splatfacto_i, "3dgs": _gaussians_only}
+def _splatfacto_w() -> TrainingConfig:
+    """Splatfacto-W's rules (splatfactow_config.py and _model.py) by shares of its 55,000 steps, lengths times UNIT; the
+    changes are Splatfacto's above, and nothing is exempt from the robust mask, as there is no sky indoors."""
+    base = _splatfacto()
+    return replace(
+        base,
+        name="splatfacto-w",
+        coarse_share=0.11,
+        sh_interval=0.036,
+        background=True,
+        random_background=False,
+        antialiased=True,
+        loss=replace(base.loss, alpha=0.15),
+        rate=RateConfig(means=1.6e-5 * UNIT, means_end=1.6e-7 * UNIT, network_end=1e-4),
+        densify=replace(
+            base.densify,
+            start=0.018,
+            stop=0.36,
+            adaptive=AdaptiveConfig(small=0.01 * UNIT, screen_stop=0.27, reset=0.045),
+        ),
+        robust=RobustConfig(kind="quantile", start=0.11),
+    )
+
+
+def _splatfacto_i() -> TrainingConfig:
+    """The paper: Splatfacto-W with the floor terms and without the alpha loss."""
+    return replace(
+        _splatfacto_w(), name="splatfacto-i", seed_height=0.04, loss=LossConfig(suppression=1.0, floor=1.0, fill=0.0)
+    )
+
+
+_PRESETS = {
+    "nvsim": TrainingConfig,
+    "splatfacto-i": _splatfacto_i,
+    "splatfacto-w": _splatfacto_w,
+    "3dgs": _splatfacto,
+}
 PRESETS = tuple(_PRESETS)
 
 
@@ -167,7 +220,8 @@ def preset(name: str) -> TrainingConfig:
 
     "nvsim"         the default: the paper's method with floor texture and fill
     "splatfacto-i"  the paper: floor suppression and background floor loss, no texture, no fill
-    "3dgs"          Gaussians only: no floor terms, no background, no robust mask
+    "splatfacto-w"  its base: background, robust mask and alpha loss; the floor is as everything else
+    "3dgs"          Splatfacto, Gaussians only: no floor terms, no background, no robust mask
 
     Raises InputError for another name.
     """

@@ -7,7 +7,8 @@ a step costs what its kernels cost.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -18,13 +19,14 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.render.workspace import LOCK, Workspace
 from nvsim.splats.types import Gaussians, SubmapModel
+from nvsim.training.alpha_loss import alpha_loss
 from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background import COEFFICIENTS, BackgroundNetwork
 from nvsim.training.config import RateConfig, TrainingConfig
-from nvsim.training.densify import Refinement
 from nvsim.training.exposure import Exposure
 from nvsim.training.losses import FloorAwareLoss, LossValues
 from nvsim.training.optimizer import Group
+from nvsim.training.strategies.types import Refinement
 from nvsim.training.texture import LearnedTexture, meet_floor
 from nvsim.training.views import TrainingView
 
@@ -136,9 +138,15 @@ class Fit:
         return rgb + transmittance[..., None] * background.transpose(1, 2, 0), 1 - transmittance
 
     def differentiate(
-        self, view: TrainingView, inlier: NDArray[np.bool_], sh_degree: int, index: int = 0
+        self,
+        view: TrainingView,
+        inlier: NDArray[np.bool_],
+        sh_degree: int,
+        index: int = 0,
+        judge: Callable[[Float32, Float32, Float32], None] | None = None,
     ) -> LossValues:
-        """Draws view `index` and fills every group's gradient. The error of each pixel is in the canvas's loss."""
+        """Draws view `index` and fills every group's gradient. The error of each pixel is in the canvas's loss. `judge`
+        may change `inlier` when it has seen the colour of the Gaussians, the transmittance and the background."""
         camera = view.camera
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
         watch = _Stopwatch()
@@ -150,7 +158,12 @@ class Fit:
             loss = canvas.loss
             if self.exposure is not None:
                 self.exposure.apply(index, rgb, background)
+            if judge is not None:
+                judge(rgb, transmittance, background)
             values = loss(rgb, 1 - transmittance, background, view.image, view.floor, inlier)
+            if self.config.loss.alpha > 0:
+                more = alpha_loss(1 - transmittance, background, view.image, self.config.loss.alpha, loss.d_alpha)
+                values = replace(values, total=values.total + more)
             if self.exposure is not None:
                 self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background, loss.d_texture)
             watch.lap("loss")
@@ -191,6 +204,11 @@ class Fit:
             group.second = np.concatenate([group.second[refinement.kept], fresh])
             group.values, group.gradient = values, np.empty_like(values)
         self.sums = np.zeros((refinement.count, 3), np.float32)
+
+    def forget(self, name: str) -> None:
+        """Clears both moments of a group."""
+        self.groups[name].first[:] = 0
+        self.groups[name].second[:] = 0
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Everything that a step changes, by name."""

@@ -77,8 +77,8 @@ def initial_gaussians(
     config: TrainingConfig,
     rng: np.random.Generator,
 ) -> Gaussians:
-    """At most `seed_share` of the cap; every Gaussian half opaque, round, as wide as its neighbours are apart. A cloud
-    that is absent or sparse is filled up with guesses from the images."""
+    """At most `seed_share` of the cap; every Gaussian as opaque as configured, round, as wide as its neighbours are
+    apart. A cloud that is absent or sparse is filled up with guesses from the images."""
     count = max(int(config.gaussian_cap * config.seed_share), 1)
     cloud = triangulated_cloud(views) if cloud is None else cloud
     points, colors = seen_points(views, cloud)
@@ -91,10 +91,10 @@ def initial_gaussians(
         more, more_colors = guessed_points(views, points, floor, count - len(points), rng)
         more, more_colors = _above(more, more_colors, floor, config)
         points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
-    return gaussians_at(points, colors, config.sh_degree)
+    return gaussians_at(points, colors, config.sh_degree, config.seed_opacity)
 
 
-def gaussians_at(points: Float32, colors: Float32, sh_degree: int) -> Gaussians:
+def gaussians_at(points: Float32, colors: Float32, sh_degree: int, opacity: float = 0.5) -> Gaussians:
     """Gaussians at `points` (N, 3) of `colors` (N, 3) in 0 to 1."""
     n = len(points)
     neighbours = min(4, n)
@@ -107,7 +107,8 @@ def gaussians_at(points: Float32, colors: Float32, sh_degree: int) -> Gaussians:
     quats = np.zeros((n, 4), np.float32)
     quats[:, 0] = 1
     means = np.ascontiguousarray(points, np.float32)
-    return Gaussians(means, np.repeat(log_scales[:, None], 3, axis=1), quats, np.zeros(n, np.float32), sh)
+    logits = np.full(n, np.log(opacity / (1 - opacity)), np.float32)
+    return Gaussians(means, np.repeat(log_scales[:, None], 3, axis=1), quats, logits, sh)
 
 
 def seen_points(views: Sequence[TrainingView], cloud: Cloud) -> tuple[Float32, Float32]:

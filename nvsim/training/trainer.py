@@ -20,19 +20,17 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
 from nvsim.training.config import TrainingConfig
-from nvsim.training.densify import Densifier
 from nvsim.training.fit import Fit
 from nvsim.training.floor_paint import first_paint
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.losses import LossValues
-from nvsim.training.robust import RobustMask
+from nvsim.training.robust import robust_mask
+from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.views import TrainingView
 
 STAGE = "train"
 REPORT_SECONDS = 0.4
 PREVIEW_SECONDS = 5.0
-SH_SHARE = 0.15
-"""Share of the steps after which each further degree of the spherical harmonics joins."""
 _SMOOTHING = 0.95
 
 
@@ -91,14 +89,16 @@ class _Run:
     ) -> None:
         self._config, self._submap, self._listen = config, submap, listen
         self._views = views
-        self._halves = [v.halved() for v in views] if config.coarse_share > 0 else []
+        self._sizes = [list(views)]
+        for _ in range(config.coarse_levels if config.coarse_share > 0 else 0):
+            self._sizes.append([v.halved() for v in self._sizes[-1]])
         self._rng = np.random.default_rng(seed)
         gaussians = initial_gaussians(views, cloud, floor, config, self._rng)
-        network, texture = first_paint(self._halves or views, floor, config, seed)
+        network, texture = first_paint(self._sizes[min(1, len(self._sizes) - 1)], floor, config, seed)
         self.fit = Fit(gaussians, network, texture, floor, config, len(views))
-        self._densifier = Densifier(config, floor)
+        self._strategy = strategy_of(config, floor, self._rng)
         k = views[0].camera.intrinsics
-        self._robust = RobustMask(config.robust, len(views), k.width, k.height)
+        self._robust = robust_mask(config, len(views), k.width, k.height)
         self._parts: dict[str, files.Stateful] = {"fit": self.fit, "robust": self._robust}
         self._step = 0
         self._order: list[int] = []
@@ -157,17 +157,17 @@ class _Run:
         if not self._order:
             self._order = self._rng.permutation(len(self._views)).tolist()
         index = self._order.pop()
-        view = (self._halves if share < c.coarse_share else self._views)[index]
+        view = self._sizes[coarseness(c, share)][index]
         canvas = self.fit.canvas(view.camera.intrinsics.width, view.camera.intrinsics.height)
         canvas.inlier[:] = True
-        if c.robust.enabled and share >= c.robust.start:
-            self._robust.inlier(index, canvas.inlier)
-        values = self.fit.differentiate(view, canvas.inlier, int(share / SH_SHARE), index)
+        if c.random_background and not c.background:
+            canvas.background[:] = self._rng.random((3, 1, 1), np.float32)
+        judge = self._robust.begin(step, index, view.image, canvas.inlier)
+        values = self.fit.differentiate(view, canvas.inlier, sh_degree_at(c, share), index, judge)
+        self._robust.end(index, canvas.loss.error)
+        self._strategy.before_update(self.fit, step)
         self.fit.move(step)
-        if c.robust.enabled:
-            self._robust.observe(index, canvas.loss.error)
-        if self._densifier.is_due(step):
-            self.fit.refine(self._densifier.refine(self.fit.gaussians, _mean_gradient(self.fit.sums), step))
+        self._strategy.after_update(self.fit, step)
         keep = _SMOOTHING if step > 1 else 0.0
         for name, value in (("loss", values.total), ("psnr", values.psnr)):
             self._figures[name] = keep * self._figures[name] + (1 - keep) * value
@@ -183,7 +183,7 @@ class _Run:
             self._listen(Metric(STAGE, name, float(value), step, self._submap))
 
     def _show(self, path: Path) -> None:
-        view = (self._halves or self._views)[len(self._views) // 2]
+        view = self._sizes[min(1, len(self._sizes) - 1)][len(self._views) // 2]
         drawn, _ = self.fit.composite(view.camera)
         picture = np.concatenate([view.image, (np.clip(drawn, 0, 1) * 255).astype(np.uint8)], axis=1)
         with replacing(path) as temporary:
@@ -209,5 +209,13 @@ class _Run:
         }
 
 
-def _mean_gradient(sums: np.ndarray) -> np.ndarray:
-    return sums[:, 0] / np.maximum(sums[:, 1], 1)
+def coarseness(config: TrainingConfig, share: float) -> int:
+    """How often the images are halved when `share` of the steps are done."""
+    if share >= config.coarse_share:
+        return 0
+    return int(np.ceil(config.coarse_levels * (1 - share / config.coarse_share)))
+
+
+def sh_degree_at(config: TrainingConfig, share: float) -> int:
+    """The degree of the spherical harmonics in use when `share` of the steps are done."""
+    return config.sh_degree if config.sh_interval == 0 else min(int(share / config.sh_interval), config.sh_degree)

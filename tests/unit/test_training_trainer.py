@@ -17,6 +17,7 @@ from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
 from nvsim.training.benchmark import PARTS, measure
 from nvsim.training.config import PRESETS, TrainingConfig, preset
+from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 from nvsim.training.trainer import train_submap
 from nvsim.training.views import TrainingView
@@ -75,7 +76,7 @@ def test_every_preset_trains(room: SyntheticRoom, name: str) -> None:
 
 
 def test_an_unknown_preset_is_refused_by_name() -> None:
-    with pytest.raises(InputError, match="nvsim, splatfacto-i, 3dgs"):
+    with pytest.raises(InputError, match="nvsim, splatfacto-i, splatfacto-w, 3dgs"):
         preset("nerf")
 
 
@@ -111,21 +112,28 @@ def train_killed(room: SyntheticRoom, config: TrainingConfig, file: Path, step: 
             train(room, config, checkpoint=file)
 
 
-GROWING = {"every": 10, "start": 0.0, "gradient": 0.0}
 RESUMED = {
     name: replace(
         preset(name),
         steps=40,
         gaussian_cap=2500,
         checkpoint_seconds=0.0,
-        densify=replace(preset(name).densify, **GROWING),
-        robust=replace(preset(name).robust, enabled=name == "nvsim", start=0.3),
+        densify=replace(
+            preset(name).densify,
+            every=10,
+            start=0.0,
+            stop=1.0,
+            capped=CappedConfig(gradient=0.0),
+            adaptive=AdaptiveConfig(gradient=0.0, reset=0.4),
+        ),
+        robust=replace(preset(name).robust, start=0.3),
     )
     for name in PRESETS
 }
+RESUMED["mcmc"] = replace(RESUMED["nvsim"], densify=replace(RESUMED["nvsim"].densify, strategy="mcmc"))
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", RESUMED)
 def test_killed_and_resumed_training_is_bit_identical(room: SyntheticRoom, tmp_path: Path, name: str) -> None:
     file = tmp_path / "submap.ckpt"
     straight = train(room, RESUMED[name])
@@ -205,7 +213,7 @@ def test_the_cap_holds_through_a_whole_training(room: SyntheticRoom) -> None:
         if isinstance(event, Metric) and event.name == "gaussians":
             counts.append(event.value)
 
-    growing = replace(SMALL.densify, every=5, start=0.0, growth=0.5, gradient=0.0)
+    growing = replace(SMALL.densify, every=5, start=0.0, capped=CappedConfig(growth=0.5, gradient=0.0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trainer, "REPORT_SECONDS", 0.0)
         train(room, replace(SMALL, gaussian_cap=2200, densify=growing), listen=listen)

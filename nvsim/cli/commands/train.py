@@ -18,7 +18,7 @@ from nvsim.training.config import TrainingConfig, preset
 class Arguments(ProjectArguments):
     submaps: tuple[int, ...] = ()
     """Which submaps to train; all when none is named."""
-    preset: Literal["nvsim", "splatfacto-i", "3dgs"] = "nvsim"
+    preset: Literal["nvsim", "splatfacto-i", "splatfacto-w", "3dgs"] = "nvsim"
     """What the other flags start from: our defaults, or the paper's."""
     config: Inline[TrainingConfig] = field(default_factory=TrainingConfig)
 

@@ -1,0 +1,28 @@
+"""The alpha loss of Splatfacto-W, which the paper drops: Gaussians keep off pixels that the background explains.
+
+    L_alpha = mean over all pixels of E * alpha,   E: |background - image| < 0.003 in most of the 3x3 pixels around
+
+Splatfacto-W takes the mean over E alone; here it is over the image, as in every other term. For the ablation only.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+EXPLAINED = 0.003
+"""Mean difference of the channels, colours in 0 to 1, below which the background is right."""
+MAJORITY = 0.6
+Float32 = NDArray[np.float32]
+
+
+def alpha_loss(alpha: Float32, background: Float32, image: NDArray[np.uint8], weight: float, d_alpha: Float32) -> float:
+    """The weighted term for `alpha` (H, W), `background` (3, H, W) and `image` (H, W, 3). Adds its gradient to
+    `d_alpha` (H, W)."""
+    off = np.abs(background - image.transpose(2, 0, 1) * np.float32(1 / 255)).mean(axis=0)
+    around = cv2.blur((off < EXPLAINED).astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
+    explained = around > MAJORITY
+    each = np.float32(weight / alpha.size)
+    d_alpha[explained] += each
+    return float(each * alpha[explained].sum())

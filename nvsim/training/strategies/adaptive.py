@@ -1,0 +1,91 @@
+"""Strategy "adaptive": adaptive density control of 3D Gaussian splatting with absolute gradients.
+
+Where the mean absolute screen gradient is large, a small Gaussian is cloned and a large one is split (Kerbl et al.
+2023; AbsGS, Ye et al. 2024; Splatfacto's rules). Sizes are metres. The opacity is reset now and then, so that what is
+not needed fades and is culled; afterwards growth rests. Under a cap the neediest come first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.types import Gaussians
+from nvsim.training.strategies.capped import neediest
+from nvsim.training.strategies.config import DensifyConfig
+from nvsim.training.strategies.culling import worthless
+from nvsim.training.strategies.division import joined, logit, split, taken
+from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
+
+
+class Adaptive:
+    """`floor` None: nothing is removed for lying under it. `rng` decides where the parts of a split lie."""
+
+    def __init__(
+        self, config: DensifyConfig, steps: int, cap: int, floor: FloorSurface | None, rng: np.random.Generator
+    ) -> None:
+        self._config, self._steps, self._cap, self._floor, self._rng = config, steps, cap, floor, rng
+
+    def before_update(self, model: Model, step: int) -> None:
+        """Nothing."""
+
+    def after_update(self, model: Model, step: int) -> None:
+        """Refines or resets when it is time. Culling goes on when growth has stopped, as in Splatfacto."""
+        if step % self._config.every == 0 and not self.rests(step):
+            model.refine(self.refined(model.gaussians, model.sums, step))
+        if self.resets(step):
+            limit = logit(np.array([self._config.adaptive.reset_opacity]))
+            logits = model.gaussians.opacity_logits
+            np.minimum(logits, limit, out=logits)
+            model.forget("opacity_logits")
+
+    def grows(self, step: int) -> bool:
+        """Whether Gaussians are added in a refinement after `step`."""
+        return self._config.start * self._steps <= step <= self._config.stop * self._steps
+
+    def resets(self, step: int) -> bool:
+        """Whether the opacity is reset after `step`: at multiples of the interval while the model grows."""
+        interval = self._interval
+        return interval > 0 and step % interval == 0 and step <= self._config.stop * self._steps
+
+    def rests(self, step: int) -> bool:
+        """Whether `step` lies in the pause after a reset."""
+        interval = self._interval
+        if interval == 0 or step <= interval:
+            return False
+        last = min(step - 1, int(self._config.stop * self._steps)) // interval * interval
+        return last > 0 and step - last <= self._config.adaptive.pause * self._steps
+
+    @property
+    def _interval(self) -> int:
+        share = self._config.adaptive.reset
+        return max(int(share * self._steps), 1) if share > 0 else 0
+
+    def refined(self, gaussians: Gaussians, sums: Float32, step: int) -> Refinement:
+        """`sums` as in `Model`."""
+        c, rules = self._config, self._config.adaptive
+        lost = worthless(gaussians, c.prune_opacity, c.largest, self._floor)
+        on_screen = step <= rules.screen_stop * self._steps
+        # As in Splatfacto the screen culls only what a first reset gave the time to shrink.
+        if on_screen and rules.screen_cull > 0 and step > self._interval > 0:
+            lost |= sums[:, 2] > rules.screen_cull
+        cloned = halved = np.zeros(0, np.int64)
+        if self.grows(step):
+            cloned, halved = self._chosen(gaussians, sums, lost, on_screen)
+        stays = ~lost
+        stays[halved] = False
+        return Refinement(np.flatnonzero(stays), joined(taken(gaussians, cloned), split(gaussians, halved, self._rng)))
+
+    def _chosen(
+        self, gaussians: Gaussians, sums: Float32, lost: NDArray[np.bool_], on_screen: bool
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The Gaussians to clone and to split; each adds one."""
+        rules = self._config.adaptive
+        gradient = mean_gradient(sums)
+        small = gaussians.log_scales.max(axis=1) <= np.log(rules.small)
+        wide = (sums[:, 2] > rules.screen_split) if on_screen and rules.screen_split > 0 else np.zeros_like(lost)
+        wanting = np.flatnonzero(((gradient > rules.gradient) | wide) & ~lost)
+        chosen = neediest(wanting, gradient, self._cap - int((~lost).sum()))
+        cloning = small[chosen] & ~wide[chosen]
+        return chosen[cloning], chosen[~cloning]

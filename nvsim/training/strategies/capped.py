@@ -1,0 +1,55 @@
+"""Strategy "capped": divides the Gaussians that need it most, never beyond the cap.
+
+Grows where the summed absolute screen gradients say that one Gaussian does the work of several (AbsGS, Ye et al. 2024),
+the neediest first (Mallick et al. 2024). A Gaussian is divided along its longest axis into two that together let
+through what it let through. There is no opacity reset: runs are too short to recover from one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.types import Gaussians
+from nvsim.training.strategies.config import DensifyConfig
+from nvsim.training.strategies.culling import worthless
+from nvsim.training.strategies.division import divide
+from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
+
+
+class Capped:
+    """`floor` None: nothing is removed for lying under it."""
+
+    def __init__(self, config: DensifyConfig, steps: int, cap: int, floor: FloorSurface | None) -> None:
+        self._config, self._steps, self._cap, self._floor = config, steps, cap, floor
+
+    def before_update(self, model: Model, step: int) -> None:
+        """Nothing."""
+
+    def after_update(self, model: Model, step: int) -> None:
+        """Refines when it is time."""
+        c = self._config
+        if step % c.every == 0 and step <= c.stop * self._steps:
+            model.refine(self.refined(model.gaussians, mean_gradient(model.sums), step >= c.start * self._steps))
+
+    def refined(self, gaussians: Gaussians, gradient: Float32, grows: bool) -> Refinement:
+        """`gradient` (N,): the mean absolute screen gradient per half image since the last refinement."""
+        c = self._config
+        lost = worthless(gaussians, c.prune_opacity, c.largest, self._floor)
+        room = self._cap - (len(gaussians) - int(lost.sum()))
+        budget = min(room, int(c.capped.growth * len(gaussians))) if grows else 0
+        wanting = np.flatnonzero((gradient > c.capped.gradient) & ~lost)
+        wanting = neediest(wanting, gradient, budget)
+        stays = ~lost
+        stays[wanting] = False
+        return Refinement(np.flatnonzero(stays), divide(gaussians, wanting))
+
+
+def neediest(wanting: np.ndarray, gradient: Float32, budget: int) -> np.ndarray:
+    """At most `budget` of the indices `wanting`, those with the largest gradients, in order."""
+    if budget <= 0:
+        return wanting[:0]
+    if len(wanting) <= budget:
+        return wanting
+    order = np.argsort(-gradient[wanting], kind="stable")
+    return np.asarray(np.sort(wanting[order[:budget]]))

@@ -1,0 +1,28 @@
+"""The strategy that a configuration names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.training.config import TrainingConfig
+from nvsim.training.strategies.adaptive import Adaptive
+from nvsim.training.strategies.capped import Capped
+from nvsim.training.strategies.fixed import Fixed
+from nvsim.training.strategies.mcmc import Mcmc
+from nvsim.training.strategies.types import Strategy
+
+
+def strategy_of(config: TrainingConfig, floor: FloorSurface, rng: np.random.Generator) -> Strategy:
+    """`rng` is drawn from during training: its state belongs into a checkpoint."""
+    c, steps, cap = config.densify, config.steps, config.gaussian_cap
+    ground = floor if config.floor_aware else None
+    match c.strategy:
+        case "adaptive":
+            return Adaptive(c, steps, cap, ground, rng)
+        case "mcmc":
+            return Mcmc(c, steps, cap, ground, rng, config.rate.means, config.rate.means_end)
+        case "capped":
+            return Capped(c, steps, cap, ground)
+        case "none":
+            return Fixed()

@@ -1,0 +1,26 @@
+"""What no strategy keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.types import Gaussians
+
+SUNK = 0.03
+"""Metres below the floor from which a Gaussian is under it."""
+
+
+def worthless(gaussians: Gaussians, faintest: float, largest: float, floor: FloorSurface | None) -> NDArray[np.bool_]:
+    """(N,) the Gaussians fainter than the opacity `faintest`, wider than `largest` metres on an axis, not finite, or
+    under the floor."""
+    g = gaussians
+    with np.errstate(over="ignore", invalid="ignore"):
+        lost = ~(g.opacity_logits > np.log(faintest / (1 - faintest)))
+        lost |= ~(g.log_scales.max(axis=1) < np.log(largest))
+        lost |= ~np.isfinite(g.means).all(axis=1)
+    if floor is not None:
+        safe = np.where(lost[:, None], 0, g.means)
+        lost |= safe[:, 2] < floor.height_at(safe[:, :2]) - SUNK
+    return lost

@@ -1,0 +1,64 @@
+"""One Gaussian becomes two: divided along an axis, split at random, or cloned."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.rotation import matrix_from_quaternion
+from nvsim.splats.types import Gaussians
+
+APART = 0.5
+"""`divide` places the halves this many standard deviations to either side of the centre."""
+SHRINK = 1.6
+"""Parts are smaller by this factor (Kerbl et al. 2023)."""
+Indices = NDArray[np.int64]
+
+
+def taken(gaussians: Gaussians, chosen: Indices) -> Gaussians:
+    """Copies of the Gaussians `chosen` (D,)."""
+    g = gaussians
+    return Gaussians(g.means[chosen], g.log_scales[chosen], g.quats[chosen], g.opacity_logits[chosen], g.sh[chosen])
+
+
+def joined(first: Gaussians, second: Gaussians) -> Gaussians:
+    """One after the other."""
+    names = ("means", "log_scales", "quats", "opacity_logits", "sh")
+    return Gaussians(*(np.concatenate([getattr(first, n), getattr(second, n)]) for n in names))
+
+
+def logit(opacity: NDArray[np.floating]) -> NDArray[np.float32]:
+    """The inverse of the sigmoid."""
+    return np.log(opacity / (1 - opacity)).astype(np.float32)
+
+
+def opacities(gaussians: Gaussians) -> NDArray[np.float64]:
+    """(N,) in 0 to 1."""
+    with np.errstate(over="ignore"):
+        return np.asarray(1 / (1 + np.exp(-gaussians.opacity_logits.astype(np.float64))))
+
+
+def divide(gaussians: Gaussians, chosen: Indices) -> Gaussians:
+    """Two halves of each of `chosen` (D,) on its longest axis, which together let through what it let through; first
+    all the left halves, then all the right ones."""
+    half = taken(gaussians, chosen)
+    longest, rows = half.log_scales.argmax(axis=1), np.arange(len(chosen))
+    axes = matrix_from_quaternion(half.quats)[rows, :, longest].reshape(-1, 3)
+    offset = (axes * (APART * np.exp(half.log_scales[rows, longest]))[:, None]).astype(np.float32)
+    half.log_scales[rows, longest] -= np.float32(np.log(SHRINK))
+    half.opacity_logits = logit(np.clip(1 - np.sqrt(1 - opacities(half)), 1e-4, 1 - 1e-4))
+    both = joined(half, half)
+    both.means += np.concatenate([-offset, offset])
+    return both
+
+
+def split(gaussians: Gaussians, chosen: Indices, rng: np.random.Generator) -> Gaussians:
+    """Two of each of `chosen` (D,) at points drawn from it, smaller on every axis, as opaque as it (Kerbl et al.
+    2023)."""
+    part = taken(gaussians, chosen)
+    both = joined(part, part)
+    drawn = rng.standard_normal((len(both), 3)) * np.exp(both.log_scales)
+    turned = np.einsum("nij,nj->ni", matrix_from_quaternion(both.quats).reshape(-1, 3, 3), drawn)
+    both.means += turned.astype(np.float32)
+    both.log_scales -= np.float32(np.log(SHRINK))
+    return both
