@@ -31,6 +31,8 @@ from nvsim.training.texture import LearnedTexture, meet_floor
 from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]
+TEXTURE_STEPS = 4
+"""Steps whose gradients the texture gathers before it moves: a view touches few of its many texels."""
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 
 
@@ -191,7 +193,11 @@ class Fit:
         }
         with LOCK:
             for name, group in self.groups.items():
-                group.step(step, decay.get(name, 1.0) ** share)
+                if name != "texture":
+                    group.step(step, decay.get(name, 1.0) ** share)
+                elif step % TEXTURE_STEPS == 0:
+                    group.step(step // TEXTURE_STEPS, decay[name] ** share)
+                    group.gradient[:] = 0
         self.parts["optimizer"] = 1e3 * (time.perf_counter() - started)
 
     def refine(self, refinement: Refinement) -> None:
@@ -216,6 +222,8 @@ class Fit:
         for name, group in self.groups.items():
             arrays[f"{name}.values"] = group.values
             arrays[f"{name}.first"], arrays[f"{name}.second"] = group.first, group.second
+        if self.texture is not None:
+            arrays["texture.gradient"] = self.texture.gradient
         return arrays if self.exposure is None else {**arrays, **self.exposure.state()}
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
@@ -223,6 +231,8 @@ class Fit:
         self.sums = np.ascontiguousarray(arrays["sums"], np.float32)
         if self.exposure is not None:
             self.exposure.restore(arrays)
+        if self.texture is not None:
+            self.texture.gradient[:] = arrays["texture.gradient"]
         for name, group in self.groups.items():
             values = np.ascontiguousarray(arrays[f"{name}.values"], np.float32)
             if name in FIELDS:

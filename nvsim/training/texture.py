@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from nvsim.render.floor_texture import distance_to_floor, footprint_of, level_weight
 from nvsim.splats.types import FloorTexture
 
-TEXELS = (0.4, 0.1, 0.03)
+TEXELS = (0.4, 0.1, 0.04, 0.015)
 """Metres, coarse to fine."""
-LARGEST = 4096
+LARGEST = 2600
 """Most texels of a level along one side; a wider area gets larger texels."""
 
 _F = np.float32
@@ -148,8 +148,7 @@ class LearnedTexture:
         add_texture(hits, self.table, self.sizes, self.bounds, self.values, background)
 
     def collect(self, hits: Float32, d_background: Float32) -> None:
-        """Sets `gradient` from dL / d(background) (3, H, W)."""
-        self.gradient[:] = 0
+        """Adds to `gradient` from dL / d(background) (3, H, W)."""
         scatter_texture(hits, self.table, self.sizes, self.bounds, d_background, self.gradient, _UNWEIGHTED)
 
     def level(self, index: int) -> slice:
