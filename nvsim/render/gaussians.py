@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from nvsim.geometry.camera import Camera
-from nvsim.render.types import Float32, RenderOutput
+from nvsim.render.backends import Backend, chosen
+from nvsim.render.types import Float32, RenderOutput, expected_depth
 from nvsim.render.workspace import LOCK, Workspace, ready
 from nvsim.splats.types import Gaussians
-
-ALPHA_OF_DEPTH = np.float32(1e-3)
-"""Below this alpha a pixel has no depth."""
 
 _workspace = Workspace()
 
@@ -20,23 +16,34 @@ def render_gaussians(
     camera: Camera,
     channels: frozenset[str] = frozenset({"rgb", "alpha"}),
     antialiased: bool = True,
+    backend: Backend = "auto",
 ) -> RenderOutput:
     """The asked channels of "rgb", "alpha", "depth", "normal", as RenderOutput describes them, over black.
 
     Safe to call from several threads; one is served at a time, with every core. Raises ValueError for an unknown
-    channel.
+    channel, InputError for a backend that cannot run here.
     """
-    output, _ = render_over(gaussians, camera, channels, antialiased)
+    output, _ = render_over(gaussians, camera, channels, antialiased, backend)
     return output
 
 
 def render_over(
-    gaussians: Gaussians, camera: Camera, channels: frozenset[str], antialiased: bool
+    gaussians: Gaussians,
+    camera: Camera,
+    channels: frozenset[str],
+    antialiased: bool,
+    backend: Backend = "auto",
+    lasting: bool = False,
 ) -> tuple[RenderOutput, Float32]:
-    """As `render_gaussians`, with the transmittance (H, W) = 1 - alpha, what is left for a background."""
+    """As `render_gaussians`, with the transmittance (H, W) = 1 - alpha, what is left for a background. `lasting` says
+    that the arrays of `gaussians` never change, so that a card may keep them."""
     unknown = channels - {"rgb", "alpha", "depth", "normal"}
     if unknown:
         raise ValueError(f"unknown render channels: {', '.join(sorted(unknown))}")
+    if chosen(backend) == "gsplat":
+        from nvsim.render import gsplat_backend
+
+        return gsplat_backend.render_over(gaussians, camera, channels, antialiased, lasting)
     g = gaussians
     arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
     k = camera.intrinsics
@@ -57,9 +64,3 @@ def render_over(
     if "normal" in channels:
         output.normal = normal
     return output, transmittance
-
-
-def expected_depth(weighted: Float32, alpha: Float32) -> Float32:
-    """Weighted sum of depths over alpha, 0 where alpha is below ALPHA_OF_DEPTH; all (H, W)."""
-    mean = weighted / np.maximum(alpha, ALPHA_OF_DEPTH)
-    return np.where(alpha < ALPHA_OF_DEPTH, np.float32(0), mean)

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.render.backends import Backend
 from nvsim.render.equirectangular import face_intrinsics, half_angles, resample
-from nvsim.render.gaussians import expected_depth
 from nvsim.render.model import render_model
-from nvsim.render.types import Float32, RenderOutput
+from nvsim.render.types import Float32, RenderOutput, expected_depth
 from nvsim.render.workspace import LOCK
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import SubmapModel
@@ -60,13 +60,15 @@ def render_cube(
     side: int,
     channels: frozenset[str] = RGB_ALPHA,
     heading: float = 0.0,
+    backend: Backend = "auto",
 ) -> list[RenderOutput]:
     """The views of `cube` from `position` (3,), in its order; depth is along the optical axis of each face.
 
-    Raises InputError when the submap's files cannot be read, ValueError for an unknown channel.
+    Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
+    channel.
     """
     model = model_of(scene, position)
-    return [render_model(model, camera, channels) for camera in cube(position, side, heading)]
+    return [render_model(model, camera, channels, backend) for camera in cube(position, side, heading)]
 
 
 def skybox(faces: list[NDArray[np.generic]]) -> NDArray[np.generic]:
@@ -84,6 +86,7 @@ def render_equirectangular(
     height: int,
     channels: frozenset[str] = RGB_ALPHA,
     heading: float = 0.0,
+    backend: Backend = "auto",
 ) -> RenderOutput:
     """The whole sphere around `position` (3,): columns are headings, growing to the right, with `heading` (radians) in
     the middle of the image and -180 degrees at its left edge; rows are elevations from +90 degrees down to -90. For
@@ -92,13 +95,14 @@ def render_equirectangular(
     As RenderOutput, except that depth is the distance along the ray, in metres. Filtered from six faces that are drawn
     finer than the panorama (see nvsim.render.equirectangular).
 
-    Raises InputError when the submap's files cannot be read, ValueError for an unknown channel.
+    Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
+    channel.
     """
     model = model_of(scene, position)
     # What a pixel of several things shows is the mean weighted by alpha, so both are resampled and divided after.
     wanted = channels | {"alpha"} if "depth" in channels else channels
     cameras = _cube(position, face_intrinsics(width), heading)
-    outputs = [render_model(model, camera, wanted) for camera in cameras]
+    outputs = [render_model(model, camera, wanted, backend) for camera in cameras]
     result = RenderOutput()
     if wanted & {"rgb", "alpha"}:
         colours = _resampled([_stacked(o.rgb, o.alpha) for o in outputs], cameras[0], width, height)

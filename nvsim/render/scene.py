@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from nvsim.geometry.camera import Camera
+from nvsim.render.backends import Backend
 from nvsim.render.model import render_model
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
 
 
 def render_scene(
-    scene: SceneModel, camera: Camera, channels: frozenset[str] = frozenset({"rgb", "alpha"})
+    scene: SceneModel,
+    camera: Camera,
+    channels: frozenset[str] = frozenset({"rgb", "alpha"}),
+    backend: Backend = "auto",
 ) -> tuple[int, RenderOutput]:
     """The index of the submap that drew it, and the view.
 
-    Raises InputError when that submap's files cannot be read, ValueError for an unknown channel.
+    Raises InputError when that submap's files cannot be read or the backend cannot run here, ValueError for an unknown
+    channel.
     """
     index, model = scene.model_at(camera.position)
-    return index, render_model(model, camera, channels)
+    return index, render_model(model, camera, channels, backend)

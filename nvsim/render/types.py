@@ -25,3 +25,13 @@ class RenderOutput:
     alpha: Float32 | None = None
     depth: Float32 | None = None
     normal: Float32 | None = None
+
+
+ALPHA_OF_DEPTH = np.float32(1e-3)
+"""Below this alpha a pixel has no depth."""
+
+
+def expected_depth(weighted: Float32, alpha: Float32) -> Float32:
+    """Weighted sum of depths over alpha, 0 where alpha is below ALPHA_OF_DEPTH; all (H, W)."""
+    mean = weighted / np.maximum(alpha, ALPHA_OF_DEPTH)
+    return np.where(alpha < ALPHA_OF_DEPTH, np.float32(0), mean)

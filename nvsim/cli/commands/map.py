@@ -20,6 +20,8 @@ class Arguments(ProjectArguments):
     """Decide the stored evidence again under these thresholds; render only what newly opens."""
     preset: Literal["nvsim", "paper"] = "nvsim"
     """What the other flags start from: our defaults, or the paper's."""
+    backend: Literal["auto", "numba", "gsplat"] = "auto"
+    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
     memory: Memory = None
     """GiB for trained models; a quarter of the machine's when left out."""
     config: Inline[MappingConfig] = field(default_factory=MappingConfig)
@@ -34,5 +36,5 @@ def defaults(argv: list[str]) -> Arguments:
 def run(arguments: Arguments) -> int:
     budget = memory_budget(arguments.memory)
     with working(arguments.project, "map", arguments.json) as (project, listen):
-        mapped.run(project, arguments.config, listen, arguments.reapply, budget)
+        mapped.run(project, arguments.config, listen, arguments.reapply, budget, arguments.backend)
     return 0

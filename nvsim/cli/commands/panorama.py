@@ -33,6 +33,8 @@ class Arguments(ProjectArguments):
     """Height in pixels: of the equirectangular picture, which is twice as wide (1024), or of a face (512)."""
     also: tuple[Literal["alpha", "depth", "normal"], ...] = ()
     """What else to write: alpha (8 bits), depth (16 bits, millimetres), normal (8 bits)."""
+    backend: Literal["auto", "numba", "gsplat"] = "auto"
+    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
     memory: Memory = None
     """GiB for trained models; a quarter of the machine's when left out."""
 
@@ -53,13 +55,13 @@ def run(arguments: Arguments) -> int:
         raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
     heading, channels = math.radians(arguments.heading), frozenset({"rgb", *arguments.also})
     if arguments.faces:
-        views = render_cube(scene, position, arguments.size or 512, channels, heading)
+        views = render_cube(scene, position, arguments.size or 512, channels, heading, arguments.backend)
         image = RenderOutput()
         for channel in channels:
             setattr(image, channel, skybox([getattr(view, channel) for view in views]))
     else:
         height = arguments.size or 1024
-        image = render_equirectangular(scene, position, 2 * height, height, channels, heading)
+        image = render_equirectangular(scene, position, 2 * height, height, channels, heading, arguments.backend)
     for path in write_panorama(arguments.out, image):
         print(path)
     return 0

@@ -17,6 +17,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.project import ledger
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
+from nvsim.render.backends import Backend
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
 
@@ -26,15 +27,15 @@ STAGE = "map"
 class SceneViews:
     """The scene model as the builder's source of views."""
 
-    def __init__(self, scene: SceneModel) -> None:
-        self._scene = scene
+    def __init__(self, scene: SceneModel, backend: Backend = "auto") -> None:
+        self._scene, self._backend = scene, backend
 
     def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
         """The submap nearest to `position` and its views, alpha and normals."""
         from nvsim.render.model import render_model
 
         index, model = self._scene.model_at(position)
-        return index, [render_model(model, c, frozenset({"alpha", "normal"})) for c in cameras]
+        return index, [render_model(model, c, frozenset({"alpha", "normal"}), self._backend) for c in cameras]
 
 
 def run(
@@ -43,9 +44,10 @@ def run(
     listen: Listener,
     reapply: bool = False,
     memory_budget: int | None = None,
+    backend: Backend = "auto",
 ) -> None:
     """Builds the graph; with `reapply` decides the stored one again and renders only what newly opens. `memory_budget`
-    in bytes is for the models in memory, as SceneModel takes it.
+    in bytes is for the models in memory, as SceneModel takes it; `backend` draws.
 
     Raises InputError while no submap is trained.
     """
@@ -70,7 +72,7 @@ def run(
     capture = project.need_capture()
     scan = scan_name(project)
     result = build_map(
-        SceneViews(scene),
+        SceneViews(scene, backend),
         capture.positions,
         floor_of(project).height_at,
         support.at,

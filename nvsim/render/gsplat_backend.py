@@ -1,0 +1,145 @@
+"""The rasteriser of gsplat on a CUDA card, behind the same contract as the numba kernels; needs the extra `gpu`.
+
+This module was held against gsplat's own torch reference on a CPU (tests/unit/test_render_gsplat.py) for what it hands
+over: layout of the harmonics, quaternions, poses, intrinsics, normals and depth as further channels. The CUDA kernels
+themselves have not been run with it. Two of their constants differ from ours: alpha is capped at 0.999, not 0.99, and a
+pixel stops by itself at transmittance 1e-4, not a tile; both change a pixel by less than 1 %.
+"""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from dataclasses import dataclass
+
+import gsplat
+import numpy as np
+import torch
+
+from nvsim.geometry.camera import Camera
+from nvsim.render.projection import EPS2D, NEAR
+from nvsim.render.types import Float32, RenderOutput, expected_depth
+from nvsim.splats.types import Gaussians
+
+FAR = 1e6  # metres, as the kernels
+
+
+@dataclass(frozen=True, eq=False)
+class DeviceGaussians:
+    """Gaussians on the card, activated as gsplat takes them; all float32.
+
+    means (N, 3), quats (N, 4) w x y z, scales (N, 3) metres, opacities (N,), sh (N, K, 3), normals (N, 3): the shortest
+    axes, of either sign
+    """
+
+    means: torch.Tensor
+    quats: torch.Tensor
+    scales: torch.Tensor
+    opacities: torch.Tensor
+    sh: torch.Tensor
+    normals: torch.Tensor
+
+
+_lock = threading.Lock()
+_uploaded: weakref.WeakKeyDictionary[Gaussians, DeviceGaussians] = weakref.WeakKeyDictionary()
+
+
+def render_over(
+    gaussians: Gaussians,
+    camera: Camera,
+    channels: frozenset[str],
+    antialiased: bool,
+    lasting: bool = False,
+    device: str = "cuda",
+) -> tuple[RenderOutput, Float32]:
+    """As gaussians.render_over: the asked channels, and the transmittance (H, W).
+
+    lasting   the arrays never change, so that they stay on the card as long as `gaussians` lives
+    """
+    with _lock, torch.no_grad():
+        g = _uploaded.get(gaussians) if lasting else None
+        if g is None:
+            g = upload(gaussians, device)
+            if lasting:
+                _uploaded[gaussians] = g
+        return _render(g, camera, channels, antialiased)
+
+
+def upload(gaussians: Gaussians, device: str) -> DeviceGaussians:
+    """Copies to the device; what is not finite is made transparent there, as the kernels leave it out."""
+    arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits, gaussians.sh)
+    means, quats, log_scales, logits, sh = (torch.from_numpy(np.ascontiguousarray(a)).to(device) for a in arrays)
+    finite = torch.isfinite(torch.cat([means, quats, log_scales, logits[:, None]], dim=1)).all(dim=1)
+    quats = torch.where(finite[:, None] & (quats.square().sum(1, keepdim=True) > 1e-20), quats, _UNTURNED.to(device))
+    return DeviceGaussians(
+        torch.where(finite[:, None], means, 0.0),
+        quats,
+        torch.where(finite[:, None], log_scales, 0.0).exp(),
+        torch.where(finite, logits.sigmoid(), 0.0),
+        sh,
+        _shortest_axes(quats, log_scales),
+    )
+
+
+_UNTURNED = torch.tensor([1.0, 0.0, 0.0, 0.0])
+
+
+def _render(
+    g: DeviceGaussians, camera: Camera, channels: frozenset[str], antialiased: bool
+) -> tuple[RenderOutput, Float32]:
+    device, k = g.means.device, camera.intrinsics
+    eye = torch.tensor(camera.position, dtype=torch.float32, device=device)
+    toward = g.means - eye
+    # Colours and normals in one pass: gsplat takes any number of channels beside the depth.
+    features = []
+    if "rgb" in channels:
+        degree = round(g.sh.shape[1] ** 0.5) - 1
+        features.append((gsplat.spherical_harmonics(degree, toward, g.sh) + 0.5).clamp(min=0.0))
+    if "normal" in channels:
+        away = (g.normals * toward).sum(dim=1, keepdim=True) > 0
+        features.append(torch.where(away, -g.normals, g.normals))
+    colors = torch.cat(features, dim=1) if features else torch.zeros(len(g.means), 1, device=device)
+    drawn, alphas, _ = gsplat.rasterization(
+        means=g.means,
+        quats=g.quats,
+        scales=g.scales,
+        opacities=g.opacities,
+        colors=colors,
+        viewmats=torch.tensor(camera.world_to_camera, dtype=torch.float32, device=device)[None],
+        # gsplat samples pixels at their centres, half a pixel from their corner, which is our convention too.
+        Ks=torch.tensor([[[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]]], dtype=torch.float32, device=device),
+        width=k.width,
+        height=k.height,
+        near_plane=NEAR,
+        far_plane=FAR,
+        eps2d=EPS2D,
+        sh_degree=None,
+        render_mode="RGB+D" if "depth" in channels else "RGB",
+        rasterize_mode="antialiased" if antialiased else "classic",
+    )
+    image = drawn[0].cpu().numpy()
+    alpha = np.ascontiguousarray(alphas[0, ..., 0].cpu().numpy())
+    output = RenderOutput()
+    if "rgb" in channels:
+        output.rgb = np.ascontiguousarray(image[..., :3])
+    if "normal" in channels:
+        first = 3 if "rgb" in channels else 0
+        output.normal = np.ascontiguousarray(image[..., first : first + 3])
+    if "depth" in channels:
+        output.depth = expected_depth(image[..., -1], alpha)
+    if "alpha" in channels:
+        output.alpha = alpha
+    return output, 1 - alpha
+
+
+def _shortest_axes(quats: torch.Tensor, log_scales: torch.Tensor) -> torch.Tensor:
+    """(N, 3) the column of the rotation that belongs to the smallest scale, the first of equal ones."""
+    w, x, y, z = torch.nn.functional.normalize(quats, dim=1).unbind(1)
+    axes = (
+        torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], dim=1),
+        torch.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], dim=1),
+        torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], dim=1),
+    )
+    a, b, c = log_scales.unbind(1)
+    first, second = ((a <= b) & (a <= c))[:, None], (b <= c)[:, None]
+    return torch.where(first, axes[0], torch.where(second, axes[1], axes[2]))

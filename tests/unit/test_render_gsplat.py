@@ -1,0 +1,148 @@
+"""The contract of the backends, and what the gsplat backend hands over.
+
+Where gsplat is installed without a CUDA card (it is in no extra but `gpu`), its rasterisation is stood in for by its
+own torch reference of projection and harmonics, composited plainly: that checks everything but its kernels.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+
+import numpy as np
+import pytest
+import torch
+from test_render_forward import ALL, CAMERAS, expected, psnr, scene
+
+from nvsim.errors import InputError
+from nvsim.render import backends
+from nvsim.render.gaussians import render_gaussians
+from nvsim.splats.types import Gaussians
+
+INSTALLED = importlib.util.find_spec("gsplat") is not None
+needs_gsplat = pytest.mark.skipif(not INSTALLED, reason="gsplat is not installed")
+needs_cuda = pytest.mark.skipif(not (INSTALLED and torch.cuda.is_available()), reason="no gsplat or no CUDA card")
+
+
+def standing_in(**given):
+    """gsplat.rasterization on the CPU, one camera."""
+    import gsplat
+    from gsplat.cuda import _torch_impl as impl
+
+    inspect.signature(gsplat.rasterization).bind(**given)
+    width, height = given["width"], given["height"]
+    covariances, _ = impl._quat_scale_to_covar_preci(given["quats"], given["scales"], compute_preci=False)
+    radii, centres, depths, conics, compensations = impl._fully_fused_projection(
+        given["means"],
+        covariances,
+        given["viewmats"],
+        given["Ks"],
+        width,
+        height,
+        eps2d=given["eps2d"],
+        near_plane=given["near_plane"],
+        far_plane=given["far_plane"],
+        calc_compensations=given["rasterize_mode"] == "antialiased",
+    )
+    opacities = given["opacities"] if compensations is None else given["opacities"] * compensations[0]
+    colors = given["colors"]
+    if given["render_mode"] == "RGB+D":
+        colors = torch.cat([colors, depths[0, :, None]], dim=1)
+    order = torch.argsort(depths[0])
+    order = order[(radii[0] > 0).all(dim=1)[order]]
+    x, y = torch.meshgrid(torch.arange(width) + 0.5, torch.arange(height) + 0.5, indexing="xy")
+    through = torch.ones(height, width)
+    image = torch.zeros(height, width, colors.shape[1])
+    for i in order:
+        dx, dy = x - centres[0, i, 0], y - centres[0, i, 1]
+        a, b, c = conics[0, i]
+        alpha = (opacities[i] * torch.exp(-0.5 * (a * dx * dx + c * dy * dy) - b * dx * dy)).clamp(max=0.999)
+        weight = torch.where(alpha < 1 / 255, 0.0, alpha) * through
+        image += weight[..., None] * colors[i]
+        through = through - weight
+    return image[None], (1 - through)[None, ..., None], {}
+
+
+@pytest.fixture(params=["numba", pytest.param("stand-in", marks=needs_gsplat), pytest.param("cuda", marks=needs_cuda)])
+def render(request, monkeypatch):
+    if request.param == "numba":
+        return lambda *a: render_gaussians(*a, backend="numba")
+    if request.param == "cuda":
+        return lambda *a: render_gaussians(*a, backend="gsplat")
+    import gsplat
+    from gsplat.cuda import _torch_impl as impl
+
+    from nvsim.render import gsplat_backend
+
+    # The true signature stays visible to `standing_in`.
+    monkeypatch.setattr(gsplat_backend, "gsplat", type("CPU", (), {}))
+    gsplat_backend.gsplat.rasterization = staticmethod(standing_in)
+    gsplat_backend.gsplat.spherical_harmonics = staticmethod(impl._spherical_harmonics)
+    assert gsplat is not gsplat_backend.gsplat
+
+    def on_cpu(gaussians, camera, channels=frozenset({"rgb", "alpha"}), antialiased=True):
+        return gsplat_backend.render_over(gaussians, camera, channels, antialiased, device="cpu")[0]
+
+    return on_cpu
+
+
+def tame(camera, count=250):
+    """Below the alpha at which the backends cap differently."""
+    g = scene(camera, count)
+    g.opacity_logits = np.minimum(g.opacity_logits, 2).astype(np.float32)
+    return g
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("antialiased", [True, False])
+def test_every_backend_draws_every_channel_as_the_reference(render, name, antialiased):
+    camera = CAMERAS[name]
+    g = tame(camera)
+    output = render(g, camera, ALL, antialiased)
+    rgb, alpha, depth, normal = expected(g, camera, antialiased)
+    assert psnr(output.rgb, rgb) > 45
+    assert psnr(output.alpha, alpha) > 45
+    assert psnr(output.depth, depth, peak=7) > 45
+    assert psnr(output.normal, normal) > 45
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_every_backend_takes_harmonics_of_a_lower_degree(render, degree):
+    camera = CAMERAS["centred"]
+    g = scene(camera, count=60, degree=degree)
+    assert psnr(render(g, camera).rgb, expected(g, camera, True)[0]) > 45
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+def test_every_backend_gives_one_channel_alone(render, name):
+    camera = CAMERAS["centred"]
+    g = tame(camera, 80)
+    alone, whole = render(g, camera, frozenset({name})), render(g, camera, ALL)
+    np.testing.assert_allclose(getattr(alone, name), getattr(whole, name), atol=1e-5)
+    assert all(getattr(alone, other) is None for other in ALL - {name})
+
+
+def test_every_backend_leaves_out_what_is_not_finite(render):
+    camera = CAMERAS["centred"]
+    g = tame(camera, 60)
+    g.opacity_logits[::3] = -20
+    clean = render(g, camera, ALL)
+    for i, array in enumerate((g.means, g.log_scales, g.quats)):
+        array[3 * i, 0] = (np.nan, np.inf, -np.inf)[i]
+    output = render(g, camera, ALL)
+    for name in ALL:
+        np.testing.assert_allclose(getattr(output, name), getattr(clean, name), atol=1e-5)
+
+
+def test_every_backend_draws_nothing_of_nothing(render):
+    output = render(Gaussians.empty(3), CAMERAS["centred"], ALL)
+    assert not any(getattr(output, name).any() for name in ALL)
+
+
+def test_without_a_card_auto_is_the_cpu_and_gsplat_is_refused(monkeypatch):
+    monkeypatch.setattr(backends, "_missing_for_gsplat", lambda: "PyTorch sees no CUDA card")
+    assert backends.chosen("auto") == backends.chosen("numba") == "numba"
+    with pytest.raises(InputError, match="no CUDA card.*numba"):
+        render_gaussians(Gaussians.empty(), CAMERAS["centred"], backend="gsplat")
+    monkeypatch.setattr(backends, "_missing_for_gsplat", lambda: None)
+    assert backends.chosen("auto") == "gsplat"
