@@ -12,7 +12,6 @@ import threading
 import weakref
 from dataclasses import dataclass
 
-import gsplat
 import numpy as np
 import torch
 
@@ -87,6 +86,8 @@ _UNTURNED = torch.tensor([1.0, 0.0, 0.0, 0.0])
 def _render(
     g: DeviceGaussians, camera: Camera, channels: frozenset[str], antialiased: bool
 ) -> tuple[RenderOutput, Float32]:
+    import gsplat
+
     device, k = g.means.device, camera.intrinsics
     eye = torch.tensor(camera.position, dtype=torch.float32, device=device)
     toward = g.means - eye
