@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import Backend, chosen
 from nvsim.render.types import Float32, RenderOutput, expected_depth
-from nvsim.render.workspace import LOCK, Workspace, ready
+from nvsim.render.workspace import LOCK, Workspace, pixels_of, ready
 from nvsim.splats.types import Gaussians
 
 _workspace = Workspace()
@@ -16,14 +19,17 @@ def render_gaussians(
     camera: Camera,
     channels: frozenset[str] = frozenset({"rgb", "alpha"}),
     antialiased: bool = True,
+    tiles: NDArray[np.bool_] | None = None,
     backend: Backend = "auto",
 ) -> RenderOutput:
     """The asked channels of "rgb", "alpha", "depth", "normal", as RenderOutput describes them, over black.
 
+    `tiles`, bool, one of each 16x16 pixels (see workspace.tiles_of), are those to be drawn; the others come back zero.
+
     Safe to call from several threads; one is served at a time, with every core. Raises ValueError for an unknown
     channel, InputError for a backend that cannot run here.
     """
-    output, _ = render_over(gaussians, camera, channels, antialiased, backend)
+    output, _ = render_over(gaussians, camera, channels, antialiased, tiles, backend)
     return output
 
 
@@ -32,6 +38,7 @@ def render_over(
     camera: Camera,
     channels: frozenset[str],
     antialiased: bool,
+    tiles: NDArray[np.bool_] | None = None,
     backend: Backend = "auto",
     lasting: bool = False,
 ) -> tuple[RenderOutput, Float32]:
@@ -43,13 +50,14 @@ def render_over(
     if chosen(backend) == "gsplat":
         from nvsim.render import gsplat_backend
 
-        return gsplat_backend.render_over(gaussians, camera, channels, antialiased, lasting)
+        whole, left = gsplat_backend.render_over(gaussians, camera, channels, antialiased, lasting)
+        return (whole, left) if tiles is None else _only(whole, left, tiles)
     g = gaussians
     arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
     k = camera.intrinsics
     geometry = bool(channels & {"depth", "normal"})
     with LOCK:
-        _workspace.project(arrays, camera, antialiased)
+        _workspace.project(arrays, camera, antialiased, tiles=tiles)
         _workspace.bin()
         rgb, transmittance, depth, normal = _workspace.draw(k.height, k.width, geometry)
     output = RenderOutput()
@@ -64,3 +72,12 @@ def render_over(
     if "normal" in channels:
         output.normal = normal
     return output, transmittance
+
+
+def _only(output: RenderOutput, transmittance: Float32, tiles: NDArray[np.bool_]) -> tuple[RenderOutput, Float32]:
+    # For a backend that knows whole views only.
+    inside = pixels_of(tiles, *transmittance.shape)
+    for channel in (output.rgb, output.alpha, output.depth, output.normal):
+        if channel is not None:
+            channel[~inside] = 0
+    return output, np.where(inside, transmittance, np.float32(1))

@@ -68,7 +68,7 @@ def render_cube(
     channel.
     """
     model = model_of(scene, position)
-    return [render_model(model, camera, channels, backend) for camera in cube(position, side, heading)]
+    return [render_model(model, camera, channels, backend=backend) for camera in cube(position, side, heading)]
 
 
 def skybox(faces: list[NDArray[np.generic]]) -> NDArray[np.generic]:
@@ -102,7 +102,7 @@ def render_equirectangular(
     # What a pixel of several things shows is the mean weighted by alpha, so both are resampled and divided after.
     wanted = channels | {"alpha"} if "depth" in channels else channels
     cameras = _cube(position, face_intrinsics(width), heading)
-    outputs = [render_model(model, camera, wanted, backend) for camera in cameras]
+    outputs = [render_model(model, camera, wanted, backend=backend) for camera in cameras]
     result = RenderOutput()
     if wanted & {"rgb", "alpha"}:
         colours = _resampled([_stacked(o.rgb, o.alpha) for o in outputs], cameras[0], width, height)

@@ -51,11 +51,12 @@ sh_terms = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics
 
 
 def pack(camera: Camera, antialiased: bool) -> NDArray[np.float32]:
-    """The camera as the (29,) float32 row that the kernels read: rotation and translation of world to camera, focal
+    """The camera as the (33,) float32 row that the kernels read: rotation and translation of world to camera, focal
     lengths, principal point, size, limits of x/z and y/z, eye, filter variance, whether opacity is compensated, nearest
-    depth, and how far the slopes can stretch a Gaussian."""
+    depth, how far the slopes can stretch a Gaussian, and the first and last pixel that is wanted, of a row and of a
+    column (see `limit`)."""
     k = camera.intrinsics
-    view = np.empty(29, np.float32)
+    view = np.empty(33, np.float32)
     view[0:9] = camera.world_to_camera[:3, :3].reshape(-1)
     view[9:12] = camera.world_to_camera[:3, 3]
     view[12:18] = k.fx, k.fy, k.cx, k.cy, k.width, k.height
@@ -65,7 +66,18 @@ def pack(camera: Camera, antialiased: bool) -> NDArray[np.float32]:
     view[25:28] = EPS2D, antialiased, NEAR
     # Rows of the Jacobian are at most focal / z times this long.
     view[28] = np.sqrt(1 + max(view[18] ** 2, view[19] ** 2, view[20] ** 2, view[21] ** 2))
+    view[29:33] = 0, k.width - 1, 0, k.height - 1
     return view
+
+
+def limit(view: NDArray[np.float32], tiles: NDArray[np.bool_]) -> None:
+    """Narrows a packed camera to the bounding box of the `tiles` (lines, columns) that are wanted."""
+    lines, columns = np.flatnonzero(tiles.any(axis=1)), np.flatnonzero(tiles.any(axis=0))
+    if len(lines) == 0:
+        view[29:33] = 0, -1, 0, -1
+        return
+    view[29], view[30] = columns[0] * TILE, min(view[30], columns[-1] * TILE + TILE - 1)
+    view[31], view[32] = lines[0] * TILE, min(view[32], lines[-1] * TILE + TILE - 1)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
@@ -171,6 +183,7 @@ def _project_part(
     sh: Any,
     degree: Any,
     view: Any,
+    wanted: Any,
     blocks: Any,
     splats: Any,
     ids: Any,
@@ -197,7 +210,7 @@ def _project_part(
         widest = max(log_scales[g, 0], max(log_scales[g, 1], log_scales[g, 2]))
         stretch = exp2(min(max(LOG2E * widest, _F(-30)), _F(30))) * iz * max(view[12], view[13]) * view[28]
         most = _MOST_REACH * math.sqrt(stretch * stretch + view[25])
-        if not (u + most > _F(0) and u - most < view[16] and v + most > _F(0) and v - most < view[17]):
+        if not (u + most > view[29] and u - most < view[30] and v + most > view[31] and v - most < view[32]):
             continue
         sigmoid = _ONE / (_ONE + exp2(min(max(-LOG2E * opacity_logits[g], _F(-60)), _F(60))))
         if not (sigmoid * _F(255) > _ONE):
@@ -228,9 +241,9 @@ def _project_part(
         log_opacity = math.log(opacity) * LOG2E
         reach = math.sqrt(_TWO * LN2 * (log_opacity - LOG_CUT))
         half_width, half_height = reach * math.sqrt(var_x + eps), reach * math.sqrt(var_y + eps)
-        if not (u + half_width > _F(0) and u - half_width < view[16] - _ONE):
+        if not (u + half_width > view[29] and u - half_width < view[30]):
             continue
-        if not (v + half_height > _F(0) and v - half_height < view[17] - _ONE):
+        if not (v + half_height > view[31] and v - half_height < view[32]):
             continue
         row = splats[at]
         row[X], row[Y] = u, v
@@ -248,9 +261,10 @@ def _project_part(
             begin, stop = left, right
             if exact:
                 begin, stop = tile_columns(row, line, left, right)
-            for column in range(begin, stop):
-                counts[line * columns + column] += 1
-                touched += 1
+            for tile in range(line * columns + begin, line * columns + stop):
+                if wanted[tile]:
+                    counts[tile] += 1
+                    touched += 1
         if touched == 0:
             continue
         dx, dy, dz = wx - view[22], wy - view[23], wz - view[24]
@@ -272,6 +286,7 @@ def project(
     sh: Any,
     degree: Any,
     view: Any,
+    wanted: Any,
     blocks: Any,
     splats: Any,
     ids: Any,
@@ -282,7 +297,8 @@ def project(
     ones to the start of that run.
 
     means .. sh   as in splats.types.Gaussians; `degree` of sh is evaluated
-    view          see `pack`
+    view          see `pack` and `limit`
+    wanted        (tiles,) bool, the tiles that are to be drawn, rows of tiles after each other
     splats        out (N, 16), columns as in render.layout
     ids           out (N,) int32, which Gaussian a row of splats is
     visible       out (blocks,) int32, number of rows of each block
@@ -290,5 +306,18 @@ def project(
     """
     for block in prange(blocks):
         _project_part(
-            block, means, log_scales, quats, opacity_logits, sh, degree, view, blocks, splats, ids, visible, tile_counts
+            block,
+            means,
+            log_scales,
+            quats,
+            opacity_logits,
+            sh,
+            degree,
+            view,
+            wanted,
+            blocks,
+            splats,
+            ids,
+            visible,
+            tile_counts,
         )

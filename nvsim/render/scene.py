@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import Backend
 from nvsim.render.model import render_model
@@ -13,12 +16,13 @@ def render_scene(
     scene: SceneModel,
     camera: Camera,
     channels: frozenset[str] = frozenset({"rgb", "alpha"}),
+    tiles: NDArray[np.bool_] | None = None,
     backend: Backend = "auto",
 ) -> tuple[int, RenderOutput]:
-    """The index of the submap that drew it, and the view.
+    """The index of the submap that drew it, and the view; only `tiles` of it where given, as in `render_gaussians`.
 
     Raises InputError when that submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel.
     """
     index, model = scene.model_at(camera.position)
-    return index, render_model(model, camera, channels, backend)
+    return index, render_model(model, camera, channels, tiles, backend)

@@ -35,7 +35,16 @@ def starts(tile_counts: Any, offsets: Any) -> Any:
 
 @njit(error_model="numpy")
 def _scatter_part(
-    block: Any, splats: Any, n: Any, visible: Any, cursors: Any, columns: Any, lines: Any, keys: Any, rows: Any
+    block: Any,
+    splats: Any,
+    n: Any,
+    visible: Any,
+    wanted: Any,
+    cursors: Any,
+    columns: Any,
+    lines: Any,
+    keys: Any,
+    rows: Any,
 ) -> None:
     blocks = visible.shape[0]
     first = n * block // blocks
@@ -50,6 +59,8 @@ def _scatter_part(
             if exact:
                 begin, stop = tile_columns(splat, line, left, right)
             for tile in range(line * columns + begin, line * columns + stop):
+                if not wanted[tile]:
+                    continue
                 at = cursor[tile]
                 keys[at] = key
                 rows[at] = i
@@ -57,12 +68,14 @@ def _scatter_part(
 
 
 @njit(parallel=True, cache=True, nogil=True)
-def scatter(splats: Any, n: Any, visible: Any, cursors: Any, columns: Any, lines: Any, keys: Any, rows: Any) -> None:
-    """Writes (depth key, row) of every tile and splat that meet; block b uses its own cursors, so that the order is
-    that of the rows whatever the number of threads."""
+def scatter(
+    splats: Any, n: Any, visible: Any, wanted: Any, cursors: Any, columns: Any, lines: Any, keys: Any, rows: Any
+) -> None:
+    """Writes (depth key, row) of every wanted tile and splat that meet; block b uses its own cursors, so that the
+    order is that of the rows whatever the number of threads."""
     blocks = visible.shape[0]
     for block in prange(blocks):
-        _scatter_part(block, splats, n, visible, cursors, columns, lines, keys, rows)
+        _scatter_part(block, splats, n, visible, wanted, cursors, columns, lines, keys, rows)
 
 
 @njit(forceinline=True)

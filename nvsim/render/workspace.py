@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render import layout
-from nvsim.render.projection import pack, project
+from nvsim.render.projection import limit, pack, project
 from nvsim.render.projection_gradient import project_gradient
 from nvsim.render.raster import draw
 from nvsim.render.raster_gradient import GRADIENT_WIDTH, draw_gradient
@@ -30,6 +30,21 @@ _NO_DEPTH, _NO_NORMAL = np.empty((0, 0), np.float32), np.empty((0, 0, 3), np.flo
 def ready(array: NDArray[np.floating]) -> Float32:
     """The array as the kernels were compiled for: float32, C-contiguous, aligned, writable; a copy only if needed."""
     return np.require(array, np.float32, ["C", "A", "W"])
+
+
+def tiles_of(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(lines, columns) bool, the tiles in which `mask` (H, W) has a pixel."""
+    height, width = mask.shape
+    lines, columns = -(-height // layout.TILE), -(-width // layout.TILE)
+    padded = np.zeros((lines * layout.TILE, columns * layout.TILE), np.bool_)
+    padded[:height, :width] = mask
+    blocks = padded.reshape(lines, layout.TILE, columns, layout.TILE)
+    return np.asarray(blocks.any(axis=(1, 3)), np.bool_)
+
+
+def pixels_of(tiles: NDArray[np.bool_], height: int, width: int) -> NDArray[np.bool_]:
+    """(H, W) bool, the pixels of `tiles` (lines, columns)."""
+    return tiles.repeat(layout.TILE, axis=0).repeat(layout.TILE, axis=1)[:height, :width]
 
 
 class Workspace:
@@ -55,6 +70,7 @@ class Workspace:
         self._last = np.empty(0, np.int64)
         self._visible = np.empty(0, np.int32)
         self._view = np.empty(0, np.float32)
+        self._everywhere = self._wanted = np.ones(0, np.bool_)
         self._degree = 0
 
     @property
@@ -74,21 +90,38 @@ class Workspace:
         Both are overwritten by the next `project`."""
         return self._rows[: self.count], self._visible
 
-    def project(self, gaussians: Gaussians, camera: Camera, antialiased: bool, sh_degree: int | None = None) -> None:
-        """Splats of the Gaussians (arrays as from `ready`). `sh_degree` limits the degree that is evaluated."""
+    def project(
+        self,
+        gaussians: Gaussians,
+        camera: Camera,
+        antialiased: bool,
+        sh_degree: int | None = None,
+        tiles: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Splats of the Gaussians (arrays as from `ready`). `sh_degree` limits the degree that is evaluated; `tiles`
+        (lines, columns) are those to be drawn, all when left out."""
         k = camera.intrinsics
         n, self.threads = len(gaussians), numba.get_num_threads()
         self._columns, self._lines = -(-k.width // layout.TILE), -(-k.height // layout.TILE)
-        tiles = self._columns * self._lines
+        count = self._columns * self._lines
         if len(self._rows) < n:
             self._rows = np.empty((_grown(n), layout.WIDTH), np.float32)
             self._ids = np.empty(_grown(n), np.int32)
-        if self._cursors.shape != (self.threads, tiles):
-            self._cursors = np.empty((self.threads, tiles), np.int32)
-            self._offsets = np.empty(tiles + 1, np.int64)
-            self._last = np.empty(tiles, np.int64)
+        if self._cursors.shape != (self.threads, count):
+            self._cursors = np.empty((self.threads, count), np.int32)
+            self._offsets = np.empty(count + 1, np.int64)
+            self._last = np.empty(count, np.int64)
             self._visible = np.empty(self.threads, np.int32)
         self.count, self._view = n, pack(camera, antialiased)
+        if tiles is None:
+            if len(self._everywhere) < count:
+                self._everywhere = np.ones(count, np.bool_)
+            self._wanted = self._everywhere
+        else:
+            if tiles.shape != (self._lines, self._columns):
+                raise ValueError(f"tiles {tiles.shape} of an image of {self._lines}x{self._columns} tiles")
+            self._wanted = np.ascontiguousarray(tiles, np.bool_).reshape(-1)
+            limit(self._view, tiles)
         self._degree = min(gaussians.sh_degree, 3 if sh_degree is None else sh_degree)
         g = gaussians
         project(
@@ -99,6 +132,7 @@ class Workspace:
             g.sh,
             self._degree,
             self._view,
+            self._wanted,
             self.threads,
             self._rows[:n],
             self._ids[:n],
@@ -117,7 +151,17 @@ class Workspace:
             self._spare_keys = np.empty((self.threads, _grown(longest)), np.uint32)
             self._spare_rows = np.empty((self.threads, _grown(longest)), np.int32)
         rows = self._rows[: self.count]
-        scatter(rows, self.count, self._visible, self._cursors, self._columns, self._lines, self._keys, self._order)
+        scatter(
+            rows,
+            self.count,
+            self._visible,
+            self._wanted,
+            self._cursors,
+            self._columns,
+            self._lines,
+            self._keys,
+            self._order,
+        )
         sort(self._keys, self._order, self._offsets, longest, self.threads, self._spare_keys, self._spare_rows)
 
     def draw(self, height: int, width: int, geometry: bool) -> tuple[Float32, Float32, Float32, Float32]:
