@@ -35,7 +35,7 @@ class SceneViews:
         from nvsim.render.model import render_model
 
         index, model = self._scene.model_at(position)
-        return index, [render_model(model, c, frozenset({"alpha", "normal"}), self._backend) for c in cameras]
+        return index, [render_model(model, c, frozenset({"alpha", "normal"}), backend=self._backend) for c in cameras]
 
 
 def run(
