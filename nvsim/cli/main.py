@@ -23,6 +23,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
     "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
     "evaluate views": ("evaluate_views", "PSNR, SSIM and LPIPS of the frames held out of training"),
+    "evaluate ablation": (
+        "evaluate_ablation",
+        "train and print the paper's ablation and the comparison of the presets",
+    ),
     "evaluate floor": ("evaluate_floor", "IoU of the floor masks against a truth"),
     "evaluate graph": ("evaluate_graph", "validity and coverage of the graph against an occupancy map"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),

@@ -1,0 +1,214 @@
+"""The paper's ablation and the comparison of the presets on one project: train every row, score it, show it.
+
+All rows get the same steps, image size, Gaussians and seeds, and are scored on the same pictures: each submap's model
+on the held-out frames of its core, and on the novel views that it is nearest to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nvsim.errors import InputError
+from nvsim.evaluation.ablation_rows import ABLATION, COMPARISON, TABLES, Budget, Row, ablation_rows, preset_rows
+from nvsim.evaluation.ablation_run import Run, finished, forget, run_of, views_of
+from nvsim.evaluation.bench import Bench, Scored, totals
+from nvsim.evaluation.comparison import Shown, Tile
+from nvsim.evaluation.novel import NovelView, has_novel_views
+from nvsim.evaluation.scores import Distance
+from nvsim.evaluation.table import SPREAD
+from nvsim.evaluation.views import held_out_frames, novel_views, truth_of
+from nvsim.events import Event, Listener, Log, Progress
+from nvsim.project.project import Project
+from nvsim.project.stages.floors import floors_key
+from nvsim.submaps.types import Submap, nearest_submap
+
+if TYPE_CHECKING:
+    from nvsim.training.views import TrainingView
+
+STAGE = "ablation"
+_SHOWN_SUBMAPS = 4
+_SHOWN_FRAMES = {1: 3, 2: 2}  # of a submap, by the number of submaps; one where there are more
+
+
+@dataclass(frozen=True)
+class AblationConfig:
+    """What is trained and shown. Empty tuples mean all; `afresh` trains runs again that are there."""
+
+    tables: tuple[str, ...] = TABLES
+    rows: tuple[str, ...] = ()
+    presets: tuple[str, ...] = ()
+    submaps: tuple[int, ...] = ()
+    seeds: tuple[int, ...] = (0,)
+    budget: Budget = field(default_factory=Budget)
+    afresh: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """rows: row, title, figures, and figure + "_spread" where there are several seeds. parts: the same for every seed
+    and submap. tiles: per shown picture one for each row."""
+
+    rows: list[dict[str, Any]]
+    parts: list[dict[str, Any]]
+    tiles: list[list[Tile]]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """tables by name; the pictures that they are compared on; how many runs were trained, and how many were there."""
+
+    tables: dict[str, Table]
+    shown: list[Shown]
+    trained: int
+    reused: int
+
+
+def evaluate_ablation(
+    project: Project,
+    config: AblationConfig,
+    listen: Listener,
+    truth: Path | None = None,
+    distance: Distance | None = None,
+) -> Outcome:
+    """Trains what is missing and scores everything. Raises InputError when the project has no floor masks, holds no
+    frame out, or has no such submap or row."""
+    chosen, tables, folder = _submaps(project, config.submaps), _tables(config), truth_of(project, truth)
+    runs = {
+        (row, submap.index, seed): run_of(project, submap, row.config, seed)
+        for submap in chosen
+        for lines in tables.values()
+        for row in lines
+        for seed in config.seeds
+    }
+    titles: dict[Path, str] = {}
+    distinct: dict[Path, Run] = {}
+    for (row, index, _), run in runs.items():
+        titles.setdefault(run.folder, f"{row.title}, submap {index}")
+        distinct.setdefault(run.folder, run)
+    if config.afresh:
+        for run in distinct.values():
+            forget(run)
+    todo = [run for run in distinct.values() if not run.is_done]
+    listen(Log(f"{len(distinct)} runs, of which {len(distinct) - len(todo)} are there already.", STAGE))
+    total, before = sum(run.config.steps for run in todo), 0
+    scored: dict[Path, Scored] = {}
+    shown: list[tuple[int, Shown]] = []
+    for submap, bench in _benches(project, chosen, folder, distance):
+        shown += [(submap.index, picture) for picture in bench.pictures]
+        views = _Views(project, submap)
+        for run in (r for r in distinct.values() if r.submap.index == submap.index):
+            model = finished(project, run, views.of(run), _within(listen, before, total, titles[run.folder]))
+            before += run.config.steps if run in todo else 0
+            scored[run.folder] = bench.score(model)
+    result = {}
+    for name, lines in tables.items():
+        of = {key: scored[run.folder] for key, run in runs.items() if key[0] in lines}
+        result[name] = _table(lines, chosen, config.seeds, of, shown)
+    return Outcome(result, [s for _, s in shown], len(todo), len(distinct) - len(todo))
+
+
+def _table(
+    lines: Sequence[Row],
+    submaps: Sequence[Submap],
+    seeds: Sequence[int],
+    scored: dict[tuple[Row, int, int], Scored],
+    shown: Sequence[tuple[int, Shown]],
+) -> Table:
+    rows, parts = [], []
+    for row in lines:
+        named = {"row": row.name, "title": row.title}
+        for seed in seeds:
+            parts += [
+                {**named, "seed": seed, "submap": s.index, **totals([scored[row, s.index, seed]])} for s in submaps
+            ]
+        per_seed = [totals([scored[row, s.index, seed] for s in submaps]) for seed in seeds]
+        rows.append({**named, **_over_seeds(per_seed)})
+    tiles = [[scored[row, submap, seeds[0]].tiles[picture.name] for row in lines] for submap, picture in shown]
+    return Table(rows, parts, tiles)
+
+
+def _over_seeds(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The mean of every figure, and with several seeds its standard deviation."""
+    result: dict[str, Any] = {}
+    for name in rows[0]:
+        values = [r[name] for r in rows if r[name] is not None]
+        result[name] = round(float(np.mean(values)), 4) if values else None
+        if name in ("frames", "gaussians"):
+            result[name] = round(float(np.mean(values)))
+        elif len(values) > 1 and name != "seconds":
+            result[name + SPREAD] = round(float(np.std(values, ddof=1)), 4)
+    return result
+
+
+def _tables(config: AblationConfig) -> dict[str, tuple[Row, ...]]:
+    if not config.tables or not config.seeds:
+        raise InputError("Name at least one of --tables and one of --seeds.")
+    made: dict[str, Callable[[], tuple[Row, ...]]] = {
+        ABLATION: lambda: ablation_rows(config.budget, config.rows),
+        COMPARISON: lambda: preset_rows(config.budget, config.presets),
+    }
+    return {table: made[table]() for table in TABLES if table in config.tables}
+
+
+def _submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
+    submaps = project.need_submaps()
+    if not floors_key(project):
+        raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
+    unknown = sorted(set(only) - {s.index for s in submaps})
+    if unknown:
+        raise InputError(f"There is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
+    return [s for s in submaps if not only or s.index in only]
+
+
+def _benches(
+    project: Project, submaps: Sequence[Submap], truth: Path | None, distance: Distance | None
+) -> Iterator[tuple[Submap, Bench]]:
+    """Each submap with its bench, made when it is reached. Raises InputError when none has a held-out frame."""
+    kept_out = set(held_out_frames(project))
+    frames = {s.index: [i for i in s.core if i in kept_out] for s in submaps}
+    if not any(frames.values()):
+        raise InputError("No frame of these submaps was held out of training; name other --submaps.")
+    novel: dict[int, list[NovelView]] = {s.index: [] for s in submaps}
+    if has_novel_views(truth):
+        everything = project.need_submaps()
+        for view in novel_views(project, truth):
+            novel.setdefault(nearest_submap(everything, view.camera.position), []).append(view)
+    every = max(len(submaps) / _SHOWN_SUBMAPS, 1.0)
+    pictured = {submaps[int(k * every)].index for k in range(min(len(submaps), _SHOWN_SUBMAPS))}
+    for submap in submaps:
+        count = _SHOWN_FRAMES.get(len(submaps), 1) if submap.index in pictured else 0
+        yield submap, Bench(project, truth, frames[submap.index], novel[submap.index], distance, count)
+
+
+def _within(listen: Listener, before: int, total: int, name: str) -> Listener:
+    """Makes the steps of one run a part of the steps of all."""
+
+    def pass_on(event: Event) -> None:
+        if isinstance(event, Progress):
+            event = Progress(STAGE, before + event.done, total, name)
+        listen(event)
+
+    return pass_on
+
+
+class _Views:
+    """The training images of a submap, read when first needed and again for another size; rows share them."""
+
+    def __init__(self, project: Project, submap: Submap) -> None:
+        self._project, self._submap = project, submap
+        self._size = 0
+        self._views: list[TrainingView] = []
+
+    def of(self, run: Run) -> Callable[[], list[TrainingView]]:
+        def read() -> list[TrainingView]:
+            if run.config.image_size != self._size:
+                self._views = views_of(self._project, self._submap, run.config)
+                self._size = run.config.image_size
+            return self._views
+
+        return read

@@ -1,0 +1,113 @@
+"""One training of one submap for a table, on disk in a folder named by what it depends on.
+
+    P/ablation/KEY/run.json         what was asked for: configuration, submap, seed
+    P/ablation/KEY/checkpoint.ckpt  while it trains
+    P/ablation/KEY/model/           when it is done; the project's own models are never touched
+
+Rows of equal configuration have one key, so that they are trained once, whatever table or invocation asks for them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.events import Listener
+from nvsim.project import ledger
+from nvsim.project.config import held_out
+from nvsim.project.project import Project
+from nvsim.project.stages.floors import floors_key
+from nvsim.project.stages.imported import capture_config
+from nvsim.project.stages.trained import training_views
+from nvsim.splats.files import DESCRIPTION, load_model, save_model
+from nvsim.splats.types import SubmapModel
+from nvsim.submaps.types import Submap
+from nvsim.training.config import TrainingConfig
+
+if TYPE_CHECKING:
+    from nvsim.training.views import TrainingView
+
+_VERSION = 1  # of what a run is; raised when the same configuration gives another model
+
+Views = Callable[[], "list[TrainingView]"]
+
+
+@dataclass(frozen=True)
+class Run:
+    """`folder` is named by the hash of everything else and of the project's floor masks."""
+
+    folder: Path
+    submap: Submap
+    config: TrainingConfig
+    seed: int
+
+    @property
+    def model_folder(self) -> Path:
+        return self.folder / "model"
+
+    @property
+    def checkpoint(self) -> Path:
+        return self.folder / "checkpoint.ckpt"
+
+    @property
+    def is_done(self) -> bool:
+        return (self.model_folder / DESCRIPTION).is_file()
+
+
+def run_of(project: Project, submap: Submap, config: TrainingConfig, seed: int) -> Run:
+    """The run of a configuration. Neither its name nor how it is computed (threads, checkpoints) counts."""
+    plain = dataclasses.replace(config, name="", threads=0, checkpoint_seconds=0.0)
+    key = ledger.key_of("ablation", _VERSION, floors_key(project), submap.index, submap.frames, plain, seed)
+    return Run(runs_folder(project) / key, submap, config, seed)
+
+
+def runs_folder(project: Project) -> Path:
+    return project.layout.root / "ablation"
+
+
+def finished(project: Project, run: Run, views: Views, listen: Listener) -> SubmapModel:
+    """The model of a run, trained where it is not there yet, from its checkpoint where it has one.
+
+    `views` gives the training images when they are needed. Raises InputError when the floor surface is missing or the
+    disk refuses.
+    """
+    if run.is_done:
+        return load_model(run.model_folder)
+    from nvsim.training.trainer import train_submap
+
+    surface = project.surface(run.submap.index)
+    if surface is None:
+        raise InputError(f"{project.layout.surface(run.submap.index)} is missing; run `nvsim floors --project` again.")
+    asked = {"submap": run.submap.index, "seed": run.seed, "config": dataclasses.asdict(run.config)}
+    atomic.write_text(run.folder / "run.json", json.dumps(asked, indent=1) + "\n")
+    model = train_submap(
+        views(),
+        project.need_capture().cloud,
+        surface,
+        run.config,
+        checkpoint=run.checkpoint,
+        seed=run.seed,
+        submap=run.submap.index,
+        listen=listen,
+    )
+    save_model(model, run.model_folder)
+    run.checkpoint.unlink(missing_ok=True)
+    return model
+
+
+def forget(run: Run) -> None:
+    """The run was never made."""
+    shutil.rmtree(run.folder, ignore_errors=True)
+
+
+def views_of(project: Project, submap: Submap, config: TrainingConfig) -> list[TrainingView]:
+    """What a run may see of a submap: its frames without those held out."""
+    kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
+    return training_views(project, [i for i in submap.frames if i not in kept_out], config)
