@@ -11,7 +11,7 @@ from nvsim.training.config import PRESETS, TrainingConfig, preset
 ABLATION, COMPARISON = "ablation", "presets"
 TABLES = (ABLATION, COMPARISON)
 _ORDER = ("3dgs", "splatfacto-w", "splatfacto-i", "nvsim")
-ROWS = ("base", "masking", "suppression", "ours")
+ROWS = ("base", "masking", "suppression", "floor", "ours")
 
 
 @dataclass(frozen=True)
@@ -42,21 +42,26 @@ class Budget:
 
 
 def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[Row, ...]:
-    """The paper's second table, cumulative up to Splatfacto-i; only `names` where any is given.
+    """The paper's second table, cumulative from Splatfacto-W to Splatfacto-i; only `names` where any is given.
 
     It is undone from the last row: each row is the one after it without that row's part. Points on the floor are seeds
     until the suppression is on. Raises InputError for a name that is no row.
     """
-    ours = preset("splatfacto-i")
-    suppression = replace(ours, loss=replace(ours.loss, floor=0.0))
-    masking = replace(suppression, seed_height=0.0, loss=replace(suppression.loss, suppression=0.0, mask_floor=True))
-    base = replace(masking, loss=replace(masking.loss, mask_floor=False))
-    configs = (base, masking, suppression, ours)
+    base, ours = preset("splatfacto-w"), preset("splatfacto-i")
+    floor = replace(ours, loss=replace(ours.loss, alpha=base.loss.alpha))
+    suppression = replace(floor, loss=replace(floor.loss, floor=0.0))
+    masking = replace(
+        suppression,
+        seed_height=base.seed_height,
+        loss=replace(suppression.loss, suppression=0.0, mask_floor=True),
+    )
+    configs = (base, masking, suppression, floor, ours)
     titles = (
-        "no floor terms (base)",
-        "+ masking",
+        "Splatfacto-w (base)",
+        "+ masking, pose embedding",
         "+ floor suppression",
         "+ background floor loss",
+        "- alpha loss (Splatfacto-i)",
     )
     rows = tuple(Row(n, t, budget.applied(c)) for n, t, c in zip(ROWS, titles, configs, strict=True))
     return _chosen(rows, names, "rows")

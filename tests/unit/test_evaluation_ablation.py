@@ -30,12 +30,14 @@ BUDGET = Budget(steps=50, image_size=64, gaussian_cap=500)
 def test_each_row_of_the_ablation_changes_only_its_own_part() -> None:
     rows = {row.name: row.config for row in ablation_rows(BUDGET)}
     assert tuple(rows) == ROWS
-    masking, suppression, ours = rows["masking"], rows["suppression"], rows["ours"]
-    assert not rows["base"].loss.masks_floor and not rows["base"].floor_aware
-    assert masking.loss.masks_floor and not masking.floor_aware
-    assert suppression.loss.suppression == 1.0 and suppression.loss.floor == 0.0
-    assert ours.loss.floor == 1.0 and ours.loss.fill == 0.0 and not ours.texture
-    assert replace(ours, loss=replace(ours.loss, floor=0.0)) == suppression
+    base, masking, suppression, floor, ours = (rows[name] for name in ROWS)
+    assert not base.loss.masks_floor and not base.floor_aware and base.loss.alpha > 0
+    assert masking.loss.masks_floor and not masking.floor_aware and masking.seed_height == base.seed_height
+    assert (suppression.loss.suppression, suppression.loss.floor) == (1.0, 0.0)
+    assert (floor.loss.suppression, floor.loss.floor) == (1.0, 1.0)
+    assert replace(floor, loss=replace(floor.loss, floor=0.0)) == suppression
+    assert replace(floor, loss=replace(floor.loss, alpha=0.0)) == ours
+    assert ours == BUDGET.applied(preset("splatfacto-i")) and base == BUDGET.applied(preset("splatfacto-w"))
 
 
 def test_every_row_has_the_same_budget_and_its_preset_s_own_ways() -> None:
