@@ -16,6 +16,20 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gui"))
 
 
 @pytest.fixture(scope="session")
+def opengl() -> None:
+    """That OpenGL works without a window."""
+    from nvsim.errors import InputError
+    from nvsim.render.opengl.context import standalone_context
+
+    try:
+        standalone_context().release()
+    except InputError as error:
+        if os.environ.get("CI") == "true":
+            pytest.fail(str(error))
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
 def display() -> Iterator[str]:
     """The name of a display, for the environment of the program under test."""
     existing = os.environ.get("DISPLAY")

@@ -1,0 +1,41 @@
+"""The OpenGL renderer inside a context of Qt, in a real window."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from opengl_scenes import CAMERA, MODELS
+from opengl_window import LABEL
+
+from nvsim.render.model import render_model
+
+pytestmark = pytest.mark.gl
+HERE = Path(__file__).resolve().parent
+
+
+def test_a_qt_widget_shows_what_the_kernels_draw(display: str, tmp_path: Path) -> None:
+    out = tmp_path / "shown.npz"
+    environment = {
+        **os.environ,
+        "DISPLAY": display,
+        "QT_QPA_PLATFORM": "xcb",
+        "PYTHONPATH": os.pathsep.join([str(HERE.parents[1]), str(HERE)]),
+    }
+    done = subprocess.run(
+        [sys.executable, str(HERE / "opengl_window.py"), str(out)],
+        env=environment, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    shown = np.load(out)
+    assert str(shown["error"]) == "GL_NO_ERROR" and int(shown["contexts"]) == 1
+    for name, camera in (("first", CAMERA), ("second", CAMERA.scaled(201, 150))):
+        rgb = render_model(MODELS["stairs and ramp"], camera, frozenset({"rgb"})).rgb
+        assert rgb is not None and shown[name].shape == rgb.shape
+        error = shown[name][LABEL:] / 255 - np.clip(rgb[LABEL:], 0, 1)
+        assert -10 * np.log10(np.mean(error**2)) > 45
+        assert (shown[name][: LABEL - 1] == [255, 0, 255]).all()  # Qt's painter still works after it
