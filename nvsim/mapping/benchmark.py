@@ -26,10 +26,12 @@ class _Hall:
     def __init__(self, model: SubmapModel) -> None:
         self._model = model
 
-    def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
-        from nvsim.render.model import render_model
+    def views(
+        self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> tuple[int, list[RenderOutput]]:
+        from nvsim.render.regions import render_regions
 
-        return 0, [render_model(self._model, c, frozenset({"alpha", "normal"})) for c in cameras]
+        return 0, render_regions(self._model, cameras, masks, frozenset({"alpha", "normal"}))
 
 
 def measure(max_viewpoints: int = 60) -> dict[str, Any]:

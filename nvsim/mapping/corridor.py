@@ -6,8 +6,9 @@ evidence answers for another robot. Directions: number k is `lattice_offset` + 4
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,26 +79,42 @@ class Corridor:
 
 @dataclass(frozen=True, eq=False)
 class FloorView:
-    """A view of the floor: alpha (H, W) and normal_z (H, W), the world z of the Gaussians' normals, float32."""
+    """A view of the floor: alpha (H, W) and normal_z (H, W), the world z of the Gaussians' normals, float32, both right
+    where `seen` (H, W) is true."""
 
     submap: int
     camera: Camera
     alpha: NDArray[np.float32]
     normal_z: NDArray[np.float32]
+    seen: NDArray[np.bool_]
+
+    def shows(self, corridor: Corridor, floor_at: HeightAt) -> bool:
+        """Whether every pixel that `corridor` is read from was rendered."""
+        return bool(self.seen[_corners(*_cells_in(self.camera, corridor, floor_at), self.seen.shape)].all())
 
 
 def look_down(
-    source: ViewSource, position: NDArray[np.floating], directions: Sequence[int], config: MappingConfig
+    source: ViewSource,
+    position: NDArray[np.floating],
+    wanted: Mapping[int, Sequence[Corridor]],
+    floor_at: HeightAt,
+    config: MappingConfig,
 ) -> dict[int, FloorView]:
-    """Renders a view for each of the lattice `directions`."""
+    """Renders a view for each lattice direction in `wanted`, of the pixels that its corridors are read from."""
     towards = headings(config)
-    cameras = [camera_towards(position, towards[k], config) for k in directions]
-    submap, outputs = source.views(np.asarray(position, np.float64), cameras)
+    cameras = [camera_towards(position, towards[k], config) for k in wanted]
+    masks = []
+    for camera, corridors in zip(cameras, wanted.values(), strict=True):
+        mask = np.zeros((camera.intrinsics.height, camera.intrinsics.width), bool)
+        for corridor in corridors:
+            mask[_corners(*_cells_in(camera, corridor, floor_at), mask.shape)] = True
+        masks.append(mask)
+    submap, outputs = source.views(np.asarray(position, np.float64), cameras, masks)
     views = {}
-    for k, camera, output in zip(directions, cameras, outputs, strict=True):
+    for k, camera, output, mask in zip(wanted, cameras, outputs, masks, strict=True):
         if output.alpha is None or output.normal is None:
             raise ValueError("the source rendered no alpha or no normal")
-        views[k] = FloorView(submap, camera, output.alpha, np.ascontiguousarray(output.normal[..., 2]))
+        views[k] = FloorView(submap, camera, output.alpha, np.ascontiguousarray(output.normal[..., 2]), mask)
     return views
 
 
@@ -123,9 +140,7 @@ def measure(
     background's floor, whose normal points up, and adds to the z of the Gaussians' normals.
     """
     xy = corridor.cells()
-    points = np.concatenate([xy, np.asarray(floor_at(xy), np.float64)[..., None]], axis=-1)
-    pixels, depth = view.camera.project(points)
-    inside = (depth > 0) & _inside(pixels, view.alpha.shape)
+    pixels, inside = _cells_in(view.camera, corridor, floor_at)
     alpha = np.where(inside, _bilinear(view.alpha, pixels), 1.0)
     normal_z = np.where(inside, _bilinear(view.normal_z, pixels), 0.0)
     return Evidence(
@@ -149,20 +164,37 @@ def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.round(np.clip(values, 0.0, 1.0) * 255).astype(np.uint8)
 
 
-def _inside(pixels: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Whether a point lies in the picture, with a pixel's grace at its border."""
-    u, v = pixels[..., 0], pixels[..., 1]
-    return np.asarray((u > -1) & (v > -1) & (u < shape[1] + 1) & (v < shape[0] + 1))
+def _cells_in(camera: Camera, corridor: Corridor, floor_at: HeightAt) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """(rows, CELLS, 2) pixels of the cell centres on the floor, and (rows, CELLS) whether they lie in the picture, with
+    a pixel's grace at its border."""
+    xy = corridor.cells()
+    points = np.concatenate([xy, np.asarray(floor_at(xy), np.float64)[..., None]], axis=-1)
+    pixels, depth = camera.project(points)
+    u, v, k = pixels[..., 0], pixels[..., 1], camera.intrinsics
+    return pixels, np.asarray((depth > 0) & (u > -1) & (v > -1) & (u < k.width + 1) & (v < k.height + 1))
 
 
-def _bilinear(picture: NDArray[np.float32], pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(...) values at pixels (..., 2); pixel centres at halves, border values outside."""
-    height, width = picture.shape
+def _neighbours(pixels: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
+    """Of pixels (..., 2), whose centres lie at halves: the columns and rows of the four pixels around, border pixels
+    for what is outside, u0, u1, v0, v1, and how far between them, fu, fv."""
+    height, width = shape
     u = np.clip(pixels[..., 0] - 0.5, 0, width - 1)
     v = np.clip(pixels[..., 1] - 0.5, 0, height - 1)
     u0, v0 = u.astype(np.int64), v.astype(np.int64)
-    u1, v1 = np.minimum(u0 + 1, width - 1), np.minimum(v0 + 1, height - 1)
-    fu, fv = u - u0, v - v0
+    return u0, np.minimum(u0 + 1, width - 1), v0, np.minimum(v0 + 1, height - 1), u - u0, v - v0
+
+
+def _corners(
+    pixels: NDArray[np.float64], inside: NDArray[np.bool_], shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns (n,) of all pixels that `_bilinear` reads for those `inside`."""
+    u0, u1, v0, v1, *_ = (a.astype(np.int64) for a in _neighbours(pixels[inside], shape))
+    return np.concatenate([v0, v0, v1, v1]), np.concatenate([u0, u1, u0, u1])
+
+
+def _bilinear(picture: NDArray[np.float32], pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(...) values at pixels (..., 2)."""
+    u0, u1, v0, v1, fu, fv = _neighbours(pixels, picture.shape)
     top = picture[v0, u0] * (1 - fu) + picture[v0, u1] * fu
     bottom = picture[v1, u0] * (1 - fu) + picture[v1, u1] * fu
     return np.asarray(top * (1 - fv) + bottom * fv, np.float64)

@@ -51,14 +51,20 @@ class Measurements:
         self.rendered_viewpoints = 0
         self.rendered_views = 0
 
-    def around(self, viewpoint: Viewpoint) -> list[Evidence]:
-        """The evidence of the eight lattice directions."""
+    def around(self, viewpoint: Viewpoint, others: Iterable[Viewpoint] = ()) -> list[Evidence]:
+        """The evidence of the eight lattice directions. Corridors to `others` may be asked for next: what they are read
+        from is rendered along."""
         found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
         known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c)]
         if len(known) == DIRECTIONS:
             return known
-        views = look_down(self._source, np.array(viewpoint.position), range(DIRECTIONS), self._config)
+        wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
+        for other in others:
+            if other.id != viewpoint.id:
+                towards = Corridor(viewpoint.position[:2], other.position[:2])
+                wanted[view_of(towards, self._config)].append(towards)
+        views = look_down(self._source, np.array(viewpoint.position), wanted, self._floor_at, self._config)
         self._views = (viewpoint.id, views)
         self.rendered_viewpoints += 1
         self.rendered_views += DIRECTIONS
@@ -77,10 +83,10 @@ class Measurements:
             return found
         k = view_of(corridor, self._config)
         owner, views = self._views
-        if owner == viewpoint.id:
-            view = views[k]
-        else:
-            view = look_down(self._source, np.array(viewpoint.position), [k], self._config)[k]
+        view = views[k] if owner == viewpoint.id else None
+        if view is None or not view.shows(corridor, self._floor_at):
+            place = np.array(viewpoint.position)
+            view = look_down(self._source, place, {k: [corridor]}, self._floor_at, self._config)[k]
             self.rendered_views += 1
         evidence = measure(view, viewpoint.id, -1, corridor, self._floor_at, self._support, other.id)
         self._joins[viewpoint.id, other.id] = evidence

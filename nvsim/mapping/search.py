@@ -56,7 +56,7 @@ class Search:
             return False
         viewpoint = self._viewpoint(xy, "start", float(position[2]))
         self._lattice.begin(id, viewpoint.position[:2])
-        if not can_stand(self._measurements.around(viewpoint), self._config):
+        if not can_stand(self._around(viewpoint), self._config):
             self._refused.add(id)
             return False
         # The corridors to the viewpoints around are decided before the steps, which then find them joined.
@@ -94,12 +94,18 @@ class Search:
         return False
 
     def _look_around(self, viewpoint: Viewpoint) -> list[Evidence]:
-        around = self._measurements.around(viewpoint)
+        around = self._around(viewpoint)
         self.draft.put(replace(viewpoint, submap=around[0].submap))
         for evidence in around:
             self._keep(replace(evidence, decision=decide(evidence, self._config)))
         self.expanded.add(viewpoint.id)
         return around
+
+    def _around(self, viewpoint: Viewpoint) -> list[Evidence]:
+        reach = (
+            self._config.tau_dist + self._config.merge_radius
+        )  # that far the viewpoints are that steps may merge with
+        return self._measurements.around(viewpoint, self.draft.near(np.array(viewpoint.position[:2]), reach))
 
     def _step_out(self, viewpoint: Viewpoint) -> None:
         for k in range(DIRECTIONS):

@@ -15,6 +15,12 @@ from nvsim.render.types import RenderOutput
 class ViewSource(Protocol):
     """The ensemble of submap models, or whatever stands in for it."""
 
-    def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
-        """The submap that renders `position` (3,) and a view with alpha and normal for every camera."""
+    def views(
+        self,
+        position: NDArray[np.floating],
+        cameras: Sequence[Camera],
+        masks: Sequence[NDArray[np.bool_]],
+    ) -> tuple[int, list[RenderOutput]]:
+        """The submap that renders `position` (3,) and a view with alpha and normal for every camera. Each view needs to
+        be right where its mask (H, W) is true only."""
         ...

@@ -63,12 +63,16 @@ def _weights(x: Any, y: Any, z: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _add(faces: Any, face: Any, focal: Any, weight: Any, x: Any, y: Any, z: Any, pixel: Any) -> None:
-    side = faces.shape[1]
+def _pixel(side: Any, face: Any, focal: Any, x: Any, y: Any, z: Any) -> Any:
+    """Column and line on the face, counted from the centre of its first pixel, of which the next ones exist too."""
     a, b, c = _on_face(face, x, y, z)
     middle, most = _F(side) * _HALF - _HALF, _F(side - 2)
-    u = min(max(focal * a / c + middle, _ZERO), most)
-    v = min(max(focal * b / c + middle, _ZERO), most)
+    return min(max(focal * a / c + middle, _ZERO), most), min(max(focal * b / c + middle, _ZERO), most)
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def _add(faces: Any, face: Any, focal: Any, weight: Any, x: Any, y: Any, z: Any, pixel: Any) -> None:
+    u, v = _pixel(faces.shape[1], face, focal, x, y, z)
     column, line = np.int64(u), np.int64(v)
     fu, fv = u - _F(column), v - _F(line)
     w00, w01 = weight * (_ONE - fv) * (_ONE - fu), weight * (_ONE - fv) * fu
@@ -84,18 +88,22 @@ def _add(faces: Any, face: Any, focal: Any, weight: Any, x: Any, y: Any, z: Any,
 
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
-def resample(faces: Any, focal: Any, azimuths: Any, elevations: Any, image: Any) -> None:
+def resample(faces: Any, focal: Any, azimuths: Any, elevations: Any, mask: Any, image: Any) -> None:
     """faces       (6, S, S, 4) float32, in the order of `panorama.cube`
     focal       float32, pixels
     azimuths    (2 W, 2) float32 sine and cosine of the half columns' headings, from that of the second face on
     elevations  (2 H, 2) float32 the same of the half rows' elevations
-    image       out (H, W, 4)
+    mask        (H, W) bool, which pixels are wanted
+    image       out (H, W, 4), zero where none is
     """
     height, width = image.shape[:2]
     for row in prange(height):
         pixel = np.empty(4, np.float32)
         for column in range(width):
             pixel[:] = _ZERO
+            if not mask[row, column]:
+                image[row, column] = pixel
+                continue
             for part in range(4):
                 vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
                 x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
@@ -108,6 +116,35 @@ def resample(faces: Any, focal: Any, azimuths: Any, elevations: Any, image: Any)
                     _add(faces, 0 if z > _ZERO else 5, focal, wz, x, y, z, pixel)
             for channel in range(4):
                 image[row, column, channel] = _F(0.25) * pixel[channel]
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def _mark(seen: Any, face: Any, focal: Any, x: Any, y: Any, z: Any) -> None:
+    u, v = _pixel(seen.shape[1], face, focal, x, y, z)
+    column, line = np.int64(u), np.int64(v)
+    seen[face, line, column] = True
+    seen[face, line, column + 1] = True
+    seen[face, line + 1, column] = True
+    seen[face, line + 1, column + 1] = True
+
+
+@njit(cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
+def mark_seen(focal: Any, azimuths: Any, elevations: Any, mask: Any, seen: Any) -> None:
+    """Sets `seen` (6, S, S) bool where `resample` reads the faces for the pixels of `mask`."""
+    for row in range(mask.shape[0]):
+        for column in range(mask.shape[1]):
+            if not mask[row, column]:
+                continue
+            for part in range(4):
+                vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
+                x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
+                wx, wy, wz = _weights(x, y, z)
+                if wx > _ZERO:
+                    _mark(seen, 2 if x > _ZERO else 4, focal, x, y, z)
+                if wy > _ZERO:
+                    _mark(seen, 1 if y > _ZERO else 3, focal, x, y, z)
+                if wz > _ZERO:
+                    _mark(seen, 0 if z > _ZERO else 5, focal, x, y, z)
 
 
 def half_angles(width: int, height: int) -> tuple[Float32, Float32]:

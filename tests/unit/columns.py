@@ -28,7 +28,9 @@ class Columns:
         self._last: tuple[tuple[float, ...], NDArray[np.float64]] = ((), np.zeros(0))
         self.rendered = 0
 
-    def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
+    def views(
+        self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> tuple[int, list[RenderOutput]]:
         self.rendered += len(cameras)
         return 0, [self._view(camera) for camera in cameras]
 

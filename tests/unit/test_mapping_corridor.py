@@ -67,7 +67,7 @@ def test_hidden_cells_are_those_behind_the_obstacle(heading: float) -> None:
     world = Columns(occupancy)
     corridor = Corridor((4.0, 4.0), tuple(np.array([4.0, 4.0]) + 2.5 * forward))
     k = view_of(corridor, CONFIG)
-    view = look_down(world, np.array([4.0, 4.0, 1.2]), [k], CONFIG)[k]
+    view = look_down(world, np.array([4.0, 4.0, 1.2]), {k: [corridor]}, flat_floor, CONFIG)[k]
     found = measure(view, "v", 0, corridor, flat_floor, world.support)
     middle = found.alpha[:, 8:10].mean(axis=1) / 255
     along = NEAR + (np.arange(len(middle)) + 0.5) * DEPTH

@@ -11,9 +11,11 @@ import pytest
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.around import cube, skybox
 from nvsim.render.model import render_model
-from nvsim.render.panorama import cube, render_cube, render_equirectangular, skybox
+from nvsim.render.panorama import render_cube, render_equirectangular
 from nvsim.render.panorama_files import write_panorama
+from nvsim.render.regions import render_regions
 from nvsim.render.types import RenderOutput
 from nvsim.splats.types import Background, Gaussians, SubmapModel
 
@@ -163,3 +165,26 @@ def test_files_hold_what_was_drawn(tmp_path):
     assert np.abs(normal[..., ::-1] / 127.5 - 1 - image.normal).max() < 0.005
     with pytest.raises(InputError, match="picture"):
         write_panorama(tmp_path / "p.xyz", image)
+
+
+@pytest.mark.parametrize("channels", [frozenset({"rgb", "alpha", "normal"}), frozenset({"depth"})])
+def test_the_wanted_part_of_a_panorama_is_that_of_the_whole(channels):
+    model, mask = sphere(3000), np.zeros((64, 128), bool)
+    mask[20:60, 10:30], mask[40:44], mask[:3, 100] = True, True, True
+    whole = render_equirectangular(model, HERE, 128, 64, channels)
+    part = render_equirectangular(model, HERE, 128, 64, channels, mask=mask)
+    for name in channels:
+        np.testing.assert_array_equal(getattr(part, name)[mask], getattr(whole, name)[mask])
+        assert not getattr(part, name)[~mask].any()
+
+
+def test_wanted_regions_of_views_are_those_of_the_whole_views():
+    model, cameras = sphere(3000), cube(HERE, 50)
+    masks = [np.random.default_rng(i).uniform(size=(50, 50)) < 0.002 * i for i in range(6)]
+    views = render_regions(model, cameras, masks, ALL)
+    for camera, mask, view in zip(cameras, masks, views, strict=True):
+        whole = render_model(model, camera, ALL)
+        for name in ALL:
+            np.testing.assert_array_equal(getattr(view, name)[mask], getattr(whole, name)[mask])
+    with pytest.raises(ValueError, match="mask"):
+        render_regions(model, cameras[:1], [np.ones((50, 49), bool)])

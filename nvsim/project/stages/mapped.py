@@ -30,12 +30,14 @@ class SceneViews:
     def __init__(self, scene: SceneModel, backend: Backend = "auto") -> None:
         self._scene, self._backend = scene, backend
 
-    def views(self, position: NDArray[np.floating], cameras: Sequence[Camera]) -> tuple[int, list[RenderOutput]]:
-        """The submap nearest to `position` and its views, alpha and normals."""
-        from nvsim.render.model import render_model
+    def views(
+        self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> tuple[int, list[RenderOutput]]:
+        """The submap nearest to `position` and its views, alpha and normals, of what the masks ask for."""
+        from nvsim.render.regions import render_regions
 
         index, model = self._scene.model_at(position)
-        return index, [render_model(model, c, frozenset({"alpha", "normal"}), backend=self._backend) for c in cameras]
+        return index, render_regions(model, cameras, masks, frozenset({"alpha", "normal"}), self._backend)
 
 
 def run(
