@@ -17,7 +17,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.render.types import RenderOutput
 from nvsim.splats.types import Gaussians, SubmapModel
 
-_HALL = (16.0, 12.0)  # metres
+HALL = (16.0, 12.0)  # metres
 _HEIGHT = 2.6
 _SPACING = 0.05  # metres between Gaussians on a surface
 
@@ -37,16 +37,16 @@ class _Hall:
 def measure(max_viewpoints: int = 60) -> dict[str, Any]:
     """viewpoints_per_s: viewpoints looked around from, decided and joined per second, compilation left out; beside it
     compile_s, viewpoints, edges, views_per_s, gaussians."""
-    model = _model()
+    model = hall()
     source = _Hall(model)
-    walk = np.stack([np.linspace(1.5, _HALL[0] - 1.5, 40), np.full(40, 1.2), np.full(40, 1.3)], axis=-1)
+    walk = np.stack([np.linspace(1.5, HALL[0] - 1.5, 40), np.full(40, 1.2), np.full(40, 1.3)], axis=-1)
     config = MappingConfig(max_viewpoints=max_viewpoints, max_distance=20.0)
 
     def floor_at(xy: NDArray[np.floating]) -> NDArray[np.floating]:
         return model.floor.height_at(np.asarray(xy))
 
     def support(xy: NDArray[np.floating]) -> NDArray[np.bool_]:
-        return np.asarray(((xy > 0) & (xy < np.array(_HALL))).all(axis=-1))
+        return np.asarray(((xy > 0) & (xy < np.array(HALL))).all(axis=-1))
 
     started = time.perf_counter()
     build_map(source, walk, floor_at, support, replace(config, max_viewpoints=1), scan="warm")
@@ -64,9 +64,9 @@ def measure(max_viewpoints: int = 60) -> dict[str, Any]:
     }
 
 
-def _model() -> SubmapModel:
-    """Walls and four rows of desks, covered with flat opaque Gaussians; the floor is left empty."""
-    (w, d), h = _HALL, _HEIGHT
+def hall() -> SubmapModel:
+    """The hall: walls and four rows of desks, covered with flat opaque Gaussians; the floor is left empty."""
+    (w, d), h = HALL, _HEIGHT
     parts = [_panel((0, 0), (w, 0), h), _panel((0, d), (w, d), h), _panel((0, 0), (0, d), h), _panel((w, 0), (w, d), h)]
     for x in (3.0, 6.5, 10.0, 13.5):
         for y in (3.0, 6.0, 9.0):
