@@ -31,6 +31,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "evaluate graph": ("evaluate_graph", "validity and coverage of the graph against an occupancy map"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),
     "bench train": ("bench_train", "milliseconds of a training step and its parts"),
+    "bench panorama": ("bench_panorama", "milliseconds of panoramas, whole and of the corridors only"),
     "bench map": ("bench_map", "viewpoints per second of the map builder"),
     "app": ("app", "open the window on a project"),
 }

@@ -103,12 +103,7 @@ def look_down(
     """Renders a view for each lattice direction in `wanted`, of the pixels that its corridors are read from."""
     towards = headings(config)
     cameras = [camera_towards(position, towards[k], config) for k in wanted]
-    masks = []
-    for camera, corridors in zip(cameras, wanted.values(), strict=True):
-        mask = np.zeros((camera.intrinsics.height, camera.intrinsics.width), bool)
-        for corridor in corridors:
-            mask[_corners(*_cells_in(camera, corridor, floor_at), mask.shape)] = True
-        masks.append(mask)
+    masks = [pixels_read(c, corridors, floor_at) for c, corridors in zip(cameras, wanted.values(), strict=True)]
     submap, outputs = source.views(np.asarray(position, np.float64), cameras, masks)
     views = {}
     for k, camera, output, mask in zip(wanted, cameras, outputs, masks, strict=True):
@@ -116,6 +111,14 @@ def look_down(
             raise ValueError("the source rendered no alpha or no normal")
         views[k] = FloorView(submap, camera, output.alpha, np.ascontiguousarray(output.normal[..., 2]), mask)
     return views
+
+
+def pixels_read(camera: Camera, corridors: Sequence[Corridor], floor_at: HeightAt) -> NDArray[np.bool_]:
+    """(H, W) the pixels of a view that `measure` reads `corridors` from."""
+    mask = np.zeros((camera.intrinsics.height, camera.intrinsics.width), bool)
+    for corridor in corridors:
+        mask[_corners(*_cells_in(camera, corridor, floor_at), mask.shape)] = True
+    return mask
 
 
 def view_of(corridor: Corridor, config: MappingConfig) -> int:

@@ -11,6 +11,7 @@ import pytest
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.mapping.panorama_benchmark import furnished_hall, measure
 from nvsim.render.around import cube, skybox
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_cube, render_equirectangular
@@ -188,3 +189,10 @@ def test_wanted_regions_of_views_are_those_of_the_whole_views():
             np.testing.assert_array_equal(getattr(view, name)[mask], getattr(whole, name)[mask])
     with pytest.raises(ValueError, match="mask"):
         render_regions(model, cameras[:1], [np.ones((50, 49), bool)])
+
+
+def test_the_benchmark_draws_every_kind_of_panorama():
+    model, places = furnished_hall()
+    figures = measure(model, places[:1], model.floor.height_at, rounds=1)
+    assert all(figures[name] > 0 for name in figures if name.endswith("_ms"))
+    assert 0.02 < figures["wanted_of_views"] < 0.1 < figures["wanted_of_equirectangular"] < 0.5
