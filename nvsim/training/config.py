@@ -43,7 +43,7 @@ class RateConfig:
     means: float = 5e-4
     means_end: float = 5e-5
     """Decays exponentially from the first to the last step."""
-    log_scales: float = 5e-3
+    log_scales: float = 1e-2
     quats: float = 1e-3
     opacity_logits: float = 3e-2
     sh_dc: float = 2.5e-3
@@ -95,6 +95,12 @@ class TrainingConfig:
     """Share of the cap that is placed at the start, when the cloud has that many points."""
     seed_height: float = 0.04
     """Metres above the floor below which the cloud seeds no Gaussian; 0 or less keeps all points."""
+    seed_detail: float = 1.0
+    """How much denser a scan seeds where its colours vary: the exponent of their local deviation; 0 is evenly."""
+    seed_flatness: float = 0.3
+    """Thickness of a scan's seeds along the surface normal, per their width; 1 is round."""
+    seed_size: float = 0.7
+    """Standard deviation of a scan's seeds per mean distance of their three neighbours."""
     seed_opacity: float = 0.5
     sh_degree: int = 1
     sh_interval: float = 0.15
@@ -154,6 +160,9 @@ def _splatfacto() -> TrainingConfig:
         coarse_share=0.2,
         coarse_levels=2,
         seed_height=0.0,
+        seed_detail=0.0,
+        seed_flatness=1.0,
+        seed_size=1.0,
         seed_opacity=0.1,
         sh_degree=3,
         sh_interval=1 / 30,
@@ -162,7 +171,7 @@ def _splatfacto() -> TrainingConfig:
         texture=False,
         antialiased=False,
         loss=LossConfig(suppression=0.0, floor=0.0, fill=0.0),
-        rate=RateConfig(means=1.6e-4 * UNIT, means_end=1.6e-6 * UNIT, opacity_logits=5e-2),
+        rate=RateConfig(means=1.6e-4 * UNIT, means_end=1.6e-6 * UNIT, log_scales=5e-3, opacity_logits=5e-2),
         densify=DensifyConfig(
             strategy="adaptive",
             start=0.017,
@@ -188,7 +197,7 @@ def _splatfacto_w() -> TrainingConfig:
         random_background=False,
         antialiased=True,
         loss=replace(base.loss, alpha=0.15),
-        rate=RateConfig(means=1.6e-5 * UNIT, means_end=1.6e-7 * UNIT, network_end=1e-4),
+        rate=RateConfig(means=1.6e-5 * UNIT, means_end=1.6e-7 * UNIT, log_scales=5e-3, network_end=1e-4),
         densify=replace(
             base.densify,
             start=0.018,

@@ -17,6 +17,7 @@ from nvsim.splats.types import Gaussians
 from nvsim.training.backdrop import pack_camera
 from nvsim.training.config import TrainingConfig
 from nvsim.training.guess import guessed_points
+from nvsim.training.seeding import detail_shares, flatten
 from nvsim.training.triangulate import triangulated_cloud
 from nvsim.training.views import TrainingView
 
@@ -83,15 +84,22 @@ def initial_gaussians(
     cloud = triangulated_cloud(views) if cloud is None else cloud
     points, colors = seen_points(views, cloud)
     points, colors = _above(points, colors, floor, config)
+    surface = points
     most = count if cloud.kind == "lidar" else int(count * SPARSE_SHARE)
     if len(points) > most:
-        chosen = np.sort(rng.choice(len(points), most, replace=False))
+        shares = detail_shares(points, colors, config.seed_detail) if config.seed_detail > 0 else None
+        chosen = np.sort(rng.choice(len(points), most, replace=False, p=shares))
         points, colors = points[chosen], colors[chosen]
     if cloud.kind != "lidar" or len(points) < FEW:
         more, more_colors = guessed_points(views, points, floor, count - len(points), rng)
         more, more_colors = _above(more, more_colors, floor, config)
         points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
-    return gaussians_at(points, colors, config.sh_degree, config.seed_opacity)
+    made = gaussians_at(points, colors, config.sh_degree, config.seed_opacity)
+    if cloud.kind == "lidar":
+        made.log_scales += np.float32(np.log(config.seed_size))
+        if config.seed_flatness < 1:
+            flatten(made, surface, config.seed_flatness)
+    return made
 
 
 def gaussians_at(points: Float32, colors: Float32, sh_degree: int, opacity: float = 0.5) -> Gaussians:

@@ -1,7 +1,7 @@
 """What the presets reach on the built-in building, at equal steps, image size and Gaussian budget, in paired runs.
 
 python tests/benchmarks/train_quality.py [--presets NAME ...] [--seeds N ...] [--steps N] [--cap N] [--width N]
-    [--resume] [--pictures]
+    [--no-cloud] [--resume] [--pictures]
 
 Seed s is building s, its largest submap, trained with seed s under the true floor masks; every preset sees the same. A
 preset may be changed: `nvsim:densify.strategy=mcmc:loss.fill=0`. Finished runs lie in a folder as JSON; with --resume
@@ -52,6 +52,8 @@ class Arguments:
     width: int = 320
     runs: Path = Path("build") / "train_quality"
     """Where buildings and finished runs are kept."""
+    cloud: bool = True
+    """Give training the scan; without it, seeds come from image features and guesses."""
     resume: bool = False
     pictures: bool = False
     """Write truth, picture and alpha of some held-out and novel views beside the runs."""
@@ -97,17 +99,17 @@ def changed(config: Any, path: list[str], value: str) -> Any:
 
 def figures_of(arguments: Arguments, name: str, seed: int) -> dict[str, float]:
     config = configured(name, arguments)
-    settings = json.dumps([dataclasses.asdict(config), seed], sort_keys=True)
+    settings = json.dumps([dataclasses.asdict(config), seed, arguments.cloud], sort_keys=True)
     path = arguments.runs / f"{hashlib.blake2b(settings.encode(), digest_size=8).hexdigest()}.json"
     if arguments.resume and path.exists():
         return json.loads(path.read_text())["figures"]
     with held(arguments.lock):
         walk = walk_through(seed, arguments.width, arguments.runs)
-        floor = FloorSurface.flat(0.0)
+        floor, cloud = FloorSurface.flat(0.0), walk.cloud if arguments.cloud else None
         warm = dataclasses.replace(config, steps=2)
-        train_submap(walk.training[:3], walk.cloud, floor, warm, seed=seed)  # compiles
+        train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles
         started = time.perf_counter()
-        model = train_submap(walk.training, walk.cloud, floor, config, seed=seed)
+        model = train_submap(walk.training, cloud, floor, config, seed=seed)
         seconds = time.perf_counter() - started
         figures = {"seconds": seconds, "gaussians": float(len(model.gaussians)), **judge(model, walk)}
     path.write_text(json.dumps({"name": name, "seed": seed, "figures": figures, "config": dataclasses.asdict(config)}))

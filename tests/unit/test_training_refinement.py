@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.training.config import TrainingConfig
 from nvsim.training.guess import guessed_points
-from nvsim.training.initialise import initial_gaussians, seen_points
+from nvsim.training.initialise import gaussians_at, initial_gaussians, seen_points
 from nvsim.training.optimizer import Group
+from nvsim.training.seeding import detail_shares, flatten
 from nvsim.training.synthetic import ROOM, synthetic_room
 from nvsim.training.triangulate import triangulated_cloud
 
@@ -61,6 +64,34 @@ def test_triangulated_features_lie_on_the_walls() -> None:
     assert cloud.colors is not None and len(cloud.colors) == len(cloud.points)
     off = np.minimum(np.abs(cloud.points), np.abs(ROOM - cloud.points)).min(axis=1)
     assert np.median(off) < 0.1
+
+
+def test_a_scan_seeds_more_where_its_colours_vary() -> None:
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(0, 4, 8000), np.zeros(8000), rng.uniform(0, 2, 8000)]).astype(np.float32)
+    colors = np.full((8000, 3), 0.5, np.float32)
+    busy = points[:, 0] > 2
+    colors[busy] = rng.random((int(busy.sum()), 3))
+    shares = detail_shares(points, colors, 1.0)
+    assert shares.sum() == pytest.approx(1)
+    inside = np.abs(points[:, 0] - 2) > 0.2
+    assert shares[busy & inside].mean() > 5 * shares[~busy & inside].mean()
+    np.testing.assert_allclose(detail_shares(points, colors, 0.0), 1 / 8000)
+
+
+def test_seeds_of_a_scan_lie_flat_on_its_surface() -> None:
+    rng = np.random.default_rng(0)
+    normal = np.array([0.6, 0.0, 0.8])
+    across = np.array([0.8, 0.0, -0.6])
+    on = rng.uniform(0, 2, (3000, 2))
+    surface = on[:, :1] * across + on[:, 1:] * np.array([0, 1, 0]) + rng.normal(0, 0.002, (3000, 1)) * normal
+    made = gaussians_at(surface[:200].astype(np.float32), np.full((200, 3), 0.5), 0)
+    width = np.exp(made.log_scales[:, 1])
+    flatten(made, surface.astype(np.float32), 0.3)
+    axes = matrix_from_quaternion(made.quats)
+    np.testing.assert_allclose(np.linalg.det(axes), 1, atol=1e-5)
+    assert np.median(np.abs(axes[:, :, 0] @ normal)) > 0.99
+    np.testing.assert_allclose(np.exp(made.log_scales), width[:, None] * [0.3, 1, 1], rtol=1e-4)
 
 
 def test_adam_is_the_adam_of_torch_with_a_rate_per_column() -> None:

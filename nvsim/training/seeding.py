@@ -1,0 +1,43 @@
+"""Where and how a scan's points become Gaussians: more of them where its colours vary, flat on the surface.
+
+A bare wall is one colour for metres, a bookshelf another every few centimetres: with seeds by the local deviation of
+the colours, growth begins with what it would end with. And a disc on the surface covers it without standing out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from nvsim.splats.types import Gaussians
+
+AROUND = 8
+"""Points of the scan that make a neighbourhood, its centre included."""
+PLAIN = 0.03
+"""Deviation of colours, 0 to 1, that a plain surface is taken to have."""
+Float32 = NDArray[np.float32]
+
+
+def detail_shares(points: Float32, colors: Float32, exponent: float) -> NDArray[np.float64]:
+    """(N,) the probability of each of `points` (N, 3) to become a seed: the deviation of the `colors` (N, 3) around it
+    to the power of `exponent`."""
+    nearest = cKDTree(points).query(points, k=min(AROUND, len(points)))[1].reshape(len(points), -1)
+    deviation = colors[nearest].std(axis=1).mean(axis=1).astype(np.float64)
+    weight = (PLAIN + deviation) ** exponent
+    return np.asarray(weight / weight.sum())
+
+
+def flatten(gaussians: Gaussians, surface: Float32, flatness: float) -> None:
+    """Turns round Gaussians so that their first axis is the normal of the points `surface` (M, 3) around them, and
+    makes that axis shorter by the factor `flatness`. Does nothing where there are too few points for a normal."""
+    if len(surface) < AROUND or len(gaussians) == 0:
+        return
+    nearest = cKDTree(surface).query(gaussians.means, k=AROUND)[1]
+    around = surface[nearest].astype(np.float64)
+    around -= around.mean(axis=1, keepdims=True)
+    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
+    axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]  # a rotation, no reflection
+    gaussians.quats[:] = Rotation.from_matrix(axes).as_quat()[:, [3, 0, 1, 2]]
+    gaussians.log_scales[:, 0] += np.float32(np.log(flatness))
