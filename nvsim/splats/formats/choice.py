@@ -1,0 +1,66 @@
+"""Which format a file has, told by its content, and which one to write."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Literal
+
+from nvsim.errors import InputError
+from nvsim.splats.ply import read_ply, write_ply
+from nvsim.splats.types import Gaussians
+
+Format = Literal["ply", "compressed-ply", "spz"]
+SUFFIXES: dict[Format, str] = {"ply": ".ply", "compressed-ply": ".compressed.ply", "spz": ".spz"}
+READABLE = (".ply", ".spz", ".splat", ".sog", ".json")
+"""Suffixes of the files that `read_splats` understands; .json is the meta.json of an unpacked SOG."""
+
+
+def read_splats(path: Path) -> tuple[Gaussians, bool | None]:
+    """The Gaussians of a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file in the file's own frame, and
+    whether they are to be drawn antialiased (None where the file does not say).
+
+    Only .splat is told by its name: it has no header. Raises InputError naming the file and what is wrong with it.
+    """
+    try:
+        with open(path, "rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise InputError(f"Cannot read {path}: {error.strerror or error}; check the path.") from error
+    if head.startswith(b"ply"):
+        if b"packed_position" in head:
+            from nvsim.splats.formats.compressed_ply import read_compressed_ply
+
+            return read_compressed_ply(path), None
+        return read_ply(path)
+    if head.startswith((b"\x1f\x8b", b"NGSP")):
+        from nvsim.splats.formats.spz import read_spz
+
+        return read_spz(path)
+    if path.name == "meta.json" or zipfile.is_zipfile(path):
+        from nvsim.splats.formats.sog import read_sog
+
+        return read_sog(path), None
+    if path.suffix.lower() == ".splat":
+        from nvsim.splats.formats.splat import read_splat
+
+        return read_splat(path), None
+    raise InputError(
+        f"{path} is no splat file that can be read; choose a .ply, .spz, .splat or .sog file, or the meta.json of an"
+        " unpacked SOG."
+    )
+
+
+def write_splats(path: Path, gaussians: Gaussians, antialiased: bool, form: Format) -> None:
+    """Whole or not at all; the format is that asked for, whatever the name. Compressed PLY has no place for
+    `antialiased`. Raises InputError when the disk refuses, or when a format cannot hold the Gaussians."""
+    if form == "ply":
+        write_ply(path, gaussians, antialiased)
+    elif form == "compressed-ply":
+        from nvsim.splats.formats.compressed_ply import write_compressed_ply
+
+        write_compressed_ply(path, gaussians)
+    else:
+        from nvsim.splats.formats.spz import write_spz
+
+        write_spz(path, gaussians, antialiased)

@@ -1,0 +1,71 @@
+"""Between our Gaussians and those of the gsply library, which knows compressed PLY and SPZ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nvsim.errors import InputError
+from nvsim.splats.types import Gaussians
+
+
+def guarded(path: Path, call: Callable[[], Any]) -> Any:
+    """What `call` returns; whatever the library makes of a damaged file becomes an InputError."""
+    try:
+        return call()
+    except (ValueError, KeyError, IndexError, OverflowError, EOFError, OSError, RuntimeError, ArithmeticError) as error:
+        raise InputError(f"{path} is damaged ({error}); export it again.") from error
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] in ("zlib", "struct", "zstandard", "gsply"):
+            raise InputError(f"{path} is damaged ({error}); export it again.") from error
+        raise
+
+
+def from_library(path: Path, data: Any) -> Gaussians:
+    """Raises InputError when values are not finite."""
+    n = len(data.means)
+    higher = np.zeros((n, 0, 3), np.float32) if data.shN is None else np.asarray(data.shN, np.float32)
+    sh = np.concatenate([np.asarray(data.sh0, np.float32).reshape(n, 1, 3), higher.reshape(n, -1, 3)], axis=1)
+    gaussians = Gaussians(
+        np.ascontiguousarray(data.means, np.float32),
+        np.ascontiguousarray(data.scales, np.float32),
+        np.ascontiguousarray(data.quats, np.float32),
+        np.ascontiguousarray(data.opacities, np.float32).reshape(-1),
+        np.ascontiguousarray(sh),
+    )
+    return finite(path, gaussians)
+
+
+def finite(path: Path, gaussians: Gaussians) -> Gaussians:
+    """The same Gaussians. Raises InputError when one of their values is not finite, naming the first."""
+    g = gaussians
+    good = np.ones(len(g), bool)
+    for array in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh):
+        good &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
+    if not good.all():
+        raise InputError(
+            f"{path} holds {len(g) - int(good.sum())} Gaussians with values that are not finite, the first is number"
+            f" {int(np.argmin(good))}; export it again without them."
+        )
+    return gaussians
+
+
+def to_library(gaussians: Gaussians) -> Any:
+    """A gsply.GSData in its PLY convention: logarithmic scales, logit opacities, unit quaternions w x y z."""
+    import gsply
+
+    g = gaussians
+    length = np.linalg.norm(g.quats, axis=1, keepdims=True)
+    unit = np.where(length > 0, g.quats / np.maximum(length, 1e-20), np.array([1, 0, 0, 0], np.float32))
+    # Formats of bytes keep opacities of 1/255 and more; a logit beyond their range only overflows.
+    return gsply.GSData(
+        g.means.copy(),
+        np.clip(g.log_scales, -20, 20),
+        unit.astype(np.float32),
+        np.clip(g.opacity_logits, -20, 20),
+        np.ascontiguousarray(g.sh[:, 0]),
+        np.ascontiguousarray(g.sh[:, 1:]),
+    )
