@@ -17,6 +17,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--screenshot", type=Path, help="save the settled window as a PNG file and close")
     parser.add_argument("--bench", action="store_true", help="measure itself, print one JSON object and close")
     parser.add_argument("--memory", type=float, metavar="GIB", help="for trained models; remembered, 0 forgets it")
+    parser.add_argument("--renderer", choices=("automatic", "cpu", "opengl"), help="who draws colours; remembered")
     given = parser.parse_args(arguments)
     from app.main import run
 
@@ -27,6 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
         theme=given.theme,
         bench=given.bench,
         memory=given.memory,
+        renderer=given.renderer,
     )
 
 

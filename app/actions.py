@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
 
 from app.document import Document
 from app.icons import icon
+from app.renderer_choice import AUTOMATIC, CPU, OPENGL
 
 Reason = str | None  # why a command cannot run, None when it can
 
@@ -104,6 +105,12 @@ ACTIONS: tuple[Action, ...] = (
            "J", "trajectory", "on", toolbar=True, enabled=with_trajectory),
     Action("show_labels", "&Labels", "Name the viewpoints that are near", "&View", 1, "L", "labels", "on",
            toolbar=True, enabled=with_graph),
+    Action(f"renderer_{AUTOMATIC}", "Renderer: a&utomatic", "Draw colours with whichever is faster here: both are "
+           "timed", "&View", 2, check="on", group="renderer", enabled=with_scene),
+    Action(f"renderer_{CPU}", "Renderer: &CPU", "Always draw with the processor", "&View", 2, check="off",
+           group="renderer", enabled=with_scene),
+    Action(f"renderer_{OPENGL}", "Renderer: &OpenGL", "Draw colours with the graphics card; the other views stay with "
+           "the processor", "&View", 2, check="off", group="renderer", enabled=with_scene),
     Action("dark", "Dar&k theme", "Switch between dark and light", "&Window", shortcut="Ctrl+T", icon="theme",
            check="on"),
     Action("fullscreen", "F&ull screen", "Use the whole screen", "&Window", shortcut="F11", icon="fullscreen",

@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QApplication
 from app import theme as themes
 from app.icons import FOLDER
 from app.notices import install_excepthook
+from app.renderer_choice import PREFERENCES
 from app.session import Session
 
 SETTLE = 60.0  # seconds a screenshot waits at most for the sharp picture
@@ -42,9 +43,12 @@ def run_application(
     theme: str | None,
     bench: bool,
     memory: float | None,
+    renderer: str | None,
 ) -> int:
     """See main.run."""
     with _settings(remembered=not bench and screenshot is None) as settings:
+        if renderer is not None:
+            settings.setValue("renderer", next(p for p in PREFERENCES if p.lower() == renderer))
         budget = _memory_budget(settings, memory)
         return _run(settings, project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, budget=budget)
 

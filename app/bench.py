@@ -19,7 +19,7 @@ PATIENCE = 120.0  # seconds until the reconstruction must be there
 
 
 class Bench(QObject):
-    """finished(dict): start_s, gap_p99_ms, gap_max_ms, fps_moving, sharp_ms, rss_mb."""
+    """finished(dict): start_s, gap_p99_ms, gap_max_ms, fps_moving, sharp_ms, rss_mb, renderer."""
 
     finished = Signal(dict)
 
@@ -97,6 +97,7 @@ class Bench(QObject):
             "gap_max_ms": round(self._probe.longest, 1),
             "sharp_ms": round(sorted(self._sharp)[len(self._sharp) // 2], 1) if self._sharp else None,
             "rss_mb": round(rss / 2**20),
+            "renderer": None if self._scene.picture is None else self._scene.picture.renderer,
         }
         self._figures.setdefault("fps_moving", None)
         self.finished.emit(self._figures)

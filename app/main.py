@@ -23,6 +23,7 @@ def run(
     theme: str | None = None,
     bench: bool = False,
     memory: float | None = None,
+    renderer: str | None = None,
 ) -> int:
     """Opens the window; returns the exit code: 0, or 2 after one sentence on stderr when it cannot open.
 
@@ -31,6 +32,7 @@ def run(
     theme        "dark" or "light" in place of the remembered one
     bench        measures itself, prints one JSON object and closes
     memory       GiB for the trained models in memory, remembered for the next window; 0 forgets it
+    renderer     who draws colours, "automatic", "cpu" or "opengl", remembered for the next window
     """
     from app.preflight import obstacle
 
@@ -45,4 +47,6 @@ def run(
 
     from app.application import run_application
 
-    return run_application(project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, memory=memory)
+    return run_application(
+        project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, memory=memory, renderer=renderer
+    )

@@ -24,7 +24,8 @@ _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKE
 
 @dataclass(frozen=True)
 class Notice:
-    """severity "info", "warning" or "error"; one sentence; what else may help, for the log; seconds since the epoch."""
+    """severity "log" (kept, not shown), "info", "warning" or "error"; one sentence; what else may help, for the log;
+    seconds since the epoch."""
 
     severity: str
     text: str
@@ -104,6 +105,8 @@ class NoticeArea(QWidget):
         return [card.notice.text for card in self._cards]
 
     def show_notice(self, notice: Notice) -> None:
+        if notice.severity == "log":
+            return
         for card in self._cards:
             if (card.notice.text, card.notice.severity) == (notice.text, notice.severity):
                 card.repeat()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import time
 import traceback
-from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -18,19 +17,19 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from app.tones import CHANNELS, picture
+from app.painter import Models, Painter, Remark, Renderer
+from app.renderer_choice import AUTOMATIC, CPU
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.render.types import RenderOutput
+from nvsim.splats.types import SubmapModel
 
 WHOLE = -1  # in place of a submap's index: the whole building without its ceilings
-Renderer = Callable[[Camera, frozenset[str]], tuple[int, RenderOutput]]  # -> (submap that answered, view)
 
 
 class RenderSource(Protocol):
     """Something picklable that can be opened in another process."""
 
-    def open(self) -> Renderer:
+    def open(self) -> Models | Renderer:
         """Raises InputError when there is nothing to draw."""
         ...
 
@@ -42,11 +41,9 @@ class ProjectSource:
     path: Path
     memory_budget: int | None = None
 
-    def open(self) -> Renderer:
+    def open(self) -> Models:
         from app.cutaway import Cutaway
         from nvsim.project.project import Project
-        from nvsim.render.model import render_model
-        from nvsim.render.scene import render_scene
 
         with Project.open(self.path) as project:
             scene = project.scene(self.memory_budget)
@@ -55,33 +52,36 @@ class ProjectSource:
             raise InputError(f"{self.path} has no trained model.")
         cutaway = Cutaway(scene, submaps, None if support is None else support.at)
 
-        def render(camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
+        def at(camera: Camera) -> tuple[int, SubmapModel]:
             if cutaway.is_outside(camera.position):
-                return WHOLE, render_model(cutaway.model, camera, channels)
-            return render_scene(scene, camera, channels)
+                return WHOLE, cutaway.model
+            return scene.model_at(camera.position)
 
-        return render
+        return Models(at)
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """number rises; channel is one of tones.CHANNELS; moving says that the eye has not come to rest."""
+    """number rises; channel is one of tones.CHANNELS; moving says that the eye has not come to rest; renderer is one of
+    renderer_choice.PREFERENCES."""
 
     number: int
     camera: Camera
     channel: str
     moving: bool
+    renderer: str = AUTOMATIC
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
     """pixels (H, W, 4) uint8 in the order blue, green, red, 255, as QImage's Format_RGB32 has it in memory;
-    milliseconds it took to draw."""
+    milliseconds it took to draw, and who drew it: renderer_choice.CPU or OPENGL."""
 
     request: Request
     pixels: NDArray[np.uint8]
     submap: int
     milliseconds: float
+    renderer: str = CPU
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ def serve(connection: Connection, source: RenderSource) -> None:
         os.nice(5)  # the window comes first
     begin = time.perf_counter()
     try:
-        render = source.open()
-        _warm_up(render)
+        painter = Painter(source.open())
+        _warm_up(painter)
     except InputError as error:
         connection.send(Trouble(str(error), fatal=True))
         return
@@ -117,26 +117,41 @@ def serve(connection: Connection, source: RenderSource) -> None:
     try:
         connection.send(Opened(time.perf_counter() - begin))
         while True:
+            _use_the_pause(painter, connection)
             request: Request = connection.recv()
-            connection.send(_answer(render, request))
+            connection.send(_answer(painter, request))
+            _send_remarks(painter, connection)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return  # the window is gone
 
 
-def _answer(render: Renderer, request: Request) -> Picture | Trouble:
+def _use_the_pause(painter: Painter, connection: Connection) -> None:
+    """Compares the renderers, frame by frame, until something is asked for."""
+    try:
+        while not connection.poll() and painter.compare():
+            pass
+    except Exception as error:  # the pictures themselves do not depend on it
+        painter.remarks.append(Remark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
+        painter.rest()
+    _send_remarks(painter, connection)
+
+
+def _send_remarks(painter: Painter, connection: Connection) -> None:
+    while painter.remarks:
+        connection.send(painter.remarks.pop(0))
+
+
+def _answer(painter: Painter, request: Request) -> Picture | Trouble:
     begin = time.perf_counter()
     try:
-        submap, view = render(request.camera, CHANNELS[request.channel])
-        pixels = picture(view, request.channel)
+        submap, pixels, renderer = painter.paint(request.camera, request.channel, request.renderer, request.moving)
     except Exception as error:
         return Trouble(f"A view could not be drawn: {error}", traceback.format_exc())
-    return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin))
+    return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), renderer)
 
 
-def _warm_up(render: Renderer) -> None:
+def _warm_up(painter: Painter) -> None:
     """Compiles what the first frame would otherwise wait for."""
     from nvsim.geometry.camera import Intrinsics
 
-    tiny = Camera(Intrinsics.from_fov(32, 32, 1.0), np.eye(4))
-    for channels in {CHANNELS["rgb"]}:
-        render(tiny, channels)
+    painter.paint(Camera(Intrinsics.from_fov(32, 32, 1.0), np.eye(4)), "rgb", CPU, moving=True)

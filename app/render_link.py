@@ -9,6 +9,7 @@ from multiprocessing.process import BaseProcess
 
 from PySide6.QtCore import QObject, Signal
 
+from app.painter import Remark
 from app.render_child import Opened, Picture, RenderSource, Request, Trouble, serve
 
 RESTARTS = 2  # a process that dies more often than this stays dead
@@ -64,12 +65,13 @@ class _Life:
 class RenderLink(QObject):
     """One request is on its way at a time; a newer one replaces the one that waits.
 
-    opened(float) seconds; arrived(Picture); troubled(Trouble).
+    opened(float) seconds; arrived(Picture); troubled(Trouble); remarked(Remark).
     """
 
     opened = Signal(float)
     arrived = Signal(object)
     troubled = Signal(object)
+    remarked = Signal(object)
     _heard = Signal(int, object)  # from the reading thread: life number, message
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -138,6 +140,8 @@ class RenderLink(QObject):
             self._sent = None
             self._send_waiting()
             self.arrived.emit(message)
+        elif isinstance(message, Remark):
+            self.remarked.emit(message)
         elif isinstance(message, Trouble):
             self._sent = None
             if message.fatal:

@@ -31,6 +31,7 @@ from app.overlays import Overlays
 from app.pacing import Pacing
 from app.render_child import Picture, RenderSource, Request, Trouble
 from app.render_link import RenderLink
+from app.renderer_choice import AUTOMATIC
 from app.status import paint_status
 from nvsim.geometry.camera import Camera
 
@@ -38,11 +39,12 @@ REST = 100  # milliseconds without movement until the sharp picture is asked for
 
 
 class SceneView(QWidget):
-    """poseChanged(ViewPose); pictureShown(Picture) after it was painted; troubled(Trouble)."""
+    """poseChanged(ViewPose); pictureShown(Picture) after it was painted; troubled(Trouble); remarked(Remark)."""
 
     poseChanged = Signal(object)
     pictureShown = Signal(object)
     troubled = Signal(object)
+    remarked = Signal(object)
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -58,6 +60,7 @@ class SceneView(QWidget):
         self.link = RenderLink(self)
         self.pacing = Pacing()
         self.channel = "rgb"
+        self.renderer = AUTOMATIC
         self.note = ""  # what the view waits for
         self.hint = ""  # what the project lacks
         self._picture: Picture | None = None
@@ -71,6 +74,7 @@ class SceneView(QWidget):
         self.link.arrived.connect(self._on_picture)
         self.link.opened.connect(lambda _: self._on_opened())
         self.link.troubled.connect(self._on_trouble)
+        self.link.remarked.connect(self.remarked)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self.update)
@@ -106,6 +110,11 @@ class SceneView(QWidget):
     def set_channel(self, channel: str) -> None:
         """One of tones.CHANNELS."""
         self.channel = channel
+        self._ask_sharp()
+
+    def set_renderer(self, renderer: str) -> None:
+        """One of renderer_choice.PREFERENCES."""
+        self.renderer = renderer
         self._ask_sharp()
 
     def _home_pose(self) -> ViewPose:
@@ -166,7 +175,8 @@ class SceneView(QWidget):
         if moving:
             width, height = self.pacing.moving_size(width, height)
         self._number += 1
-        self.link.ask(Request(self._number, self.pose.camera(width, height), self.channel, moving))
+        camera = self.pose.camera(width, height)
+        self.link.ask(Request(self._number, camera, self.channel, moving, self.renderer))
 
     def _ask_sharp(self) -> None:
         self._ask(moving=False)

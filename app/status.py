@@ -21,6 +21,7 @@ def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Pictur
     if picture is not None:
         k = picture.request.camera.intrinsics
         facts += ["whole building" if picture.submap == WHOLE else f"submap {picture.submap}", f"{k.width}×{k.height}"]
+        facts += [f"{picture.renderer} {picture.milliseconds:.0f} ms"]
     chip(painter, QPointF(10, size.height() - 10), "   ".join(facts), ink, fill)
     if words:
         width = painter.fontMetrics().horizontalAdvance(words) + 12

@@ -26,6 +26,7 @@ from app.actions import ActionTable
 from app.document import Document
 from app.map_view import MapView
 from app.notices import NoticeArea, Notices
+from app.painter import Remark
 from app.panels.details import DetailsPanel
 from app.panels.empty import EmptyState
 from app.panels.frames import FramePanel
@@ -34,6 +35,7 @@ from app.panels.jobs import JobPanel
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapPanel
 from app.render_child import RenderSource, Trouble
+from app.renderer_choice import AUTOMATIC, PREFERENCES
 from app.scene_view import SceneView
 from app.tones import CHANNELS
 
@@ -133,6 +135,7 @@ class MainWindow(QMainWindow):
     def _connect(self) -> None:
         self.scene.poseChanged.connect(self.map.show_pose)
         self.scene.troubled.connect(self._on_trouble)
+        self.scene.remarked.connect(self._on_remark)
         self.map.cameraDragged.connect(self._drag_camera)
         self.map.cameraPlaced.connect(self._place_camera)
         self.frames.opened.connect(self._open_frame)
@@ -162,6 +165,8 @@ class MainWindow(QMainWindow):
         }
         for channel in CHANNELS:
             handlers[channel] = lambda _=False, c=channel: scene.set_channel(c)
+        for renderer in PREFERENCES:
+            handlers[f"renderer_{renderer}"] = lambda _=False, r=renderer: self._set_renderer(r)
         return handlers
 
     # Following the document ------------------------------------------------------------------------------------
@@ -192,6 +197,9 @@ class MainWindow(QMainWindow):
 
     def _on_trouble(self, trouble: Trouble) -> None:
         self.notices.add("error" if trouble.fatal else "warning", trouble.message, trouble.trace)
+
+    def _on_remark(self, remark: Remark) -> None:
+        self.notices.add("warning" if remark.warning else "log", remark.message, remark.trace)
 
     # Commands --------------------------------------------------------------------------------------------------
 
@@ -237,6 +245,10 @@ class MainWindow(QMainWindow):
             nearest = extent[np.argmin(np.hypot(extent[:, 0] - x, extent[:, 1] - y))]
             self.scene.go_to_position(np.array([x, y, nearest[2]]))
 
+    def _set_renderer(self, renderer: str) -> None:
+        self.settings.setValue("renderer", renderer)
+        self.scene.set_renderer(renderer)
+
     # Look and layout -------------------------------------------------------------------------------------------
 
     def _set_dark(self, dark: bool) -> None:
@@ -256,6 +268,10 @@ class MainWindow(QMainWindow):
             self.restoreGeometry(geometry)
         if isinstance(state, QByteArray):
             self.restoreState(state, LAYOUT_VERSION)
+        renderer = self.settings.value("renderer", AUTOMATIC)
+        if renderer in PREFERENCES:
+            self.scene.renderer = str(renderer)
+            self.actions_table[f"renderer_{renderer}"].setChecked(True)
         dark = self.actions_table["dark"]
         dark.blockSignals(True)
         dark.setChecked(theme.is_dark(self.palette()))

@@ -10,7 +10,12 @@ from PySide6.QtWidgets import QPlainTextEdit, QWidget
 from app import colors
 from app.notices import Notice, Notices
 
-_COLORS = {"info": colors.QUIET_TEXT, "warning": colors.WARNING_TEXT, "error": colors.BLOCKED_TEXT}
+_COLORS = {
+    "log": colors.QUIET_TEXT,
+    "info": colors.QUIET_TEXT,
+    "warning": colors.WARNING_TEXT,
+    "error": colors.BLOCKED_TEXT,
+}
 MOST_LINES = 5000
 
 

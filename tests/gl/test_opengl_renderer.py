@@ -147,3 +147,16 @@ def test_a_released_renderer_leaves_no_thread_and_says_so_when_used(opengl: None
     assert threading.active_count() == before
     with pytest.raises(RuntimeError, match="released"):
         renderer.render(MODELS["classic"], CAMERA)
+
+
+def test_the_window_shows_the_same_whoever_draws(opengl: None) -> None:
+    """Also splats without a background, which lie over a neutral one."""
+    from app.painter import Models, Painter
+    from app.renderer_choice import CPU, OPENGL
+
+    for model in (MODELS["stairs and ramp"], SubmapModel(room(300), None, None, FloorSurface.flat(0.0))):
+        painter = Painter(Models(lambda camera, model=model: (0, model)))
+        drawn = {name: painter.paint(CAMERA, "rgb", name, moving=True) for name in (CPU, OPENGL)}
+        assert [renderer for _, _, renderer in drawn.values()] == [CPU, OPENGL] and not painter.remarks
+        assert psnr(drawn[CPU][1], drawn[OPENGL][1]) > 45
+        painter.release()

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from app.loading import Contents
-from app.render_child import Renderer
+from app.painter import Renderer
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.lens import Lens

@@ -12,7 +12,8 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from app.cameras import ViewPose
-from app.render_child import Picture, Renderer, Request
+from app.painter import Renderer
+from app.render_child import Picture, Request
 from app.render_link import RenderLink
 from app.responsiveness import Probe
 from nvsim.errors import InputError
