@@ -21,7 +21,8 @@ from nvsim.evaluation.comparison import Shown, Tile
 from nvsim.evaluation.novel import NovelView, has_novel_views
 from nvsim.evaluation.scores import Distance
 from nvsim.evaluation.table import SPREAD
-from nvsim.evaluation.views import held_out_frames, novel_views, truth_of
+from nvsim.evaluation.truth import truth_of
+from nvsim.evaluation.views import held_out_frames, novel_views
 from nvsim.events import Event, Listener, Log, Progress
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key

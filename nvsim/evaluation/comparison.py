@@ -48,18 +48,15 @@ class Tile:
 
 def _captions(f: Mapping[str, float]) -> tuple[str, str]:
     if "novel_psnr" in f:
-        return (
-            f"{_db(f['novel_psnr'])}, down {_db(f['novel_psnr_down'])}",
-            f"alpha on floor {f['novel_alpha_floor']:.3f}",
-        )
-    return (
-        f"{_db(f['psnr'])}, without floor {_db(f['psnr_nonfloor'])}",
-        f"alpha on floor {f['alpha_floor']:.3f}, other {f['alpha_nonfloor']:.3f}",
-    )
+        words = _named((f["novel_psnr"], "", 1), (f["novel_psnr_down"], "steeply down ", 1))
+        return words, _named((f["novel_alpha_floor"], "alpha on floor ", 3))
+    words = _named((f["psnr"], "", 1), (f["psnr_nonfloor"], "without floor ", 1))
+    return words, _named((f["alpha_floor"], "alpha on floor ", 3), (f["alpha_nonfloor"], "other ", 3))
 
 
-def _db(value: float) -> str:
-    return f"{value:.1f} dB"
+def _named(*figures: tuple[float, str, int]) -> str:
+    """Value, name and decimals of each, with one decimal in dB; those that are missing are left out."""
+    return ", ".join(f"{n}{v:.{d}f}{' dB' if d == 1 else ''}" for v, n, d in figures if v == v)
 
 
 def draw_comparison(path: Path, titles: Sequence[str], shown: Sequence[Shown], tiles: Sequence[Sequence[Tile]]) -> Path:

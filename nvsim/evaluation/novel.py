@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import decode
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
-from nvsim.evaluation.scores import Scores, psnr
+from nvsim.evaluation.scores import LEAST_PIXELS, Scores, psnr
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.perception.segment import read_mask
 
@@ -101,12 +101,12 @@ def novel_score(
     view: NovelView, image: NDArray[np.float32], rendered: NDArray[np.float32], alpha: NDArray[np.float32]
 ) -> Scores:
     """novel_psnr of the whole picture, novel_psnr_down of the rays that look steeply down, novel_alpha_floor, the mean
-    alpha on the true floor (NaN where the truth does not say which pixels are floor)."""
+    alpha on the true floor (NaN where the truth does not say which pixels are floor, or too few are)."""
     error = ((image - np.clip(rendered, 0, 1)) ** 2).mean(axis=2)
     down = view.camera.rays()[..., 2] < STEEP
     floor = view.floor_mask()
     return {
         "novel_psnr": psnr(float(error.mean())),
         "novel_psnr_down": psnr(float(error[down].mean())) if down.any() else np.nan,
-        "novel_alpha_floor": float(alpha[floor].mean()) if floor is not None and floor.any() else np.nan,
+        "novel_alpha_floor": np.nan if floor is None or floor.sum() < LEAST_PIXELS else float(alpha[floor].mean()),
     }

@@ -30,6 +30,13 @@ def truth_folder(project: Project, truth: Path | None) -> Path:
     return folder
 
 
+def truth_of(project: Project, truth: Path | None) -> Path | None:
+    """The folder to score against: the given one, else the project's own truth, None where there is none."""
+    if truth is not None and not truth.is_dir():
+        raise InputError(f"{truth} is not a folder; name the folder that holds floor/ masks with --truth DIR.")
+    return truth or (project.layout.ground_truth if project.layout.ground_truth.is_dir() else None)
+
+
 def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, Any]:
     """The floor figures of a project's masks; also kept as the project's result "floor" where it can be written."""
     from nvsim.evaluation.floor import evaluate_floor

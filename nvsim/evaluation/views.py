@@ -21,7 +21,7 @@ from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.novel import NovelView, novel_score, read_novel_views
 from nvsim.evaluation.scores import Distance, Image, Mask, Scores, mean_scores, plain, score
-from nvsim.evaluation.truth import true_mask
+from nvsim.evaluation.truth import true_mask, truth_of
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera
 from nvsim.perception.segment import read_mask
@@ -102,13 +102,6 @@ def evaluate_views(
     if novel:
         result["novel_views"], result["per_novel_view"] = len(novel_rows), [plain(r) for r in novel_rows]
     return result
-
-
-def truth_of(project: Project, truth: Path | None) -> Path | None:
-    """The folder to score against: the given one, else the project's own truth, None where there is none."""
-    if truth is not None and not truth.is_dir():
-        raise InputError(f"{truth} is not a folder; name the folder that holds floor/ masks with --truth DIR.")
-    return truth or (project.layout.ground_truth if project.layout.ground_truth.is_dir() else None)
 
 
 def held_out_frames(project: Project) -> list[int]:
