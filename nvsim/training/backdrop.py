@@ -1,7 +1,5 @@
-"""The background at every pixel of a view, from its 25 SH coefficients and the floor texture, and the way back.
-
-Both directions evaluate the basis again, one row of pixels at a time: that costs less than keeping 25 planes.
-"""
+"""The SH background at every pixel of a view, and the way back to its 25 coefficients, by the polynomials of
+`render.sky`."""
 
 from __future__ import annotations
 
@@ -12,14 +10,14 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.splats import harmonics
+from nvsim.render.sky import EXPONENTS, change_of_basis, row_numbers
 
 _F = np.float32
-_terms = njit(inline="always")(harmonics.terms)
-COEFFICIENTS = 25
+_ONE = _F(1)
+Float32 = NDArray[np.float32]
 
 
-def pack_camera(camera: Camera) -> NDArray[np.float32]:
+def pack_camera(camera: Camera) -> Float32:
     """(16,) float32 for the kernels: rotation of camera to world by rows, position, focal lengths, principal point."""
     k = camera.intrinsics
     packed = np.empty(16, np.float32)
@@ -28,52 +26,71 @@ def pack_camera(camera: Camera) -> NDArray[np.float32]:
     return packed
 
 
-@njit(inline="always")
-def _basis_row(camera: Any, y: Any, width: Any, row: Any) -> None:
-    v = (_F(y) + _F(0.5) - camera[15]) / camera[13]
-    for x in range(width):
-        u = (_F(x) + _F(0.5) - camera[14]) / camera[12]
-        length = _F(1) / np.sqrt(u * u + v * v + _F(1))
-        dx = (camera[0] * u + camera[1] * v + camera[2]) * length
-        dy = (camera[3] * u + camera[4] * v + camera[5]) * length
-        dz = (camera[6] * u + camera[7] * v + camera[8]) * length
-        values = _terms(dx, dy, dz)
-        row[0, x], row[1, x], row[2, x], row[3, x], row[4, x] = values[0], values[1], values[2], values[3], values[4]
-        row[5, x], row[6, x], row[7, x], row[8, x], row[9, x] = values[5], values[6], values[7], values[8], values[9]
-        row[10, x], row[11, x], row[12, x], row[13, x] = values[10], values[11], values[12], values[13]
-        row[14, x], row[15, x], row[16, x], row[17, x] = values[14], values[15], values[16], values[17]
-        row[18, x], row[19, x], row[20, x], row[21, x] = values[18], values[19], values[20], values[21]
-        row[22, x], row[23, x], row[24, x] = values[22], values[23], values[24]
-
-
 @njit(parallel=True, cache=True, fastmath=True)
-def evaluate(camera: Any, coefficients: Any, out: Any) -> None:
-    """`out` (3, H, W) = the SH background along every pixel's ray; `coefficients` (25, 3)."""
+def _evaluate(camera: Any, terms: Any, out: Any) -> None:
     _, height, width = out.shape
     for y in prange(height):
-        basis = np.empty((COEFFICIENTS, width), np.float32)
-        _basis_row(camera, y, width, basis)
+        v = (_F(y) + _F(0.5) - camera[15]) / camera[13]
+        step, first = _ONE / camera[12], (_F(0.5) - camera[14]) / camera[12]
+        above = v * v + _ONE
         for c in range(3):
+            e0, e1, e2, e3, e4, o0, o1, o2, o3 = row_numbers(terms, v, c)
             line = out[c, y]
-            line[:] = _F(0)
-            for k in range(COEFFICIENTS):
-                factor, values = coefficients[k, c], basis[k]
-                for x in range(width):
-                    line[x] += factor * values[x]
+            for x in range(width):
+                u = _F(x) * step + first
+                square = _ONE / (u * u + above)
+                even = e0 + u * (e1 + u * (e2 + u * (e3 + u * e4)))
+                odd = o0 + u * (o1 + u * (o2 + u * o3))
+                line[x] = square * (square * even + np.sqrt(square) * odd)
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def evaluate_gradient(camera: Any, d_background: Any, rows: Any) -> None:
-    """`rows` (H, 25, 3): what each row of pixels adds to the gradient by the coefficients (25, 3)."""
+def _moments(camera: Any, d_background: Any, rows: Any) -> None:
+    # rows: out (H, 9, 3), the gradient by the nine numbers of each row.
     _, height, width = d_background.shape
     for y in prange(height):
-        basis = np.empty((COEFFICIENTS, width), np.float32)
-        _basis_row(camera, y, width, basis)
-        for k in range(COEFFICIENTS):
-            values = basis[k]
-            for c in range(3):
-                line = d_background[c, y]
-                total = _F(0)
-                for x in range(width):
-                    total += values[x] * line[x]
-                rows[y, k, c] = total
+        v = (_F(y) + _F(0.5) - camera[15]) / camera[13]
+        step, first = _ONE / camera[12], (_F(0.5) - camera[14]) / camera[12]
+        above = v * v + _ONE
+        for c in range(3):
+            line = d_background[c, y]
+            e0 = e1 = e2 = e3 = e4 = o0 = o1 = o2 = o3 = _F(0)
+            for x in range(width):
+                u = _F(x) * step + first
+                square = _ONE / (u * u + above)
+                even = line[x] * square
+                odd = even * np.sqrt(square)
+                even *= square
+                e0 += even
+                o0 += odd
+                even *= u
+                odd *= u
+                e1 += even
+                o1 += odd
+                even *= u
+                odd *= u
+                e2 += even
+                o2 += odd
+                even *= u
+                odd *= u
+                e3 += even
+                o3 += odd
+                e4 += even * u
+            rows[y, 0, c], rows[y, 1, c], rows[y, 2, c], rows[y, 3, c], rows[y, 4, c] = e0, e1, e2, e3, e4
+            rows[y, 5, c], rows[y, 6, c], rows[y, 7, c], rows[y, 8, c] = o0, o1, o2, o3
+
+
+def evaluate(camera: Camera, coefficients: Float32, out: Float32) -> None:
+    """`out` (3, H, W) = the background along every pixel's ray; `coefficients` (25, 3)."""
+    terms = (change_of_basis(camera.rotation) @ coefficients).astype(np.float32)
+    _evaluate(pack_camera(camera), terms, out)
+
+
+def evaluate_gradient(camera: Camera, d_background: Float32, rows: Float32) -> Float32:
+    """(25, 3) the gradient by the coefficients, from that by the background (3, H, W). `rows` (H, 9, 3) is scratch."""
+    _moments(pack_camera(camera), d_background, rows)
+    k, height = camera.intrinsics, len(rows)
+    v = (np.arange(height) + 0.5 - k.cy) / k.fy
+    sums = np.tensordot(v[:, None] ** np.arange(5), rows.astype(np.float64), axes=(0, 0))  # (5 powers of v, 9, 3)
+    d_terms = np.stack([sums[j, i if at < 15 else 5 + i] for at, (i, j) in enumerate(EXPONENTS)])
+    return np.asarray(change_of_basis(camera.rotation).T @ d_terms, np.float32)

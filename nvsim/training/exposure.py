@@ -34,9 +34,7 @@ def _apply(gain: Any, rgb: Any, background: Any) -> None:
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def _apply_gradient(
-    gain: Any, rgb: Any, background: Any, d_rgb: Any, d_background: Any, d_texture: Any, rows: Any
-) -> None:
+def _apply_gradient(gain: Any, rgb: Any, background: Any, d_rgb: Any, d_background: Any, rows: Any) -> None:
     # The images come as they were exposed, so that their sums are already by the logarithm of the gain.
     height, width, _ = rgb.shape
     for y in prange(height):
@@ -46,7 +44,6 @@ def _apply_gradient(
                 total += d_rgb[y, x, c] * rgb[y, x, c] + d_background[c, y, x] * background[c, y, x]
                 d_rgb[y, x, c] *= gain[c]
                 d_background[c, y, x] *= gain[c]
-                d_texture[c, y, x] *= gain[c]
             rows[y, c] = total
 
 
@@ -71,12 +68,11 @@ class Exposure:
         background: Float32,
         d_rgb: Float32,
         d_background: Float32,
-        d_texture: Float32,
     ) -> None:
         """Turns gradients by the exposed images (what `apply` made) into those by the unexposed ones, in place, and
         moves the view's gains."""
         rows = np.empty((rgb.shape[0], 3), np.float32)
-        _apply_gradient(np.exp(self.log_gains[view]), rgb, background, d_rgb, d_background, d_texture, rows)
+        _apply_gradient(np.exp(self.log_gains[view]), rgb, background, d_rgb, d_background, rows)
         slope = rows.sum(axis=0, dtype=np.float64) + HOLD * self.log_gains[view]
         self._visits[view] += 1
         self._first[view] = BETA1 * self._first[view] + (1 - BETA1) * slope

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
+from nvsim.render.sky import ROW
 from nvsim.render.workspace import LOCK, Workspace
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.alpha_loss import alpha_loss
 from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
-from nvsim.training.background import COEFFICIENTS, BackgroundNetwork
+from nvsim.training.background import BackgroundNetwork
 from nvsim.training.config import RateConfig, TrainingConfig
 from nvsim.training.exposure import Exposure
 from nvsim.training.losses import FloorAwareLoss, LossValues
@@ -46,6 +47,7 @@ class Canvas:
     rows: Float32
     no_depth: Float32
     inlier: NDArray[np.bool_]
+    nowhere: NDArray[np.bool_]
 
     @staticmethod
     def of(config: TrainingConfig, width: int, height: int) -> Canvas:
@@ -53,9 +55,10 @@ class Canvas:
             FloorAwareLoss(config.loss, width, height),
             np.zeros((3, height, width), np.float32),
             np.empty((3, height, width), np.float32),
-            np.empty((height, COEFFICIENTS, 3), np.float32),
+            np.empty((height, ROW, 3), np.float32),
             np.zeros((height, width), np.float32),
             np.ones((height, width), np.bool_),
+            np.zeros((height, width), np.bool_),
         )
 
 
@@ -111,16 +114,17 @@ class Fit:
             self._canvases[key] = Canvas.of(self.config, width, height)
         return self._canvases[key]
 
-    def paint(self, camera: Camera) -> Float32:
-        """(3, H, W) the background of a view, in a buffer that the next view of this size overwrites."""
+    def paint(self, camera: Camera, transmittance: Float32, floor: NDArray[np.bool_] | None = None) -> Float32:
+        """(3, H, W) the background of a view, in a buffer that the next view of this size overwrites. The texture is
+        laid only where light comes through, transmittance (H, W), and in the pixels of `floor` (H, W)."""
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
         if self.network is None:
             return canvas.background
-        packed = pack_camera(camera)
         self._coefficients = self.network(torch.from_numpy(camera.position.astype(np.float32)))
-        evaluate(packed, self._coefficients.detach().numpy(), canvas.background)
+        evaluate(camera, self._coefficients.detach().numpy(), canvas.background)
         if self.texture is not None:
-            meet_floor(packed, self._heights, self._grid, canvas.hits)
+            wanted = canvas.nowhere if floor is None else floor
+            meet_floor(pack_camera(camera), self._heights, self._grid, wanted, transmittance, canvas.hits)
             self.texture.add(canvas.hits, canvas.background)
         return canvas.background
 
@@ -136,7 +140,7 @@ class Fit:
         """The picture (H, W, 3), not clamped, and alpha (H, W)."""
         with LOCK:
             rgb, transmittance = self.draw(camera)
-            background = self.paint(camera)
+            background = self.paint(camera, transmittance)
         return rgb + transmittance[..., None] * background.transpose(1, 2, 0), 1 - transmittance
 
     def differentiate(
@@ -155,29 +159,29 @@ class Fit:
         with LOCK:
             rgb, transmittance = self.draw(camera, sh_degree)
             watch.lap("forward")
-            background = self.paint(camera)
+            background = self.paint(camera, transmittance, view.floor)
             watch.lap("background")
             loss = canvas.loss
             if self.exposure is not None:
                 self.exposure.apply(index, rgb, background)
             if judge is not None:
                 judge(rgb, transmittance, background)
-            values = loss(rgb, 1 - transmittance, background, view.image, view.floor, inlier)
+            values = loss(rgb, transmittance, background, view.image, view.floor, inlier)
             if self.config.loss.alpha > 0:
                 more = alpha_loss(1 - transmittance, background, view.image, self.config.loss.alpha, loss.d_alpha)
                 values = replace(values, total=values.total + more)
             if self.exposure is not None:
-                self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background, loss.d_texture)
+                self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background)
             watch.lap("loss")
             self._workspace.draw_gradient(transmittance, loss.d_rgb, loss.d_alpha, canvas.no_depth)
             self._workspace.project_gradient(self.gaussians, self.gradients, self.sums)
             watch.lap("backward")
             if self.network is not None:
-                evaluate_gradient(pack_camera(camera), loss.d_background, canvas.rows)
                 self.network.gradient[:] = 0
-                self._coefficients.backward(torch.from_numpy(canvas.rows.sum(axis=0)))
-            if self.texture is not None:
-                self.texture.collect(canvas.hits, loss.d_texture)
+                slope = evaluate_gradient(camera, loss.d_background, canvas.rows)
+                self._coefficients.backward(torch.from_numpy(slope))
+            if self.texture is not None and self.config.loss.floor > 0:
+                self.texture.collect(canvas.hits, view.floor, loss.d_background)
             watch.lap("background_backward")
         self.parts = watch.laps
         return values

@@ -58,8 +58,7 @@ def _mean_floor_colour(views: Sequence[TrainingView]) -> NDArray[np.float64]:
 def _hits(view: TrainingView, floor: FloorSurface) -> Float32:
     k = view.camera.intrinsics
     hits = np.empty((3, k.height, k.width), np.float32)
-    meet_floor(pack_camera(view.camera), *pack_floor(floor), hits)
-    hits[2][~view.floor] = -1
+    meet_floor(pack_camera(view.camera), *pack_floor(floor), view.floor, np.zeros(view.floor.shape, np.float32), hits)
     return hits
 
 
@@ -88,6 +87,8 @@ def _average(
             texture.add(hit, painted)
             left = view.image.transpose(2, 0, 1) * np.float32(1 / 255) - colour.astype(np.float32)[:, None, None]
             left = left - painted
-            scatter_texture(hit, texture.table[only], texture.sizes[only], texture.bounds, left, sums, weights)
+            scatter_texture(
+                hit, view.floor, texture.table[only], texture.sizes[only], texture.bounds, left, sums, weights
+            )
         here = texture.level(level)
         texture.values[here] = sums[here] / (weights[here] + DOUBT)[:, None]

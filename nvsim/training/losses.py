@@ -14,111 +14,186 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numba
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.training.config import LossConfig
-from nvsim.training.ssim import TAPS, ssim_backward, ssim_forward
+from nvsim.training.ssim import RADIUS, SEGMENT, STRIP, planes, ssim_forward, ssim_gradient, tiles
 
 _F = np.float32
 _BYTE = _F(1 / 255)
 SMOOTH = _F(1e-4)
+# The planes of a segment; the prediction's error takes the place of its colour, and its gradient that of the error.
+_TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _D_ALPHA, _PLANES = 0, 3, 6, 9, 10, 11, 12, 15, 16
 
 Float32 = NDArray[np.float32]
+
+
+@njit(fastmath=True)
+def _load(
+    rgb: Any,
+    transmittance: Any,
+    background: Any,
+    image: Any,
+    floor: Any,
+    inlier: Any,
+    aware: Any,
+    y: Any,
+    x0: Any,
+    count: Any,
+    work: Any,
+) -> None:
+    # A segment of a row as planes of 128 numbers one after the other, which stay in the nearest cache: each loop here
+    # touches few arrays, and what is computed from the planes touches one. Compilers vectorise nothing else.
+    for i in range(count):
+        for c in range(3):
+            work[(_TRUE + c) * SEGMENT + i] = _F(image[y, x0 + i, c]) * _BYTE
+    for i in range(count):
+        for c in range(3):
+            work[(_OFF + c) * SEGMENT + i] = rgb[y, x0 + i, c]
+    for c in range(3):
+        for i in range(count):
+            work[(_GROUND + c) * SEGMENT + i] = background[c, y, x0 + i]
+    for i in range(count):
+        work[_THROUGH * SEGMENT + i] = transmittance[y, x0 + i]
+    for i in range(count):
+        work[_MASKED * SEGMENT + i] = aware * _F(floor[y, x0 + i])
+    for i in range(count):
+        work[_INSIDE * SEGMENT + i] = _F(inlier[y, x0 + i])
+    for i in range(count, SEGMENT):
+        work[_THROUGH * SEGMENT + i] = _F(0)
+        work[_MASKED * SEGMENT + i] = _F(0)
+        work[_INSIDE * SEGMENT + i] = _F(0)
+    for c in range(3):
+        for i in range(SEGMENT):
+            drawn = work[(_OFF + c) * SEGMENT + i] + work[_THROUGH * SEGMENT + i] * work[(_GROUND + c) * SEGMENT + i]
+            work[(_OFF + c) * SEGMENT + i] = drawn - work[(_TRUE + c) * SEGMENT + i]
 
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _compose(
     rgb: Any,
-    alpha: Any,
+    transmittance: Any,
     background: Any,
     image: Any,
     floor: Any,
     inlier: Any,
-    floor_aware: Any,
-    predicted: Any,
-    target: Any,
+    aware: Any,
+    threads: Any,
+    images: Any,
+    lit: Any,
     error: Any,
     sums: Any,
 ) -> None:
-    # Per row: planar weighted prediction and target for the SSIM, the error of every pixel (of the
-    # background where the mask says floor), and the sums of every other term.
-    height, width = alpha.shape
-    for y in prange(height):
-        total, squares, counted = _F(0), _F(0), _F(0)
-        suppression, floor_sum, fill = _F(0), _F(0), _F(0)
-        for x in range(width):
-            through = _F(1) - alpha[y, x]
-            masked = floor_aware and floor[y, x]
-            w = _F(0) if masked else _F(inlier[y, x])
-            for c in range(3):
-                true = _F(image[y, x, c]) * _BYTE
-                ground = background[c, y, x]
-                drawn = rgb[y, x, c] + through * ground
-                predicted[c, y, x] = w * drawn
-                target[c, y, x] = w * true
-                difference = drawn - true
-                total += w * abs(difference)
-                squares += w * difference * difference
-                if masked:
-                    error[c, y, x] = ground - true
-                    floor_sum += _F(inlier[y, x]) * np.sqrt((ground - true) * (ground - true) + SMOOTH)
-                else:
-                    error[c, y, x] = difference
-            counted += w
-            if masked:
-                suppression += alpha[y, x]
-            else:
-                fill += _F(inlier[y, x]) * through
-        sums[0, y], sums[1, y], sums[2, y] = total, squares, counted
-        sums[3, y], sums[4, y], sums[5, y] = suppression, floor_sum, fill
+    # Per row: sum and difference of the weighted prediction and target for the SSIM, the error of every pixel (of the
+    # background where the mask says floor), and the sums of every other term. aware: 1 where the mask counts, else 0.
+    height, width = transmittance.shape
+    strips, segments = lit.shape
+    for thread in prange(threads):
+        work = np.zeros(_PLANES * SEGMENT, np.float32)
+        for strip in range(thread, strips, threads):
+            lit[strip] = 0
+            for y in range(strip * STRIP, min(height, strip * STRIP + STRIP)):
+                sums[:, y] = 0
+                for segment in range(segments):
+                    x0, at = segment * SEGMENT, (y + RADIUS) * SEGMENT
+                    count = min(SEGMENT, width - x0)
+                    _load(rgb, transmittance, background, image, floor, inlier, aware, y, x0, count, work)
+                    total, squares, floor_sum = _F(0), _F(0), _F(0)
+                    for c in range(3):
+                        to_sum = images[0, c, segment, at : at + SEGMENT]
+                        to_difference = images[1, c, segment, at : at + SEGMENT]
+                        for i in range(SEGMENT):
+                            masked, inside = work[_MASKED * SEGMENT + i], work[_INSIDE * SEGMENT + i]
+                            w, difference = inside - masked * inside, work[(_OFF + c) * SEGMENT + i]
+                            true = work[(_TRUE + c) * SEGMENT + i]
+                            off = work[(_GROUND + c) * SEGMENT + i] - true
+                            to_sum[i] = w * (difference + true + true)
+                            to_difference[i] = w * difference
+                            total += w * abs(difference)
+                            squares += w * difference * difference
+                            floor_sum += masked * inside * np.sqrt(off * off + SMOOTH)
+                            work[(_OUT + c) * SEGMENT + i] = difference + masked * (off - difference)
+                        for i in range(count):
+                            error[c, y, x0 + i] = work[(_OUT + c) * SEGMENT + i]
+                    counted, suppression, fill = _F(0), _F(0), _F(0)
+                    for i in range(SEGMENT):
+                        masked, through = work[_MASKED * SEGMENT + i], work[_THROUGH * SEGMENT + i]
+                        w = (_F(1) - masked) * work[_INSIDE * SEGMENT + i]
+                        counted += w
+                        suppression += masked * (_F(1) - through)
+                        fill += w * through
+                    if counted > _F(0):
+                        lit[strip, segment] = 1
+                    sums[0, y], sums[1, y], sums[2, y] = sums[0, y] + total, sums[1, y] + squares, sums[2, y] + counted
+                    sums[3, y] += suppression
+                    sums[4, y] += floor_sum
+                    sums[5, y] += fill
 
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _differentiate(
     rgb: Any,
-    alpha: Any,
+    transmittance: Any,
     background: Any,
     image: Any,
     floor: Any,
     inlier: Any,
-    floor_aware: Any,
-    ssim_gradient: Any,
+    aware: Any,
+    threads: Any,
+    images: Any,
+    slopes: Any,
+    lit: Any,
     weights: Any,
     d_rgb: Any,
     d_alpha: Any,
     d_background: Any,
-    d_texture: Any,
 ) -> None:
     # weights: of L1, SSIM, suppression, floor, fill, each already divided by what its mean counts.
-    height, width = alpha.shape
+    height, width = transmittance.shape
+    strips, segments = lit.shape
     l1, structure, suppression, floor_weight, fill = weights[0], weights[1], weights[2], weights[3], weights[4]
-    for y in prange(height):
-        for x in range(width):
-            through = _F(1) - alpha[y, x]
-            masked = floor_aware and floor[y, x]
-            inside = _F(inlier[y, x])
-            w = _F(0) if masked else inside
-            d_through = _F(0)
-            for c in range(3):
-                true = _F(image[y, x, c]) * _BYTE
-                ground = background[c, y, x]
-                difference = rgb[y, x, c] + through * ground - true
-                sign = _F(1) if difference > 0 else (_F(-1) if difference < 0 else _F(0))
-                d = w * (l1 * sign - structure * ssim_gradient[c, y, x])
-                d_rgb[y, x, c] = d
-                d_through += d * ground
-                painted = _F(0)
-                if masked:
-                    off = ground - true
-                    painted = floor_weight * inside * off / np.sqrt(off * off + SMOOTH)
-                d_texture[c, y, x] = painted
-                d_background[c, y, x] = painted + through * d
-            if masked:
-                d_alpha[y, x] = suppression - d_through
-            else:
-                d_alpha[y, x] = -fill * inside - d_through
+    for thread in prange(threads):
+        work = np.zeros(_PLANES * SEGMENT, np.float32)
+        lines = np.zeros((3, STRIP, segments * SEGMENT + 2 * RADIUS), np.float32)
+        blurred = np.empty((3, SEGMENT), np.float32)
+        similar = np.zeros((3, STRIP, segments * SEGMENT), np.float32)
+        for strip in range(thread, strips, threads):
+            similar[:] = _F(0)
+            if structure > _F(0):
+                for c in range(3):
+                    ssim_gradient(images, slopes, lit, c, strip, height, lines, blurred, similar[c])
+            for y in range(strip * STRIP, min(height, strip * STRIP + STRIP)):
+                for segment in range(segments):
+                    x0 = segment * SEGMENT
+                    count = min(SEGMENT, width - x0)
+                    _load(rgb, transmittance, background, image, floor, inlier, aware, y, x0, count, work)
+                    for i in range(SEGMENT):
+                        masked = work[_MASKED * SEGMENT + i]
+                        w = (_F(1) - masked) * work[_INSIDE * SEGMENT + i]
+                        work[_D_ALPHA * SEGMENT + i] = masked * suppression - w * fill
+                    for c in range(3):
+                        alike = similar[c, y - strip * STRIP, x0 : x0 + SEGMENT]
+                        for i in range(SEGMENT):
+                            masked, inside = work[_MASKED * SEGMENT + i], work[_INSIDE * SEGMENT + i]
+                            difference = work[(_OFF + c) * SEGMENT + i]
+                            ground = work[(_GROUND + c) * SEGMENT + i]
+                            off = ground - work[(_TRUE + c) * SEGMENT + i]
+                            sign = _F(1) if difference > 0 else (_F(-1) if difference < 0 else _F(0))
+                            d = (inside - masked * inside) * (l1 * sign - structure * alike[i])
+                            painted = masked * inside * floor_weight * off / np.sqrt(off * off + SMOOTH)
+                            work[(_OFF + c) * SEGMENT + i] = d
+                            work[_D_ALPHA * SEGMENT + i] -= d * ground
+                            work[(_OUT + c) * SEGMENT + i] = work[_THROUGH * SEGMENT + i] * d + painted
+                        for i in range(count):
+                            d_background[c, y, x0 + i] = work[(_OUT + c) * SEGMENT + i]
+                    for i in range(count):
+                        for c in range(3):
+                            d_rgb[y, x0 + i, c] = work[(_OFF + c) * SEGMENT + i]
+                    for i in range(count):
+                        d_alpha[y, x0 + i] = work[_D_ALPHA * SEGMENT + i]
 
 
 @dataclass(frozen=True)
@@ -147,62 +222,45 @@ class FloorAwareLoss:
 
     d_rgb          (H, W, 3) dL / d(colour of the Gaussians)
     d_alpha        (H, W) dL / d(alpha)
-    d_background   (3, H, W) dL / d(background), what the network learns from
-    d_texture      (3, H, W) the part of it from the background floor loss: the texture learns from floor pixels only,
-                   otherwise whatever shines through half-opaque Gaussians is painted onto the floor
+    d_background   (3, H, W) dL / d(background); where M, that of the background floor loss alone
     error          (3, H, W) drawn minus true colour of every pixel: of the background where M, of the image elsewhere
     """
 
     def __init__(self, config: LossConfig, width: int, height: int) -> None:
         self._config = config
-        self._floor_aware = config.masks_floor
-
-        def planes(*shape: int) -> Float32:
-            return np.zeros((*shape, height, width), np.float32)
-
-        self._predicted, self._target, self._ssim_gradient = planes(3), planes(3), planes(3)
-        self._slopes = planes(3, 3)
-        self._sums, self._ssim_sums = np.zeros((6, height)), np.zeros((3, height))
-        self.d_rgb = np.zeros((height, width, 3), np.float32)
-        self.d_alpha, self.error = planes(), planes(3)
-        self.d_background, self.d_texture = planes(3), planes(3)
+        self._aware = np.float32(config.masks_floor)
+        self._images, self._slopes = planes(2, height, width), planes(3, height, width)
+        self._lit = np.zeros(tiles(height, width), np.uint8)
+        self._sums, self._ssim_sums = np.zeros((6, height)), np.zeros((3, len(self._lit)))
+        self.d_rgb, self.d_alpha = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
+        self.d_background, self.error = np.zeros((2, 3, height, width), np.float32)
 
     def __call__(
         self,
         rgb: Float32,
-        alpha: Float32,
+        transmittance: Float32,
         background: Float32,
         image: NDArray[np.uint8],
         floor: NDArray[np.bool_],
         inlier: NDArray[np.bool_],
     ) -> LossValues:
-        """`rgb` (H, W, 3), `alpha` (H, W), `background` (3, H, W), `image` (H, W, 3), `floor` and `inlier` (H, W)."""
-        c = self._config
-        pixels = alpha.size
-        given = (rgb, alpha, background, image, floor, inlier, self._floor_aware)
-        _compose(*given, self._predicted, self._target, self.error, self._sums)
+        """`rgb` (H, W, 3), `transmittance` 1 - alpha (H, W), `background` (3, H, W), `image` (H, W, 3), `floor` and
+        `inlier` (H, W)."""
+        c, threads = self._config, numba.get_num_threads()
+        pixels = transmittance.size
+        given = (rgb, transmittance, background, image, floor, inlier, self._aware, threads)
+        _compose(*given, self._images, self._lit, self.error, self._sums)
         structure = 1.0
         if c.ssim > 0:
-            ssim_forward(self._predicted, self._target, TAPS, self._slopes, self._ssim_sums)
-            ssim_backward(self._predicted, self._target, TAPS, self._slopes, self._ssim_gradient)
+            height, width = transmittance.shape
+            ssim_forward(self._images, self._lit, height, width, threads, self._slopes, self._ssim_sums)
             structure = 1.0 - float(self._ssim_sums.sum()) / (3 * pixels)
-        weights = np.array(
-            [
-                (1 - c.ssim) / (3 * pixels),
-                c.ssim / (3 * pixels),
-                c.suppression / pixels,
-                c.floor / (3 * pixels),
-                c.fill / pixels,
-            ],
-            np.float32,
-        )
-        _differentiate(
-            *given, self._ssim_gradient, weights, self.d_rgb, self.d_alpha, self.d_background, self.d_texture
-        )
-        absolute, squares, counted, suppression, floor_sum, fill = self._sums.sum(axis=1)
-        l1 = absolute / (3 * pixels)
-        terms = [float(t) for t in (l1, structure, suppression / pixels, floor_sum / (3 * pixels), fill / pixels)]
+        shares = (1 / (3 * pixels), 1 / (3 * pixels), 1 / pixels, 1 / (3 * pixels), 1 / pixels)
         factors = (1 - c.ssim, c.ssim, c.suppression, c.floor, c.fill)
+        weights = np.array([f * s for f, s in zip(factors, shares, strict=True)], np.float32)
+        gradients = (self.d_rgb, self.d_alpha, self.d_background)
+        _differentiate(*given, self._images, self._slopes, self._lit, weights, *gradients)
+        absolute, squares, counted, suppression, floor_sum, fill = self._sums.sum(axis=1).tolist()
+        terms = (absolute * shares[0], structure, suppression / pixels, floor_sum * shares[3], fill / pixels)
         total = float(sum(f * t for f, t in zip(factors, terms, strict=True)))
-        mse = float(squares / max(3 * counted, 1))
-        return LossValues(terms[0], terms[1], terms[2], terms[3], terms[4], total, mse)
+        return LossValues(*terms, total, squares / max(3 * counted, 1))

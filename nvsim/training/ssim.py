@@ -1,6 +1,16 @@
 """SSIM and its gradient in two sweeps over the image (Wang et al. 2004; 11 taps, sigma 1.5, zeros outside).
 
-The blur is symmetric, hence its own adjoint: the gradient blurs the derivatives with respect to the blurred moments.
+Written for the sum s = a + b and the difference d = a - b of the two images instead of the images themselves. With
+S = blur(s), D = blur(d), V = blur(s^2) - S^2 and W = blur(d^2) - D^2, where blur is the Gaussian window,
+
+    2 mean_a mean_b = (S^2 - D^2) / 2,   mean_a^2 + mean_b^2 = (S^2 + D^2) / 2,   and so V and W for the covariances:
+
+four blurs instead of five, and the rounding errors of bright flat areas cancel, because both images share V. The blur
+is symmetric, hence its own adjoint: the gradient blurs the derivatives with respect to the blurred moments.
+
+Images are cut into tiles of STRIP rows and SEGMENT columns. Where both images are black in and around a tile (under
+the floor mask) nothing is computed. A plane is kept segment by segment, so that the way from a row to the next is known
+when the kernels are compiled: only then do compilers see that eleven rows are one array, and vectorise.
 """
 
 from __future__ import annotations
@@ -9,102 +19,190 @@ from typing import Any
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 _F = np.float32
 RADIUS = 5
-_TAPS = np.exp(-((np.arange(2 * RADIUS + 1) - RADIUS) ** 2) / (2 * 1.5**2))
+WINDOW = 2 * RADIUS + 1
+_TAPS = np.exp(-((np.arange(WINDOW) - RADIUS) ** 2) / (2 * 1.5**2))
 TAPS = (_TAPS / _TAPS.sum()).astype(np.float32)
 """(11,) the window along one axis."""
+_T0, _T1, _T2, _T3, _T4, _T5 = TAPS[5], TAPS[4], TAPS[3], TAPS[2], TAPS[1], TAPS[0]
 C1, C2 = _F(0.01**2), _F(0.03**2)
-_ONE, _TWO = _F(1), _F(2)
-STRIP = 8
-"""Rows of a channel that one task takes."""
+_ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
+STRIP, SEGMENT = 8, 128
+Float32 = NDArray[np.float32]
+
+
+def planes(count: int, height: int, width: int) -> Float32:
+    """(count, 3, segments, (H + 10) * 128) zeros: planes by segments, each with the rows above and below the image that
+    the window asks for. Pixel (y, x) lies at [x // 128, (y + 5) * 128 + x % 128]."""
+    return np.zeros((count, 3, tiles(height, width)[1], (height + 2 * RADIUS) * SEGMENT), np.float32)
+
+
+def tiles(height: int, width: int) -> tuple[int, int]:
+    """Rows and columns of tiles that cover an image."""
+    return -(-height // STRIP), -(-width // SEGMENT)
+
+
+@njit(inline="always")
+def _is_near(lit: Any, strip: Any, segment: Any) -> Any:
+    # Whether an image is lit in a tile or in those above and below.
+    return lit[strip, segment] | lit[max(strip - 1, 0), segment] | lit[min(strip + 1, lit.shape[0] - 1), segment] != 0
+
+
+@njit(inline="always")
+def is_touched(lit: Any, strip: Any, segment: Any) -> Any:
+    """Whether an image is lit in a tile or in the pixels around it that its window sees."""
+    last = lit.shape[1] - 1
+    return (
+        _is_near(lit, strip, segment)
+        or _is_near(lit, strip, max(segment - 1, 0))
+        or _is_near(lit, strip, min(segment + 1, last))
+    )
+
+
+@njit(fastmath=True)
+def _down(plane: Any, y: Any, out: Any) -> None:
+    # Blurs a segment along its columns, around row y of the image. All eleven taps at once: sums stay in registers.
+    p = plane[y * SEGMENT : (y + WINDOW) * SEGMENT]
+    for x in range(SEGMENT):
+        out[x] = (
+            _T0 * p[x + 5 * SEGMENT]
+            + _T1 * (p[x + 4 * SEGMENT] + p[x + 6 * SEGMENT])
+            + _T2 * (p[x + 3 * SEGMENT] + p[x + 7 * SEGMENT])
+            + _T3 * (p[x + 2 * SEGMENT] + p[x + 8 * SEGMENT])
+            + _T4 * (p[x + SEGMENT] + p[x + 9 * SEGMENT])
+            + _T5 * (p[x] + p[x + 10 * SEGMENT])
+        )
+
+
+@njit(fastmath=True)
+def _down_squared(plane: Any, y: Any, out: Any, squares: Any) -> None:
+    # The same of the values and of their squares.
+    p = plane[y * SEGMENT : (y + WINDOW) * SEGMENT]
+    for x in range(SEGMENT):
+        a, b, c, d = p[x], p[x + SEGMENT], p[x + 2 * SEGMENT], p[x + 3 * SEGMENT]
+        e, f, g = p[x + 4 * SEGMENT], p[x + 5 * SEGMENT], p[x + 6 * SEGMENT]
+        h, i, j, k = p[x + 7 * SEGMENT], p[x + 8 * SEGMENT], p[x + 9 * SEGMENT], p[x + 10 * SEGMENT]
+        out[x] = _T0 * f + _T1 * (e + g) + _T2 * (d + h) + _T3 * (c + i) + _T4 * (b + j) + _T5 * (a + k)
+        squares[x] = (
+            _T0 * (f * f)
+            + _T1 * (e * e + g * g)
+            + _T2 * (d * d + h * h)
+            + _T3 * (c * c + i * i)
+            + _T4 * (b * b + j * j)
+            + _T5 * (a * a + k * k)
+        )
+
+
+@njit(fastmath=True)
+def _along(line: Any, out: Any) -> None:
+    # Blurs along the row: line[i + 5] is the pixel of out[i].
+    for i in range(SEGMENT):
+        out[i] = (
+            _T0 * line[i + 5]
+            + _T1 * (line[i + 4] + line[i + 6])
+            + _T2 * (line[i + 3] + line[i + 7])
+            + _T3 * (line[i + 2] + line[i + 8])
+            + _T4 * (line[i + 1] + line[i + 9])
+            + _T5 * (line[i] + line[i + 10])
+        )
+
+
+@njit(fastmath=True, error_model="numpy")
+def _compare(blurred: Any, count: Any, by_mean: Any, by_sum: Any, by_difference: Any) -> Any:
+    # The sum of SSIM over the pixels of a line, and its derivatives by the blurred moments.
+    total = _F(0)
+    s, d, ss, dd = blurred[0], blurred[1], blurred[2], blurred[3]
+    for i in range(count):
+        big, small = s[i] * s[i], d[i] * d[i]
+        v, w = ss[i] - big, dd[i] - small
+        n1, d1 = _HALF * (big - small) + C1, _HALF * (big + small) + C1
+        n2, d2 = _HALF * (v - w) + C2, _HALF * (v + w) + C2
+        inverse = _ONE / (d1 * d2)
+        i1, i2 = inverse * d2, inverse * d1
+        value = n1 * n2 * inverse
+        total += value
+        ratio, rest = n1 * i1, n2 * inverse
+        ps, pd = _HALF * i2 * (ratio - value), -_HALF * i2 * (ratio + value)
+        by_sum[i], by_difference[i] = ps, pd
+        by_mean[i] = s[i] * (rest - value * i1 - _TWO * ps) - d[i] * (rest + value * i1 + _TWO * pd)
+    return total
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def ssim_forward(a: Any, b: Any, taps: Any, slopes: Any, sums: Any) -> None:
-    """SSIM of two planar images and its derivatives by the blurred moments of the first.
+def ssim_forward(images: Any, lit: Any, height: Any, width: Any, threads: Any, slopes: Any, sums: Any) -> None:
+    """SSIM of two planar images and its derivatives by their blurred moments.
 
-    a, b     (C, H, W) float32
-    taps     TAPS
-    slopes   out (3, C, H, W): by mean(a), mean(a^2), mean(a b)
-    sums     out (C, H) float64, the sum of SSIM along each row
+    images   (2, 3, ..) `planes`: a + b and a - b
+    lit      (tiles) uint8, 0 where both images are black in a tile
+    slopes   out (3, 3, ..) `planes`: by the means of a, by blur(s^2), by blur(d^2); not written in tiles whose
+             surroundings are black
+    sums     out (3, rows of tiles), the sums of SSIM
     """
-    channels, height, width = a.shape
-    strips = (height + STRIP - 1) // STRIP
-    for task in prange(channels * strips):
-        channel, strip = task // strips, task % strips
-        column = np.zeros((5, width + 2 * RADIUS), np.float32)
-        blurred = np.empty((5, width), np.float32)
-        for y in range(strip * STRIP, min(height, strip * STRIP + STRIP)):
-            column[:] = _F(0)
-            c0, c1, c2, c3, c4 = column[0], column[1], column[2], column[3], column[4]
-            for j in range(2 * RADIUS + 1):
-                yy = y + j - RADIUS
-                if yy < 0 or yy >= height:
-                    continue
-                ra, rb, t = a[channel, yy], b[channel, yy], taps[j]
-                for x in range(width):
-                    va, vb = ra[x], rb[x]
-                    ta, tb = t * va, t * vb
-                    c0[x + RADIUS] += ta
-                    c1[x + RADIUS] += tb
-                    c2[x + RADIUS] += ta * va
-                    c3[x + RADIUS] += tb * vb
-                    c4[x + RADIUS] += ta * vb
-            blurred[:] = _F(0)
-            for k in range(5):
-                source, target = column[k], blurred[k]
-                for j in range(2 * RADIUS + 1):
-                    t = taps[j]
-                    for x in range(width):
-                        target[x] += t * source[x + j]
-            m0, m1, m2, m3, m4 = blurred[0], blurred[1], blurred[2], blurred[3], blurred[4]
-            s0, s1, s2 = slopes[0, channel, y], slopes[1, channel, y], slopes[2, channel, y]
+    strips, segments = lit.shape
+    for thread in prange(threads):
+        lines = np.zeros((4, STRIP, segments * SEGMENT + 2 * RADIUS), np.float32)
+        blurred = np.empty((4, SEGMENT), np.float32)
+        for task in range(thread, 3 * strips, threads):
+            # The floor lies at the bottom: neighbouring strips go to different threads.
+            channel, strip = task % 3, task // 3
+            y0, y1 = strip * STRIP, min(height, strip * STRIP + STRIP)
+            for segment in range(segments):
+                at = segment * SEGMENT + RADIUS
+                near = _is_near(lit, strip, segment)
+                # All rows of a tile before the next tile: eighteen rows of one fit into the nearest cache.
+                for k in range(2):
+                    for y in range(y0, y1):
+                        to, to_squares = lines[k, y - y0, at : at + SEGMENT], lines[2 + k, y - y0, at : at + SEGMENT]
+                        if near:
+                            _down_squared(images[k, channel, segment], y, to, to_squares)
+                        else:
+                            to[:] = _F(0)
+                            to_squares[:] = _F(0)
             total = _F(0)
-            for x in range(width):
-                ma, mb = m0[x], m1[x]
-                n1 = _TWO * ma * mb + C1
-                n2 = _TWO * (m4[x] - ma * mb) + C2
-                d1 = _ONE / (ma * ma + mb * mb + C1)
-                d2 = _ONE / (m2[x] - ma * ma + m3[x] - mb * mb + C2)
-                value = n1 * n2 * d1 * d2
-                total += value
-                s0[x] = _TWO * (mb * (n2 - n1) * d1 * d2 + ma * value * (d2 - d1))
-                s1[x] = -value * d2
-                s2[x] = _TWO * n1 * d1 * d2
-            sums[channel, y] = total
-
-
-@njit(parallel=True, cache=True, fastmath=True)
-def ssim_backward(a: Any, b: Any, taps: Any, slopes: Any, gradient: Any) -> None:
-    """d(sum of SSIM) / da, from the `slopes` of `ssim_forward`, into `gradient` (C, H, W)."""
-    channels, height, width = a.shape
-    strips = (height + STRIP - 1) // STRIP
-    for task in prange(channels * strips):
-        channel, strip = task // strips, task % strips
-        column = np.zeros((3, width + 2 * RADIUS), np.float32)
-        blurred = np.empty((3, width), np.float32)
-        for y in range(strip * STRIP, min(height, strip * STRIP + STRIP)):
-            column[:] = _F(0)
-            c0, c1, c2 = column[0], column[1], column[2]
-            for j in range(2 * RADIUS + 1):
-                yy = y + j - RADIUS
-                if yy < 0 or yy >= height:
+            for segment in range(segments):
+                x0, count = segment * SEGMENT, min(SEGMENT, width - segment * SEGMENT)
+                if not is_touched(lit, strip, segment):
+                    total += _F(count * (y1 - y0))
                     continue
-                s0, s1, s2, t = slopes[0, channel, yy], slopes[1, channel, yy], slopes[2, channel, yy], taps[j]
-                for x in range(width):
-                    c0[x + RADIUS] += t * s0[x]
-                    c1[x + RADIUS] += t * s1[x]
-                    c2[x + RADIUS] += t * s2[x]
-            blurred[:] = _F(0)
+                for y in range(y0, y1):
+                    for k in range(4):
+                        _along(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
+                    at = (y + RADIUS) * SEGMENT
+                    total += _compare(
+                        blurred,
+                        count,
+                        slopes[0, channel, segment, at : at + SEGMENT],
+                        slopes[1, channel, segment, at : at + SEGMENT],
+                        slopes[2, channel, segment, at : at + SEGMENT],
+                    )
+            sums[channel, strip] = total
+
+
+@njit(fastmath=True)
+def ssim_gradient(
+    images: Any, slopes: Any, lit: Any, channel: Any, strip: Any, height: Any, lines: Any, blurred: Any, out: Any
+) -> None:
+    """d(sum of SSIM) / da of a strip of rows in its lit tiles, into `out` (8, segments * 128). lines (3, 8, segments *
+    128 + 10), zero at both ends, and blurred (3, 128) are scratch."""
+    segments = lit.shape[1]
+    y0, y1 = strip * STRIP, min(height, strip * STRIP + STRIP)
+    for segment in range(segments):
+        if is_touched(lit, strip, segment):
+            at = segment * SEGMENT + RADIUS
             for k in range(3):
-                source, target = column[k], blurred[k]
-                for j in range(2 * RADIUS + 1):
-                    t = taps[j]
-                    for x in range(width):
-                        target[x] += t * source[x + j]
-            m0, m1, m2 = blurred[0], blurred[1], blurred[2]
-            ra, rb, out = a[channel, y], b[channel, y], gradient[channel, y]
-            for x in range(width):
-                out[x] = m0[x] + _TWO * ra[x] * m1[x] + rb[x] * m2[x]
+                for y in range(y0, y1):
+                    _down(slopes[k, channel, segment], y, lines[k, y - y0, at : at + SEGMENT])
+    for segment in range(segments):
+        if lit[strip, segment] != 0:
+            x0 = segment * SEGMENT
+            for y in range(y0, y1):
+                for k in range(3):
+                    _along(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
+                at = (y + RADIUS) * SEGMENT
+                s, d = images[0, channel, segment, at : at + SEGMENT], images[1, channel, segment, at : at + SEGMENT]
+                m0, m1, m2, to = blurred[0], blurred[1], blurred[2], out[y - y0, x0 : x0 + SEGMENT]
+                for i in range(SEGMENT):
+                    to[i] = m0[i] + _TWO * (s[i] * m1[i] + d[i] * m2[i])

@@ -8,7 +8,7 @@ import torch
 
 from nvsim.training.config import LossConfig
 from nvsim.training.losses import FloorAwareLoss
-from nvsim.training.ssim import TAPS, ssim_backward, ssim_forward
+from nvsim.training.ssim import RADIUS, SEGMENT, STRIP, TAPS, planes, ssim_forward, ssim_gradient, tiles
 
 HEIGHT, WIDTH = 19, 27
 PIXELS = HEIGHT * WIDTH
@@ -47,7 +47,7 @@ class Sample:
 
     def loss(self, config: LossConfig):
         loss = FloorAwareLoss(config, WIDTH, HEIGHT)
-        return loss, loss(self.rgb, self.alpha, self.background, self.image, self.floor, self.inlier)
+        return loss, loss(self.rgb, 1 - self.alpha, self.background, self.image, self.floor, self.inlier)
 
 
 @pytest.fixture
@@ -74,26 +74,64 @@ def plain(sample: Sample, config: LossConfig) -> tuple[torch.Tensor, list[torch.
     return total, [rgb, alpha, background]
 
 
-@pytest.mark.parametrize("shape", [(3, 40, 33), (1, 7, 5), (2, 16, 64)])
+def compare(a: np.ndarray, b: np.ndarray, lit: np.ndarray | None = None) -> tuple[float, np.ndarray]:
+    """Mean SSIM of (3, H, W) images and d(sum of SSIM) / da, by the kernels."""
+    _, height, width = a.shape
+    images, slopes = planes(2, height, width), planes(3, height, width)
+    for x in range(width):
+        for plane, values in zip(images, (a + b, a - b), strict=True):
+            plane[:, x // SEGMENT].reshape(3, -1, SEGMENT)[:, RADIUS:-RADIUS, x % SEGMENT] = values[:, :, x]
+    lit = np.ones(tiles(height, width), np.uint8) if lit is None else lit
+    sums = np.zeros((3, len(lit)))
+    ssim_forward(images, lit, height, width, 2, slopes, sums)
+    out = np.zeros((STRIP, lit.shape[1] * SEGMENT), np.float32)
+    lines = np.zeros((3, STRIP, out.shape[1] + 2 * RADIUS), np.float32)
+    gradient = np.zeros_like(a)
+    for channel in range(3):
+        for strip in range(len(lit)):
+            out[:] = 0
+            scratch = lines, np.empty((3, SEGMENT), np.float32)
+            ssim_gradient(images, slopes, lit, channel, strip, height, *scratch, out)
+            rows = gradient[channel, strip * STRIP : (strip + 1) * STRIP]
+            rows[:] = out[: len(rows), :width]
+    return float(sums.sum() / a.size), gradient
+
+
+@pytest.mark.parametrize("shape", [(3, 40, 33), (3, 7, 5), (3, 16, 64), (3, 11, 300)])
 def test_ssim_and_its_gradient_match_plain_torch(shape: tuple[int, int, int]) -> None:
     rng = np.random.default_rng(0)
     a, b = rng.random(shape, np.float32), rng.random(shape, np.float32)
     b[:, :3] = a[:, :3]
-    slopes, gradient, sums = np.empty((3, *shape), np.float32), np.empty(shape, np.float32), np.empty(shape[:2])
-    ssim_forward(a, b, TAPS, slopes, sums)
-    ssim_backward(a, b, TAPS, slopes, gradient)
+    value, gradient = compare(a, b)
     variable = torch.from_numpy(a).double().requires_grad_()
     expected = mean_ssim(variable, torch.from_numpy(b).double())
     expected.backward()
-    assert sums.sum() / a.size == pytest.approx(expected.item(), abs=1e-5)
+    assert value == pytest.approx(expected.item(), abs=1e-5)
     np.testing.assert_allclose(gradient / a.size, variable.grad.numpy(), atol=1e-5 * float(variable.grad.abs().max()))
+
+
+def test_ssim_leaves_out_black_tiles_without_a_difference() -> None:
+    rng = np.random.default_rng(2)
+    a, b = rng.random((2, 3, 60, 700), np.float32)
+    dark = np.zeros((60, 700), bool)
+    dark[20:, 100:] = True
+    dark[:, 400:] = True
+    a[:, dark] = b[:, dark] = 0
+    lit = np.zeros(tiles(60, 700), np.uint8)
+    for y, x in np.argwhere(~dark):
+        lit[y // STRIP, x // SEGMENT] = 1
+    assert 0 < lit.sum() < lit.size
+    value, gradient = compare(a, b, lit)
+    expected_value, expected = compare(a, b)
+    assert value == pytest.approx(expected_value, abs=1e-6)
+    np.testing.assert_array_equal(gradient[:, ~dark], expected[:, ~dark])
 
 
 def test_ssim_of_an_image_with_itself_is_one() -> None:
     a = np.random.default_rng(1).random((3, 20, 30), np.float32)
-    slopes, sums = np.empty((3, *a.shape), np.float32), np.empty((3, 20))
-    ssim_forward(a, a, TAPS, slopes, sums)
-    assert sums.sum() / a.size == pytest.approx(1.0, abs=1e-5)
+    value, gradient = compare(a, a)
+    assert value == pytest.approx(1.0, abs=1e-5)
+    np.testing.assert_allclose(gradient, 0, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -136,14 +174,15 @@ def test_each_term_is_switched_off_by_its_weight(sample: Sample) -> None:
     assert values.total == pytest.approx(values.l1)
     only_suppression, _ = sample.loss(LossConfig(ssim=0.0, suppression=2.0, floor=0.0, fill=0.0))
     np.testing.assert_allclose(only_suppression.d_alpha[sample.floor], 2.0 / PIXELS, rtol=1e-5)
-    assert not only_suppression.d_texture.any()
-    assert not loss.d_texture.any()
+    assert not only_suppression.d_background[:, sample.floor].any()
+    assert loss.d_background.any()
 
 
-def test_texture_learns_from_floor_pixels_only(sample: Sample) -> None:
+def test_background_learns_floor_pixels_from_the_floor_loss_alone(sample: Sample) -> None:
     loss, _ = sample.loss(LossConfig())
-    assert not loss.d_texture[:, ~sample.floor].any()
-    assert loss.d_texture[:, sample.floor & sample.inlier].any()
+    off = (sample.background - sample.image.transpose(2, 0, 1) / 255.0) * (sample.floor & sample.inlier)
+    expected = off / np.sqrt(off**2 + 1e-4) / (3 * PIXELS)
+    np.testing.assert_allclose(loss.d_background[:, sample.floor], expected[:, sample.floor], rtol=1e-4, atol=1e-9)
     assert loss.d_background[:, ~sample.floor].any()
 
 
