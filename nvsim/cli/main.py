@@ -22,6 +22,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map": ("map", "walk the models and build the navigation graph"),
     "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
     "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
+    "export splats": ("export_splats", "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF"),
     "evaluate views": ("evaluate_views", "PSNR, SSIM and LPIPS of the frames held out of training"),
     "evaluate ablation": (
         "evaluate_ablation",

@@ -42,3 +42,20 @@ def smallest_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float6
     v = v / np.linalg.norm(v)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
     return np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
+
+
+def quaternion_from_matrix(rotation: ArrayLike) -> NDArray[np.float64]:
+    """(4,) unit w x y z, w >= 0, of a (3, 3) rotation matrix: the eigenvector of Bar-Itzhack's (2000) symmetric matrix
+    with the largest eigenvalue."""
+    m = np.asarray(rotation, dtype=np.float64)
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = m.reshape(-1)
+    k = np.array(
+        [
+            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, xx - yy - zz, xy + yx, xz + zx],
+            [xz - zx, xy + yx, yy - xx - zz, yz + zy],
+            [yx - xy, xz + zx, yz + zy, zz - xx - yy],
+        ]
+    )
+    quaternion = np.linalg.eigh(k)[1][:, -1]
+    return np.asarray(quaternion if quaternion[0] >= 0 else -quaternion)

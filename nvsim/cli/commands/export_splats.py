@@ -1,0 +1,38 @@
+"""Write trained submaps as splat files for other programs, each with its floor as a textured surface (glTF)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.console import listening
+from nvsim.project.project import Project
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    out: Path = Path("splats")
+    """The folder to write to."""
+    submaps: tuple[int, ...] = ()
+    """Which submaps to write; all that are trained when none is named."""
+    format: Literal["ply", "compressed-ply", "spz"] = "ply"
+    """ply: exact, every viewer reads it. compressed-ply: SuperSplat's, a quarter and less. spz: a tenth."""
+    frame: Literal["aligned", "capture"] = "aligned"
+    """The frame of the coordinates: upright and metric, or the capture's own."""
+
+
+def run(arguments: Arguments) -> int:
+    import json
+
+    from nvsim.project.stages.exported_splats import export_splats
+
+    a = arguments
+    with Project.open(a.project) as project, listening(False) as listen:
+        written = export_splats(project, a.out, a.format, a.submaps, a.frame, listen)
+    if a.json:
+        print(json.dumps({"written": [str(p) for p in written]}))
+    else:
+        print("\n".join(f"Wrote {p}" for p in written))
+    return 0

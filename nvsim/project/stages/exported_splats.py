@@ -1,0 +1,92 @@
+"""Export of what was trained: splat files, the floor as a textured surface beside each, and a note of their frame."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.events import Listener, Progress, silent
+from nvsim.project.project import Project
+from nvsim.splats.floor_mesh import FloorMesh, floor_mesh
+from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
+from nvsim.splats.formats.glb import write_glb
+from nvsim.splats.turning import turned
+
+STAGE = "export"
+
+
+def export_splats(
+    project: Project,
+    out: Path,
+    form: Format,
+    only: tuple[int, ...] = (),
+    frame: str = "aligned",
+    listen: Listener = silent,
+) -> list[Path]:
+    """Writes `submap_NNN` with the format's suffix, `submap_NNN_floor.glb` where the model has a floor texture, and
+    splats.json; returns what was written. Colours that depend on the camera's position are those seen from the middle
+    of the submap's cameras. `frame` "capture" undoes the alignment.
+
+    Raises InputError when a submap is unknown or not trained, or the disk refuses.
+    """
+    scene, capture = project.scene(), project.need_capture()
+    if scene is None:
+        raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
+    missing = sorted(set(only) - set(scene.indices))
+    if missing:
+        raise InputError(f"submap {missing[0]} is not trained; trained are {', '.join(map(str, scene.indices))}.")
+    chosen = [s for s in project.need_submaps() if s.index in (only or scene.indices) and s.index in scene.indices]
+    atomic.make_folder(out)
+    alignment = capture.alignment
+    back, shrink = alignment.rotation.T, 1 / alignment.scale
+    moved = frame == "capture" and not alignment.is_identity
+    written: list[Path] = []
+    notes: list[dict[str, Any]] = []
+    for done, submap in enumerate(chosen):
+        listen(Progress(STAGE, done, len(chosen)))
+        model = scene.model(submap.index)
+        middle = np.mean([capture.frames[i].camera.position for i in submap.frames], axis=0)
+        gaussians, mesh = model.gaussians_at(middle), floor_mesh(model)
+        if moved:
+            gaussians = turned(gaussians, back, shrink)
+            mesh = None if mesh is None else _moved(mesh, back, shrink)
+        name = f"submap_{submap.index:03d}"
+        splats, floor = out / f"{name}{SUFFIXES[form]}", out / f"{name}_floor.glb"
+        write_splats(splats, gaussians, model.antialiased, form)
+        written.append(splats)
+        if mesh is not None:
+            write_glb(floor, mesh, f"{name} floor")
+            written.append(floor)
+        notes.append(
+            {
+                "submap": submap.index,
+                "splats": splats.name,
+                "floor": None if mesh is None else floor.name,
+                "gaussians": len(gaussians),
+                "sh_degree": gaussians.sh_degree,
+                "antialiased": model.antialiased,
+                "colours_seen_from": middle.tolist() if model.appearance is not None else None,
+            }
+        )
+    listen(Progress(STAGE, len(chosen), len(chosen)))
+    about = {
+        "format": form,
+        "frame": frame,
+        "up": (back @ [0.0, 0.0, 1.0] if moved else np.array([0.0, 0.0, 1.0])).round(9).tolist(),
+        "metres_per_unit": alignment.scale if moved else 1.0,
+        "metric": alignment.scale_known,
+        "axes_of_spz_files": "right, up, back; the other files keep the frame's own axes",
+        "submaps": notes,
+    }
+    atomic.write_text(out / "splats.json", json.dumps(about, indent=1) + "\n")
+    return [*written, out / "splats.json"]
+
+
+def _moved(mesh: FloorMesh, rotation: np.ndarray, scale: float) -> FloorMesh:
+    return replace(mesh, vertices=(scale * (mesh.vertices @ rotation.T)).astype(np.float32))

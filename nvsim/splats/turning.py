@@ -1,0 +1,48 @@
+"""Gaussians in another frame: turned about the origin and scaled, their harmonics with them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.rotation import quaternion_from_matrix
+from nvsim.splats import harmonics
+from nvsim.splats.types import Gaussians
+
+_DIRECTIONS = 64
+
+
+def turned(gaussians: Gaussians, rotation: NDArray[np.floating], scale: float = 1.0) -> Gaussians:
+    """x -> scale * rotation @ x for means, axes and the directions that colours depend on. `rotation` (3, 3) is proper,
+    `scale` positive. Looks the same to a camera that was moved alike."""
+    g, r = gaussians, np.asarray(rotation, np.float64)
+    return Gaussians(
+        np.ascontiguousarray(scale * (g.means.astype(np.float64) @ r.T), np.float32),
+        (g.log_scales + np.float32(np.log(scale))).astype(np.float32),
+        _product(quaternion_from_matrix(r), g.quats),
+        g.opacity_logits,
+        _turned_harmonics(g.sh, r),
+    )
+
+
+def _turned_harmonics(sh: NDArray[np.float32], rotation: NDArray[np.float64]) -> NDArray[np.float32]:
+    """The functions of one degree turn into combinations of themselves; which, their values at more directions than
+    there are functions tell."""
+    degree = round(sh.shape[1] ** 0.5) - 1
+    directions = np.random.default_rng(0).normal(size=(_DIRECTIONS, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    here = harmonics.basis(directions, degree).astype(np.float64)
+    before = harmonics.basis(directions @ rotation, degree).astype(np.float64)  # rotation^-1 @ direction
+    result = sh.copy()
+    for l in range(1, degree + 1):
+        band = slice(l * l, (l + 1) ** 2)
+        mixing, *_ = np.linalg.lstsq(here[:, band], before[:, band], rcond=None)
+        result[:, band] = np.einsum("jk,nkc->njc", mixing.astype(np.float32), sh[:, band])
+    return result
+
+
+def _product(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Of one quaternion (4,) with many (N, 4), w x y z."""
+    w, x, y, z = np.asarray(a, np.float32)
+    matrix = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]], np.float32)
+    return np.ascontiguousarray(b @ matrix.T, np.float32)
