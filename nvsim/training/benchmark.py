@@ -9,44 +9,57 @@ import numba
 import numpy as np
 import torch
 
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig
-from nvsim.training.fit import Fit
+from nvsim.training.fit import PARTS, Fit
 from nvsim.training.floor_paint import first_paint
-from nvsim.training.initialise import initial_gaussians
-from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.synthetic import synthetic_room
+from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gaussians
+from nvsim.training.views import TrainingView
 
-PARTS = ("forward", "background", "loss", "backward", "background_backward", "optimizer")
+VIEWS = 24
+
+
+def across(width: int, height: int) -> list[TrainingView]:
+    """Views from beside the walls across the room: each sees a third of it."""
+    intrinsics, views = Intrinsics.from_fov(width, height, np.radians(70)), []
+    for i, angle in enumerate(np.linspace(0, 2 * np.pi, VIEWS, endpoint=False)):
+        outward = np.array([np.cos(angle), np.sin(angle)])
+        place = ROOM[:2] * (0.5 + 0.43 * outward)
+        heading = float(np.arctan2(*-outward)) + 0.2 * (-1) ** i
+        views.append(photograph(f"{i:04d}", Camera(intrinsics, look(np.array([*place, EYE_HEIGHT]), heading, -0.1))))
+    return views
 
 
 def measure(
-    gaussians: int = 60_000, width: int = 320, height: int = 240, steps: int = 40, warm_up: int = 60, seed: int = 0
+    gaussians: int = 100_000,
+    width: int = 640,
+    height: int = 480,
+    sh_degree: int = 3,
+    steps: int = 48,
+    warm_up: int = 24,
+    seed: int = 0,
 ) -> dict[str, float]:
-    """Medians over `steps` steps after `warm_up` ones, which also compile the kernels.
+    """Medians over `steps` steps after `warm_up` ones, which also compile the kernels, each from another camera.
 
-    step_ms                a whole step, milliseconds
-    <part>_ms              of it: forward and backward (rasteriser), background and background_backward, loss, optimizer
-    gaussians, width, height, threads
+    step_ms             a whole step, milliseconds
+    <part>_ms           of it, see `fit.PARTS`
+    forward_ms          project + sort + raster
+    ratio               step / (forward + raster_backward): what training costs over drawing and its way back
+    intersections, visible, gaussians, width, height, sh_degree, threads
     """
-    config = TrainingConfig(
-        gaussian_cap=gaussians,
-        seed_share=1.0,
-        seed_height=0.0,
-        densify=DensifyConfig(strategy="none"),
-        coarse_share=0.0,
-    )
-    room = synthetic_room(24, width, height, gaussians + gaussians // 8, seed)
-    rng = np.random.default_rng(seed)
+    config = TrainingConfig(gaussian_cap=gaussians, sh_degree=sh_degree)
+    views, floor = across(width, height), FloorSurface.flat(0.0)
     torch_threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        start = initial_gaussians(room.views, room.cloud, room.floor, config, rng)
-        fit = Fit(start, *first_paint(room.views, room.floor, config, seed), room.floor, config)
+        start = synthetic_gaussians(gaussians, sh_degree, seed)
+        fit = Fit(start, *first_paint(views, floor, config, seed), floor, config)
         inlier = np.ones((height, width), np.bool_)
         laps: dict[str, list[float]] = {name: [] for name in ("step", *PARTS)}
         for step in range(1, warm_up + steps + 1):
             started = time.perf_counter()
-            fit.differentiate(room.views[step % len(room.views)], inlier, config.sh_degree)
+            fit.differentiate(views[step % VIEWS], inlier, sh_degree)
             fit.move(step)
             if step > warm_up:
                 laps["step"].append(1e3 * (time.perf_counter() - started))
@@ -54,11 +67,16 @@ def measure(
                     laps[name].append(fit.parts[name])
     finally:
         torch.set_num_threads(torch_threads)
-    figures = {f"{name}_ms": round(statistics.median(values), 3) for name, values in laps.items()}
+    figures = {f"{name}_ms": statistics.median(values) for name, values in laps.items()}
+    figures["forward_ms"] = figures["project_ms"] + figures["sort_ms"] + figures["raster_ms"]
+    figures["ratio"] = figures["step_ms"] / (figures["forward_ms"] + figures["raster_backward_ms"])
     return {
-        **figures,
-        "gaussians": len(start),
+        **{name: round(value, 3) for name, value in figures.items()},
+        "intersections": fit.workspace.intersections,
+        "visible": fit.workspace.visible,
+        "gaussians": gaussians,
         "width": width,
         "height": height,
+        "sh_degree": sh_degree,
         "threads": numba.get_num_threads(),
     }

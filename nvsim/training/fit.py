@@ -37,6 +37,20 @@ TEXTURE_STEPS = 4
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 
 
+PARTS = (
+    "project",
+    "sort",
+    "raster",
+    "background",
+    "loss",
+    "raster_backward",
+    "project_backward",
+    "background_backward",
+    "optimizer",
+)
+"""What a step is made of, in order."""
+
+
 @dataclass(eq=False)
 class Canvas:
     """The buffers of one image size."""
@@ -94,10 +108,11 @@ class Fit:
             self.groups["network"] = Group.of(network.values, config.rate.network, network.gradient)
         if texture is not None:
             self.groups["texture"] = Group.of(texture.values, config.rate.texture, texture.gradient)
-        self._workspace = Workspace()
+        self.workspace = Workspace()
         self._canvases: dict[tuple[int, int], Canvas] = {}
         self._heights, self._grid = pack_floor(floor)
         self._coefficients = torch.zeros(0)
+        self._watch = _Stopwatch()
 
     @property
     def gaussians(self) -> Gaussians:
@@ -131,9 +146,12 @@ class Fit:
     def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
         """Colour of the Gaussians (H, W, 3) and transmittance (H, W)."""
         k = camera.intrinsics
-        self._workspace.project(self.gaussians, camera, self.config.antialiased, sh_degree)
-        self._workspace.bin()
-        rgb, transmittance, _, _ = self._workspace.draw(k.height, k.width, False)
+        self.workspace.project(self.gaussians, camera, self.config.antialiased, sh_degree)
+        self._watch.lap("project")
+        self.workspace.bin()
+        self._watch.lap("sort")
+        rgb, transmittance, _, _ = self.workspace.draw(k.height, k.width, False)
+        self._watch.lap("raster")
         return rgb, transmittance
 
     def composite(self, camera: Camera) -> tuple[Float32, Float32]:
@@ -155,10 +173,9 @@ class Fit:
         may change `inlier` when it has seen the colour of the Gaussians, the transmittance and the background."""
         camera = view.camera
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
-        watch = _Stopwatch()
+        watch = self._watch = _Stopwatch()
         with LOCK:
             rgb, transmittance = self.draw(camera, sh_degree)
-            watch.lap("forward")
             background = self.paint(camera, transmittance, view.floor)
             watch.lap("background")
             loss = canvas.loss
@@ -173,9 +190,10 @@ class Fit:
             if self.exposure is not None:
                 self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background)
             watch.lap("loss")
-            self._workspace.draw_gradient(transmittance, loss.d_rgb, loss.d_alpha, canvas.no_depth)
-            self._workspace.project_gradient(self.gaussians, self.gradients, self.sums)
-            watch.lap("backward")
+            self.workspace.draw_gradient(transmittance, loss.d_rgb, loss.d_alpha, canvas.no_depth)
+            watch.lap("raster_backward")
+            self.workspace.project_gradient(self.gaussians, self.gradients, self.sums)
+            watch.lap("project_backward")
             if self.network is not None:
                 self.network.gradient[:] = 0
                 slope = evaluate_gradient(camera, loss.d_background, canvas.rows)

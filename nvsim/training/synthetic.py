@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.harmonics import DC
+from nvsim.splats.types import Gaussians
 from nvsim.training.views import TrainingView
 
 ROOM = np.array([6.0, 4.5, 2.6])
@@ -37,7 +39,7 @@ def synthetic_room(views: int, width: int, height: int, points: int, seed: int =
         place = ROOM[:2] * (0.5 + 0.2 * np.array([np.cos(angle), np.sin(angle)]))
         heading = 3 * angle + rng.uniform(-0.2, 0.2)
         camera = Camera(intrinsics, look(np.array([*place, EYE_HEIGHT]), heading, -0.1))
-        taken.append(_photograph(f"{i:04d}", camera))
+        taken.append(photograph(f"{i:04d}", camera))
     surface = _random_surface(rng, points)
     colors = (255 * paint(surface)).astype(np.uint8)
     return SyntheticRoom(taken, Cloud(surface.astype(np.float32), colors), FloorSurface.flat(0.0))
@@ -51,7 +53,8 @@ def paint(points: NDArray[np.floating]) -> NDArray[np.float64]:
     return 0.5 + 0.12 * tiles[..., None] + 0.25 * slow
 
 
-def _photograph(name: str, camera: Camera) -> TrainingView:
+def photograph(name: str, camera: Camera) -> TrainingView:
+    """The room as `camera` sees it from within."""
     rays, eye = camera.rays().astype(np.float64), camera.position
     with np.errstate(divide="ignore"):
         exits = np.where(rays > 0, (ROOM - eye) / rays, -eye / rays)
@@ -61,10 +64,36 @@ def _photograph(name: str, camera: Camera) -> TrainingView:
     return TrainingView(name, camera, image, place[..., 2] < _EDGE)
 
 
+def synthetic_gaussians(count: int, sh_degree: int, seed: int = 0) -> Gaussians:
+    """Exactly `count` Gaussians flat on the room's surface, 3 % of them adrift in it, in random order: in pixels as
+    large, as many to a pixel and as opaque as those of a trained room, so that drawing them costs what drawing one
+    costs."""
+    rng = np.random.default_rng(seed)
+    means, axis = _random_sides(rng, count)
+    adrift = rng.random(count) < 0.03
+    means[adrift] = rng.random((int(adrift.sum()), 3)) * ROOM
+    # The local z axis, along which they are flat, becomes the side's normal after a random turn about itself.
+    turn, half = rng.uniform(0, np.pi, count), np.sqrt(0.5)
+    c, s, none = np.cos(turn), np.sin(turn), np.zeros(count)
+    quats = np.choose(axis[:, None], [half * np.stack(q, axis=1) for q in ((c, -s, c, s), (c, -c, s, s))] + [
+        np.stack([c, none, none, s], axis=1)
+    ])  # fmt: skip
+    scales = np.exp(rng.normal(np.log(0.021 * np.sqrt(100_000 / count)), 0.4, (count, 3))) * [1, 1, 0.25]
+    opacity = np.where(rng.random(count) < 0.85, rng.uniform(0.3, 0.99, count), rng.uniform(0.02, 0.3, count))
+    sh = rng.normal(0, 0.05, (count, (sh_degree + 1) ** 2, 3))
+    sh[:, 0] = (paint(means) - 0.5) / DC
+    parts = (means, np.log(scales), quats, np.log(opacity / (1 - opacity)), sh)
+    return Gaussians(*(np.ascontiguousarray(a, np.float32) for a in parts))
+
+
 def _random_surface(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    # Each side of the box gets points by its area.
+    return _random_sides(rng, count)[0]
+
+
+def _random_sides(rng: np.random.Generator, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    # Points on the box and the axis of each one's side, which gets points by its area.
     pairs = np.array([ROOM[1] * ROOM[2], ROOM[0] * ROOM[2], ROOM[0] * ROOM[1]])
     axis = rng.choice(3, count, p=pairs / pairs.sum())
     points = rng.random((count, 3)) * ROOM
     points[np.arange(count), axis] = np.where(rng.random(count) < 0.5, 0.0, ROOM[axis])
-    return points
+    return points, axis

@@ -15,8 +15,9 @@ from nvsim.events import Event, Metric, Preview, Progress, Warning
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
-from nvsim.training.benchmark import PARTS, measure
+from nvsim.training.benchmark import measure
 from nvsim.training.config import PRESETS, TrainingConfig, preset
+from nvsim.training.fit import PARTS
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 from nvsim.training.trainer import train_submap

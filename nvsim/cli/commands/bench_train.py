@@ -1,14 +1,21 @@
-"""Milliseconds of a training step and its parts, on data made in memory."""
+"""Milliseconds of a training step and its parts, against drawing and its way back, on a room made in memory."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from nvsim.cli import show
+from nvsim.errors import InputError
 
 
 @dataclass(frozen=True)
 class Arguments:
+    gaussians: int = 100_000
+    """How many there are."""
+    size: str = "640x480"
+    """Pixels of an image, WIDTHxHEIGHT."""
+    sh_degree: int = 3
+    """Degree of their spherical harmonics, 0 to 3."""
     json: bool = False
     """Print one JSON object."""
 
@@ -16,5 +23,12 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.training.benchmark import measure
 
-    show.figures(measure(), arguments.json, "a training step")
+    try:
+        width, height = (int(part) for part in arguments.size.lower().split("x"))
+    except ValueError as error:
+        raise InputError(f"--size {arguments.size} is no image size; say it as 640x480.") from error
+    if min(width, height, arguments.gaussians) < 1 or not 0 <= arguments.sh_degree <= 3:
+        raise InputError("--gaussians and both sides of --size have to be positive, and --sh-degree 0 to 3.")
+    figures = measure(arguments.gaussians, width, height, arguments.sh_degree)
+    show.figures(figures, arguments.json, "a training step")
     return 0
