@@ -33,11 +33,7 @@ def ring(
 def cube(position: NDArray[np.floating], side: int, offset: float = 0.0) -> list[Camera]:
     """Six views of 90 degrees and `side` x `side` pixels: up, the four headings from `offset` on clockwise, down. The
     faces of up and down have heading `offset` at their lower and upper edge."""
-    return cube_of(position, Intrinsics.from_fov(side, side, _RIGHT), offset)
-
-
-def cube_of(position: NDArray[np.floating], intrinsics: Intrinsics, offset: float = 0.0) -> list[Camera]:
-    """The cameras of `cube` with intrinsics that may see more or less than 90 degrees."""
+    intrinsics = Intrinsics.from_fov(side, side, _RIGHT)
     at = np.asarray(position, np.float64)
     turns = [(offset, _RIGHT), *((offset + k * _RIGHT, 0.0) for k in range(4)), (offset, -_RIGHT)]
     return [Camera(intrinsics, look(at, heading, elevation)) for heading, elevation in turns]

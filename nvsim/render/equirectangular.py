@@ -1,83 +1,86 @@
-"""The resampling of cube faces into an equirectangular image, without seams.
+"""The resampling of perspective views into an equirectangular image, without seams.
 
-The faces see a little more than their 90 degrees. Where two of them see the same ray, near an edge of the cube, both
-are mixed, so that what differs between them there (the local affine approximation of splatting, the order by depth
-along another axis) fades from one to the other. Every pixel is the mean of four bilinear samples, because near the
-corners of the cube the faces are up to three times as fine as at their centres.
+Eighteen narrow views rather than the six of a cube: the local affine approximation of splatting and the order by depth
+along one axis are the worse the farther a ray is off the axis. Here that is 27 degrees on most edges and 35 at most, on
+a cube 45 and 55. Where two views are about equally far off, both are mixed, so that what differs fades from one to the
+other. Every pixel is the mean of four bilinear samples.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Intrinsics
+from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.layout import TILE
 from nvsim.render.types import Float32
+from nvsim.render.workspace import tiles_of
 
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
-BLEND = 0.05
-"""A face counts where the ray's component along its axis is at least 1 - BLEND of the largest one: up to 1.5 degrees
-beyond the edge of the cube."""
-_FINER = 1.2  # face pixels for each pixel of the panorama on the horizon, at a face's centre
+_BLEND = _F(0.03)
+# A view counts where the cosine between its axis and the ray is less than this below the largest: within 2.2 degrees of
+# the edge between two.
+_SLOPE = 0.80  # tangent of the farthest angle along an image axis at which a view counts, rounded up
+_FINER = 1.2  # pixels of a view for each pixel of the panorama on the horizon, at the view's centre
+
+# Headings and elevations of the axes, degrees: those of the square faces of a rhombicuboctahedron.
+_AXES = (
+    *((45.0 * k, 0.0) for k in range(8)),
+    *((90.0 * k, 45.0) for k in range(4)),
+    *((90.0 * k, -45.0) for k in range(4)),
+    (0.0, 90.0),
+    (0.0, -90.0),
+)
 
 
-def face_intrinsics(width: int) -> Intrinsics:
-    """Of the six faces for a panorama `width` pixels wide: square, whole tiles, with the blended border."""
+def views_around(position: NDArray[np.floating], width: int, heading: float) -> list[Camera]:
+    """The cameras of a panorama `width` pixels wide whose middle column looks along `heading` (radians)."""
     focal = _FINER * width / (2 * math.pi)
-    side = TILE * math.ceil((2 * focal / (1 - BLEND) + 2) / TILE)
-    # The outermost pixel is the neighbour of the last bilinear sample.
-    focal = (side / 2 - 1) * (1 - BLEND)
-    return Intrinsics(side, side, focal, focal, side / 2, side / 2)
+    side = TILE * math.ceil((2 * focal * _SLOPE + 2) / TILE)
+    intrinsics = Intrinsics(side, side, focal, focal, side / 2, side / 2)
+    at = np.asarray(position, np.float64)
+    return [Camera(intrinsics, look(at, heading + math.radians(h), math.radians(e))) for h, e in _AXES]
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _on_face(face: Any, x: Any, y: Any, z: Any) -> Any:
-    """x right, y down and z forward on a face of `panorama.cube` of a ray whose axes are right, ahead and up."""
-    if face == 0:
-        return x, y, z
-    if face == 1:
-        return x, -z, y
-    if face == 2:
-        return -y, -z, x
-    if face == 3:
-        return -x, -z, -y
-    if face == 4:
-        return y, -z, -x
-    return x, -y, -z
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _weights(x: Any, y: Any, z: Any) -> Any:
-    """Of the three faces that the ray may be seen by, ahead or behind, right or left, up or down; their sum is one."""
-    ax, ay, az = abs(x), abs(y), abs(z)
-    least = _F(1 - BLEND) * max(ax, max(ay, az))
-    wx, wy, wz = max(ax - least, _ZERO), max(ay - least, _ZERO), max(az - least, _ZERO)
-    scale = _ONE / (wx + wy + wz)
-    return wx * scale, wy * scale, wz * scale
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _pixel(side: Any, face: Any, focal: Any, x: Any, y: Any, z: Any) -> Any:
-    """Column and line on the face, counted from the centre of its first pixel, of which the next ones exist too."""
-    a, b, c = _on_face(face, x, y, z)
+def _place(axes: Any, view: Any, focal: Any, side: Any, x: Any, y: Any, z: Any) -> Any:
+    """Column and line in a view of a ray, counted from the centre of the first pixel; the next ones exist too."""
+    a = axes[view, 0, 0] * x + axes[view, 0, 1] * y + axes[view, 0, 2] * z
+    b = axes[view, 1, 0] * x + axes[view, 1, 1] * y + axes[view, 1, 2] * z
+    c = axes[view, 2, 0] * x + axes[view, 2, 1] * y + axes[view, 2, 2] * z
     middle, most = _F(side) * _HALF - _HALF, _F(side - 2)
     return min(max(focal * a / c + middle, _ZERO), most), min(max(focal * b / c + middle, _ZERO), most)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _add(faces: Any, face: Any, focal: Any, weight: Any, x: Any, y: Any, z: Any, pixel: Any) -> None:
-    u, v = _pixel(faces.shape[1], face, focal, x, y, z)
+def _weigh(axes: Any, x: Any, y: Any, z: Any, weights: Any) -> Any:
+    """Fills `weights` (views,), zero for a view that does not count; returns their sum."""
+    best = _ZERO
+    for view in range(weights.shape[0]):
+        cosine = axes[view, 2, 0] * x + axes[view, 2, 1] * y + axes[view, 2, 2] * z
+        weights[view] = cosine
+        best = max(best, cosine)
+    total = _ZERO
+    for view in range(weights.shape[0]):
+        weights[view] = max(weights[view] - best + _BLEND, _ZERO)
+        total += weights[view]
+    return total
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def _add(views: Any, view: Any, u: Any, v: Any, weight: Any, pixel: Any) -> None:
     column, line = np.int64(u), np.int64(v)
     fu, fv = u - _F(column), v - _F(line)
     w00, w01 = weight * (_ONE - fv) * (_ONE - fu), weight * (_ONE - fv) * fu
     w10, w11 = weight * fv * (_ONE - fu), weight * fv * fu
-    top, bottom = faces[face, line], faces[face, line + 1]
+    top, bottom = views[view, line], views[view, line + 1]
     for channel in range(4):
         pixel[channel] += (
             w00 * top[column, channel]
@@ -88,63 +91,91 @@ def _add(faces: Any, face: Any, focal: Any, weight: Any, x: Any, y: Any, z: Any,
 
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
-def resample(faces: Any, focal: Any, azimuths: Any, elevations: Any, mask: Any, image: Any) -> None:
-    """faces       (6, S, S, 4) float32, in the order of `panorama.cube`
-    focal       float32, pixels
-    azimuths    (2 W, 2) float32 sine and cosine of the half columns' headings, from that of the second face on
-    elevations  (2 H, 2) float32 the same of the half rows' elevations
-    mask        (H, W) bool, which pixels are wanted
-    image       out (H, W, 4), zero where none is
+def resample(
+    first: Any,
+    second: Any,
+    axes: Any,
+    focal: Any,
+    azimuths: Any,
+    elevations: Any,
+    mask: Any,
+    first_image: Any,
+    second_image: Any,
+) -> None:
+    """first, second  (views, S, S, 4) float32, two times four channels of the views; no views where not wanted
+    axes           (views, 3, 3) float32, rows right, down and forward of each view where ahead is y and up is z
+    focal          float32, pixels
+    azimuths       (2 W, 2) float32 sine and cosine of the half columns' headings, counted from ahead
+    elevations     (2 H, 2) float32 the same of the half rows' elevations
+    mask           (H, W) bool, which pixels are wanted
+    first_image    out (H, W, 4), zero where none is wanted; likewise second_image, or of no rows
     """
-    height, width = image.shape[:2]
+    height, width = mask.shape
+    side = max(first.shape[1], second.shape[1])
     for row in prange(height):
-        pixel = np.empty(4, np.float32)
+        pixels = np.empty((2, 4), np.float32)
+        weights = np.empty(axes.shape[0], np.float32)
         for column in range(width):
-            pixel[:] = _ZERO
-            if not mask[row, column]:
-                image[row, column] = pixel
-                continue
-            for part in range(4):
-                vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
-                x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
-                wx, wy, wz = _weights(x, y, z)
-                if wx > _ZERO:
-                    _add(faces, 2 if x > _ZERO else 4, focal, wx, x, y, z, pixel)
-                if wy > _ZERO:
-                    _add(faces, 1 if y > _ZERO else 3, focal, wy, x, y, z, pixel)
-                if wz > _ZERO:
-                    _add(faces, 0 if z > _ZERO else 5, focal, wz, x, y, z, pixel)
-            for channel in range(4):
-                image[row, column, channel] = _F(0.25) * pixel[channel]
+            pixels[:] = _ZERO
+            if mask[row, column]:
+                for part in range(4):
+                    vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
+                    x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
+                    scale = _F(0.25) / _weigh(axes, x, y, z, weights)
+                    for view in range(axes.shape[0]):
+                        if weights[view] > _ZERO:
+                            u, v = _place(axes, view, focal, side, x, y, z)
+                            if first.shape[0] > 0:
+                                _add(first, view, u, v, scale * weights[view], pixels[0])
+                            if second.shape[0] > 0:
+                                _add(second, view, u, v, scale * weights[view], pixels[1])
+            if first.shape[0] > 0:
+                first_image[row, column] = pixels[0]
+            if second.shape[0] > 0:
+                second_image[row, column] = pixels[1]
 
 
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _mark(seen: Any, face: Any, focal: Any, x: Any, y: Any, z: Any) -> None:
-    u, v = _pixel(seen.shape[1], face, focal, x, y, z)
-    column, line = np.int64(u), np.int64(v)
-    seen[face, line, column] = True
-    seen[face, line, column + 1] = True
-    seen[face, line + 1, column] = True
-    seen[face, line + 1, column + 1] = True
-
-
-@njit(cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
-def mark_seen(focal: Any, azimuths: Any, elevations: Any, mask: Any, seen: Any) -> None:
-    """Sets `seen` (6, S, S) bool where `resample` reads the faces for the pixels of `mask`."""
-    for row in range(mask.shape[0]):
+@njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
+def _mark_seen(axes: Any, focal: Any, azimuths: Any, elevations: Any, mask: Any, seen: Any) -> None:
+    # Several threads may set the same entry, to the same value.
+    side = seen.shape[1]
+    for row in prange(mask.shape[0]):
+        weights = np.empty(axes.shape[0], np.float32)
         for column in range(mask.shape[1]):
             if not mask[row, column]:
                 continue
             for part in range(4):
                 vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
                 x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
-                wx, wy, wz = _weights(x, y, z)
-                if wx > _ZERO:
-                    _mark(seen, 2 if x > _ZERO else 4, focal, x, y, z)
-                if wy > _ZERO:
-                    _mark(seen, 1 if y > _ZERO else 3, focal, x, y, z)
-                if wz > _ZERO:
-                    _mark(seen, 0 if z > _ZERO else 5, focal, x, y, z)
+                _weigh(axes, x, y, z, weights)
+                for view in range(axes.shape[0]):
+                    if weights[view] > _ZERO:
+                        u, v = _place(axes, view, focal, side, x, y, z)
+                        at, down = np.int64(u), np.int64(v)
+                        seen[view, down, at] = True
+                        seen[view, down, at + 1] = True
+                        seen[view, down + 1, at] = True
+                        seen[view, down + 1, at + 1] = True
+
+
+def pixels_seen(width: int, height: int, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(views, S, S) bool: where `resample` reads the views for the pixels of `mask` (H, W)."""
+    intrinsics = views_around(np.zeros(3), width, 0.0)[0].intrinsics
+    seen = np.zeros((len(_AXES), intrinsics.height, intrinsics.width), bool)
+    _mark_seen(axes_ahead(), np.float32(intrinsics.fx), *half_angles(width, height), mask, seen)
+    return seen
+
+
+@lru_cache(maxsize=8)
+def tiles_seen(width: int, height: int) -> tuple[NDArray[np.bool_], ...]:
+    """Of every view the tiles (lines, columns) that a whole panorama needs."""
+    return tuple(map(tiles_of, pixels_seen(width, height, np.ones((height, width), bool))))
+
+
+def axes_ahead() -> Float32:
+    """The `axes` of `resample`."""
+    cameras = views_around(np.zeros(3), 1, 0.0)
+    return np.stack([np.ascontiguousarray(c.rotation.T) for c in cameras]).astype(np.float32)
 
 
 def half_angles(width: int, height: int) -> tuple[Float32, Float32]:
@@ -154,5 +185,5 @@ def half_angles(width: int, height: int) -> tuple[Float32, Float32]:
     return _sine_cosine(heading), _sine_cosine(elevation)
 
 
-def _sine_cosine(angle: np.ndarray) -> Float32:
+def _sine_cosine(angle: NDArray[np.float64]) -> Float32:
     return np.stack([np.sin(angle), np.cos(angle)], axis=1).astype(np.float32)

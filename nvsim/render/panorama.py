@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.around import cube, cube_of
+from nvsim.render.around import cube
 from nvsim.render.backends import Backend
-from nvsim.render.equirectangular import face_intrinsics, half_angles, mark_seen, resample
+from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
 from nvsim.render.model import render_model
-from nvsim.render.regions import model_of, render_regions
+from nvsim.render.regions import model_of
 from nvsim.render.types import Float32, RenderOutput, expected_depth
-from nvsim.render.workspace import LOCK
+from nvsim.render.workspace import LOCK, tiles_of
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import SubmapModel
 
@@ -54,57 +54,58 @@ def render_equirectangular(
     the middle of the image and -180 degrees at its left edge; rows are elevations from +90 degrees down to -90. For
     square pixels the width is twice the height.
 
-    As RenderOutput, except that depth is the distance along the ray, in metres. Filtered from six faces that are drawn
-    finer than the panorama (see nvsim.render.equirectangular). With `mask` (H, W) only its pixels are drawn, and the
-    others are zero.
+    As RenderOutput, except that depth is the distance along the ray, in metres. Filtered from narrow views that are
+    drawn finer than the panorama (see nvsim.render.equirectangular). With `mask` (H, W) only its pixels are drawn, and
+    the others are zero.
 
     Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel.
     """
     # What a pixel of several things shows is the mean weighted by alpha, so both are resampled and divided after.
     needed = channels | {"alpha"} if "depth" in channels else channels
-    cameras = cube_of(position, face_intrinsics(width), heading)
-    side, focal = cameras[0].intrinsics.width, np.float32(cameras[0].intrinsics.fx)
-    angles = half_angles(width, height)
-    model = model_of(scene, position)
+    cameras, model = views_around(position, width, heading), model_of(scene, position)
     if mask is None:
         wanted = np.ones((height, width), bool)
-        outputs = [render_model(model, camera, needed, backend=backend) for camera in cameras]
+        tiles = tiles_seen(width, height)
     else:
         wanted = np.require(mask, bool, ["C", "A", "W"])
-        seen = np.zeros((6, side, side), bool)
-        mark_seen(focal, *angles, wanted, seen)
-        outputs = render_regions(model, cameras, list(seen), needed, backend)
-
-    def resampled(stacked: Float32) -> Float32:
-        image = np.empty((height, width, 4), np.float32)
-        with LOCK:
-            resample(stacked, focal, *angles, wanted, image)
-        return image
-
+        tiles = tuple(map(tiles_of, pixels_seen(width, height, wanted)))
+    outputs = [render_model(model, c, needed, t, backend) for c, t in zip(cameras, tiles, strict=True)]
+    side, lengths = cameras[0].intrinsics.width, _ray_lengths(cameras[0])
+    colours = [(o.rgb, o.alpha) for o in outputs] if needed & {"rgb", "alpha"} else []
+    along = [None if o.depth is None or o.alpha is None else o.depth * o.alpha * lengths for o in outputs]
+    shapes = [(o.normal, d) for o, d in zip(outputs, along)] if needed & {"depth", "normal"} else []
+    images = [np.empty((height if part else 0, width, 4), np.float32) for part in (colours, shapes)]
+    with LOCK:
+        resample(
+            _stacked(colours, side),
+            _stacked(shapes, side),
+            axes_ahead(),
+            np.float32(cameras[0].intrinsics.fx),
+            *half_angles(width, height),
+            wanted,
+            *images,
+        )
     result = RenderOutput()
-    if needed & {"rgb", "alpha"}:
-        colours = resampled(_stacked([o.rgb for o in outputs], [o.alpha for o in outputs], side))
-        alpha = np.ascontiguousarray(colours[..., 3])
-        result.rgb = np.ascontiguousarray(colours[..., :3]) if "rgb" in channels else None
-        result.alpha = alpha if "alpha" in channels else None
-    if channels & {"depth", "normal"}:
-        lengths = _ray_lengths(cameras[0])
-        along = [None if o.depth is None or o.alpha is None else o.depth * o.alpha * lengths for o in outputs]
-        shapes = resampled(_stacked([o.normal for o in outputs], along, side))
-        result.normal = np.ascontiguousarray(shapes[..., :3]) if "normal" in channels else None
-        result.depth = expected_depth(shapes[..., 3], alpha) if "depth" in channels else None
+    if "rgb" in channels:
+        result.rgb = np.ascontiguousarray(images[0][..., :3])
+    if "alpha" in channels:
+        result.alpha = np.ascontiguousarray(images[0][..., 3])
+    if "normal" in channels:
+        result.normal = np.ascontiguousarray(images[1][..., :3])
+    if "depth" in channels:
+        result.depth = expected_depth(images[1][..., 3], images[0][..., 3])
     return result
 
 
-def _stacked(three: list[Float32 | None], one: list[Float32 | None], side: int) -> Float32:
-    """(6, S, S, 4); zeros for what was not asked for."""
-    stack = np.zeros((6, side, side, 4), np.float32)
-    for face, first, last in zip(stack, three, one, strict=True):
-        if first is not None:
-            face[..., :3] = first
-        if last is not None:
-            face[..., 3] = last
+def _stacked(channels: list[tuple[Float32 | None, Float32 | None]], side: int) -> Float32:
+    """(views, S, S, 4) of three channels and one; zeros for what was not asked for."""
+    stack = np.zeros((len(channels), side, side, 4), np.float32)
+    for view, (three, one) in zip(stack, channels, strict=True):
+        if three is not None:
+            view[..., :3] = three
+        if one is not None:
+            view[..., 3] = one
     return stack
 
 

@@ -97,12 +97,13 @@ def test_channels_do_not_depend_on_which_others_are_asked_for():
         assert all(getattr(alone, other) is None for other in ALL - {name})
 
 
-def test_no_edge_of_the_cube_can_be_seen():
+def test_no_edge_between_views_can_be_seen():
     width = 256
     image = render_equirectangular(sphere(), HERE, width, width // 2, ALL)
-    distance = image.depth[width // 4 - 30 : width // 4 + 30]  # the edges between level faces are upright lines here
+    level = slice(width // 4 - 12, width // 4 + 12)  # there the edges between views are upright
+    distance = image.depth[level]
     steps = np.abs(np.diff(distance, axis=1)).mean(axis=0)
-    seams = [width // 8 + k * width // 4 - 1 for k in range(4)]
+    seams = [width // 16 + k * width // 8 - 1 for k in range(8)]
     elsewhere = np.delete(steps, [s + d for s in seams for d in (-1, 0, 1)])
     assert steps[seams].max() < 1.5 * elsewhere.max()
 
@@ -119,7 +120,7 @@ def test_a_panorama_is_what_a_narrow_view_shows(heading, elevation):
     around = np.concatenate([image.rgb[:, -1:], image.rgb, image.rgb[:, :1]], axis=1)
     shown = cv2.remap(around, (x + 1).astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
     mse = np.mean((shown - render_model(model, camera).rgb) ** 2)
-    assert -10 * math.log10(mse) > 38  # what the affine approximation of splatting costs 45 degrees off the axis
+    assert -10 * math.log10(mse) > 40  # 38 with the six views of a cube
 
 
 def test_faces_of_a_cube_are_views_of_90_degrees():
