@@ -83,6 +83,15 @@ def test_colours_may_depend_on_the_camera_position(renderer: OpenGLRenderer) -> 
     assert psnr(pictures[1], by_kernels(MODELS["background"], left)) < 40
 
 
+def test_the_benchmark_compares_both_on_everything_that_a_model_has(opengl: None) -> None:
+    from nvsim.render.opengl.benchmark import furnished, measure
+
+    figures = measure(furnished(room(500)), CAMERA, rounds=2)
+    assert figures["psnr_db"] > 50 and figures["renderer"] and figures["size"] == [161, 119]
+    parts = sum(figures[f"{part}_ms"] for part in ("project", "sort", "upload", "draw"))
+    assert parts == pytest.approx(figures["frame_ms"], rel=0.3)
+
+
 def test_what_windows_want_is_the_same_picture_with_blue_first(renderer: OpenGLRenderer) -> None:
     pixels = renderer.render_bgrx(MODELS["flat floor"], CAMERA)
     assert pixels.flags.c_contiguous and (pixels[..., 3] == 255).all()

@@ -43,6 +43,7 @@ class OpenGLRenderer:
     def __init__(self, context: moderngl.Context | None = None, on_ready: Callable[[], None] | None = None) -> None:
         self._owned, self._released = context is None, False
         self._context = standalone_context() if context is None else context
+        self._name = str(self._context.info["GL_RENDERER"])
         self._splats = SplatPass(self._context)
         self._composite = CompositePass(self._context)
         self._preparation = Preparation(on_ready)
@@ -55,7 +56,7 @@ class OpenGLRenderer:
     @property
     def name(self) -> str:
         """What the driver calls itself."""
-        return str(self._context.info["GL_RENDERER"])
+        return self._name
 
     @property
     def milliseconds(self) -> dict[str, float]:

@@ -1,0 +1,70 @@
+"""Milliseconds of an OpenGL frame and its parts, beside the kernels, on a splat file or a project."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli import show
+from nvsim.errors import InputError
+
+_EYE, _AHEAD = (1.8, 1.6, 1.6), (4.2, 3.2, -0.6)  # of the view into a splat file's room, metres
+_FIELD = 70.0  # degrees
+
+
+@dataclass(frozen=True)
+class Arguments:
+    scene: Path | None = None
+    """A splat file (.ply, .spz, .splat, .sog), seen from a fixed place inside; a background and a floor are put behind
+    it."""
+    project: Path | None = None
+    """A project with trained models, seen from the middle of its walk, in place of a file. With neither, a hall made
+    in memory."""
+    size: str = "640x480"
+    """Width and height in pixels."""
+    rounds: int = 15
+    """Medians are over so many frames."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    import math
+
+    import numpy as np
+
+    from nvsim.geometry.camera import Camera, Intrinsics, look
+    from nvsim.mapping.panorama_benchmark import furnished_hall
+    from nvsim.project.project import Project
+    from nvsim.render.opengl.benchmark import furnished, measure
+    from nvsim.splats.formats.choice import read_splats
+
+    width, height = _size(arguments.size)
+    if arguments.rounds < 1:
+        raise InputError(f"A median over {arguments.rounds} rounds is none; give --rounds 1 or more.")
+    intrinsics = Intrinsics.from_fov(width, height, math.radians(_FIELD))
+    heading, elevation = math.atan2(_AHEAD[0], _AHEAD[1]), math.atan2(_AHEAD[2], math.hypot(*_AHEAD[:2]))
+    pose = look(np.array(_EYE), heading, elevation)
+    if arguments.scene is not None and arguments.project is not None:
+        raise InputError("Give --scene or --project, not both.")
+    if arguments.project is not None:
+        with Project.open(arguments.project) as project:
+            scene, capture = project.scene(), project.need_capture()
+        if scene is None:
+            raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
+        pose = capture.frames[len(capture.frames) // 2].camera_to_world
+        _, model = scene.model_at(pose[:3, 3])
+    elif arguments.scene is not None:
+        gaussians, antialiased = read_splats(arguments.scene)
+        model = furnished(gaussians, antialiased is not False)
+    else:
+        model, _ = furnished_hall()
+    show.figures(measure(model, Camera(intrinsics, pose), arguments.rounds), arguments.json, "an OpenGL frame")
+    return 0
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise InputError(f"The size {text!r} is not understood; write it as 640x480.")
+    return int(width), int(height)

@@ -1,0 +1,74 @@
+"""Milliseconds of an OpenGL frame and its parts, beside the same frame by the kernels."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from nvsim.geometry.camera import Camera
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.model import render_model
+from nvsim.render.opengl.renderer import OpenGLRenderer
+from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
+
+_SIZES = {"embed.0": (32, 27), "trunk.0": (64, 32), "base": (3, 64), "rest": (72, 64)}
+_TEXELS = (0.4, 0.1, 0.03)  # metres, of the levels of the floor texture
+_PARTS = ("project", "sort", "upload", "draw", "frame")
+
+
+def furnished(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> SubmapModel:
+    """The Gaussians with what a trained submap has besides: a background network, an uneven floor below them, and a
+    texture of three levels on it; so that a splat file makes a frame in which everything is drawn."""
+    r, f = np.random.default_rng(seed), np.float32
+    low, high = gaussians.means.min(axis=0), gaussians.means.max(axis=0)
+    width, depth = np.maximum(high - low, 1.0)[:2]
+    weights = {f"{n}.weight": (0.5 * r.normal(size=s) / np.sqrt(s[1])).astype(f) for n, s in _SIZES.items()}
+    weights |= {f"{n}.bias": np.zeros(s[0], f) for n, s in _SIZES.items()}
+    weights["base.bias"] += f(1.5)
+    levels = tuple(r.normal(0, 0.05, (int(depth / t) + 1, int(width / t) + 1, 3)).astype(f) for t in _TEXELS)
+    heights = low[2] + r.normal(0, 0.01, (int(depth) + 2, int(width) + 2))
+    corner = (float(low[0]), float(low[1]))
+    texture = FloorTexture(levels, corner, (corner[0] + float(width), corner[1] + float(depth)))
+    floor = FloorSurface(heights.astype(f), corner, 1.0)
+    return SubmapModel(gaussians, Background(weights), texture, floor, antialiased)
+
+
+def measure(model: SubmapModel, camera: Camera, rounds: int = 15) -> dict[str, Any]:
+    """Medians over `rounds` frames of both renderers in turns, each prepared anew and read back as 8-bit colours.
+
+    frame_ms      the whole frame; of it project_ms, sort_ms (with writing the quads), upload_ms to the graphics card,
+                  and draw_ms: both passes and reading the picture back
+    cpu_frame_ms  the same frame by the kernels
+    psnr_db       between the two pictures; 58.9 is what rounding to 8 bits leaves
+    renderer      what the driver calls itself
+
+    Raises InputError where there is no OpenGL 3.3.
+    """
+    times: dict[str, list[float]] = {name: [] for name in (*_PARTS, "cpu_frame")}
+    channels = frozenset({"rgb"})
+    with OpenGLRenderer() as renderer:
+        by_kernels = render_model(model, camera, channels, backend="numba").rgb
+        assert by_kernels is not None  # it was asked for
+        error = renderer.render(model, camera) / 255 - np.clip(by_kernels, 0, 1)
+        for _ in range(rounds):
+            renderer.render(model, replace(camera))  # another camera of the same values: nothing is reused
+            parts = renderer.milliseconds
+            parts["draw"] = parts["frame"] - parts["project"] - parts["sort"] - parts["upload"]
+            for name in _PARTS:
+                times[name].append(parts[name])
+            begin = time.perf_counter()
+            render_model(model, camera, channels, backend="numba")
+            times["cpu_frame"].append(1e3 * (time.perf_counter() - begin))
+        name = renderer.name
+    k = camera.intrinsics
+    return {
+        **{f"{part}_ms": round(float(np.median(values)), 2) for part, values in times.items()},
+        "psnr_db": round(float(-10 * np.log10(np.mean(error**2))), 2),
+        "backend": "opengl",
+        "renderer": name,
+        "gaussians": len(model.gaussians),
+        "size": [k.width, k.height],
+    }
