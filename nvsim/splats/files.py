@@ -80,7 +80,8 @@ def memory_needed(folder: Path) -> int:
     says of them later. Raises InputError when its description is missing or damaged."""
     data = _read_description(folder)
     try:
-        values = 11 + 3 * (int(data["sh_degree"]) + 1) ** 2
+        colours = 3 * (int(data["sh_degree"]) + 1) ** 2
+        values = 11 + colours * (1 if data.get("appearance") is None else 2)
         with open(folder / NETWORKS, "rb") as file:
             head = 8 + int.from_bytes(file.read(8), "little")
         networks = max(0, int(data["files"][NETWORKS]["bytes"]) - head)

@@ -190,11 +190,14 @@ def default_budget() -> int:
 
 
 def memory_of(model: SubmapModel) -> int:
-    """Bytes of the model's arrays, with the floor texture twice: the kernels pack theirs when it is first drawn."""
+    """Bytes of the model's arrays. The floor texture counts twice, since the kernels pack theirs when it is first
+    drawn, and so do colours that depend on the position, which are kept for the last one."""
     g = model.gaussians
     arrays = [g.means, g.log_scales, g.quats, g.opacity_logits, g.sh, model.floor.heights]
     if model.background is not None:
         arrays += list(model.background.weights.values())
     if model.texture is not None:
         arrays += 2 * list(model.texture.levels)
+    if model.appearance is not None:
+        arrays.append(g.sh)
     return sum(a.nbytes for a in arrays)

@@ -109,3 +109,16 @@ def test_none_and_true_survive_many_calls_of_qt() -> None:
     )
     done = start("-c", program)
     assert done.returncode == 0 and done.stdout.strip() == "None True", done.stderr
+
+
+def test_the_memory_for_models_is_remembered_until_it_is_given_back(tmp_path: Path) -> None:
+    from PySide6.QtCore import QSettings
+
+    from app.application import _memory_budget
+
+    settings = QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat)
+    assert _memory_budget(settings, None) is None
+    assert _memory_budget(settings, 1.5) == _memory_budget(settings, None) == 3 << 29
+    assert _memory_budget(settings, 0.0) is None and _memory_budget(settings, None) is None
+    settings.setValue("memory_gib", "plenty")
+    assert _memory_budget(settings, None) is None
