@@ -70,22 +70,23 @@ def render_equirectangular(
     else:
         wanted = np.require(mask, bool, ["C", "A", "W"])
         tiles = tuple(map(tiles_of, pixels_seen(width, height, wanted)))
-    outputs = [render_model(model, c, needed, t, backend) for c, t in zip(cameras, tiles, strict=True)]
     side, lengths = cameras[0].intrinsics.width, _ray_lengths(cameras[0])
-    colours = [(o.rgb, o.alpha) for o in outputs] if needed & {"rgb", "alpha"} else []
-    along = [None if o.depth is None or o.alpha is None else o.depth * o.alpha * lengths for o in outputs]
-    shapes = [(o.normal, d) for o, d in zip(outputs, along)] if needed & {"depth", "normal"} else []
-    images = [np.empty((height if part else 0, width, 4), np.float32) for part in (colours, shapes)]
+    parts = [bool(needed & {"rgb", "alpha"}), bool(needed & {"depth", "normal"})]
+    colours, shapes = (np.zeros((len(cameras) * part, side, side, 4), np.float32) for part in parts)
+    for i, (camera, wanted_tiles) in enumerate(zip(cameras, tiles, strict=True)):
+        view = render_model(model, camera, needed, wanted_tiles, backend)
+        if view.rgb is not None:
+            colours[i, ..., :3] = view.rgb
+        if view.alpha is not None:
+            colours[i, ..., 3] = view.alpha
+        if view.normal is not None:
+            shapes[i, ..., :3] = view.normal
+        if view.depth is not None and view.alpha is not None:
+            shapes[i, ..., 3] = view.depth * view.alpha * lengths
+    images = [np.empty((height * part, width, 4), np.float32) for part in parts]
+    focal, angles = np.float32(cameras[0].intrinsics.fx), half_angles(width, height)
     with LOCK:
-        resample(
-            _stacked(colours, side),
-            _stacked(shapes, side),
-            axes_ahead(),
-            np.float32(cameras[0].intrinsics.fx),
-            *half_angles(width, height),
-            wanted,
-            *images,
-        )
+        resample(colours, shapes, axes_ahead(), focal, *angles, wanted, *images)
     result = RenderOutput()
     if "rgb" in channels:
         result.rgb = np.ascontiguousarray(images[0][..., :3])
@@ -96,17 +97,6 @@ def render_equirectangular(
     if "depth" in channels:
         result.depth = expected_depth(images[1][..., 3], images[0][..., 3])
     return result
-
-
-def _stacked(channels: list[tuple[Float32 | None, Float32 | None]], side: int) -> Float32:
-    """(views, S, S, 4) of three channels and one; zeros for what was not asked for."""
-    stack = np.zeros((len(channels), side, side, 4), np.float32)
-    for view, (three, one) in zip(stack, channels, strict=True):
-        if three is not None:
-            view[..., :3] = three
-        if one is not None:
-            view[..., 3] = one
-    return stack
 
 
 def _ray_lengths(camera: Camera) -> Float32:

@@ -47,8 +47,8 @@ def run(arguments: Arguments) -> int:
     from nvsim.render.panorama_files import write_panorama
     from nvsim.render.types import RenderOutput
 
-    if arguments.size is not None and not 1 <= arguments.size <= 16384:
-        raise InputError(f"A panorama cannot be {arguments.size} pixels high; give --size from 1 to 16384.")
+    if arguments.size is not None and not 1 <= arguments.size <= 4096:
+        raise InputError(f"A panorama cannot be {arguments.size} pixels high; give --size from 1 to 4096.")
     with Project.open(arguments.project) as project:
         position = np.array(_place(arguments, project))
         scene = project.scene(memory_budget(arguments.memory))
