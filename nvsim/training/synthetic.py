@@ -78,7 +78,7 @@ def synthetic_gaussians(count: int, sh_degree: int, seed: int = 0) -> Gaussians:
     quats = np.choose(axis[:, None], [half * np.stack(q, axis=1) for q in ((c, -s, c, s), (c, -c, s, s))] + [
         np.stack([c, none, none, s], axis=1)
     ])  # fmt: skip
-    scales = np.exp(rng.normal(np.log(0.021 * np.sqrt(100_000 / count)), 0.4, (count, 3))) * [1, 1, 0.25]
+    scales = np.exp(rng.normal(np.log(0.027 * np.sqrt(100_000 / count)), 0.4, (count, 3))) * [1, 1, 0.25]
     opacity = np.where(rng.random(count) < 0.85, rng.uniform(0.3, 0.99, count), rng.uniform(0.02, 0.3, count))
     sh = rng.normal(0, 0.05, (count, (sh_degree + 1) ** 2, 3))
     sh[:, 0] = (paint(means) - 0.5) / DC

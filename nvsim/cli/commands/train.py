@@ -18,6 +18,8 @@ from nvsim.training.config import TrainingConfig, preset
 class Arguments(ProjectArguments):
     submaps: tuple[int, ...] = ()
     """Which submaps to train; all when none is named."""
+    at_once: int = 0
+    """How many submaps to train at a time, each with its share of the cores; 0 decides by cores and free memory."""
     preset: Literal["nvsim", "splatfacto-i", "splatfacto-w", "3dgs"] = "nvsim"
     """What the other flags start from: our defaults, or the paper's."""
     config: Inline[TrainingConfig] = field(default_factory=TrainingConfig)
@@ -30,5 +32,5 @@ def defaults(argv: list[str]) -> Arguments:
 
 def run(arguments: Arguments) -> int:
     with working(arguments.project, "train", arguments.json) as (project, listen):
-        trained.run(project, arguments.config, listen, arguments.submaps)
+        trained.run(project, arguments.config, listen, arguments.submaps, arguments.at_once)
     return 0

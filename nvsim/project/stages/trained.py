@@ -1,24 +1,25 @@
-"""Train: one floor-aware model per submap. Resumes from its checkpoint; commits a model folder per submap."""
+"""Train: one floor-aware model per submap, several at once where that is faster. Resumes from checkpoints; commits a
+model folder per submap."""
 
 from __future__ import annotations
 
-import shutil
-import time
-from typing import TYPE_CHECKING
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import psutil
 
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress
 from nvsim.project import ledger
-from nvsim.project.config import held_out
 from nvsim.project.project import Project
+from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
-from nvsim.project.stages.imported import capture_config
+from nvsim.project.stages.submap_training import train, training_frames, training_views
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
 
-if TYPE_CHECKING:
-    from nvsim.training.views import TrainingView
-
+__all__ = ["STAGE", "run", "train_key", "training_views"]
 STAGE = "train"
 
 
@@ -27,95 +28,92 @@ def run(
     config: TrainingConfig,
     listen: Listener,
     only: tuple[int, ...] = (),
+    at_once: int = 0,
 ) -> None:
-    """Trains the submaps named in `only`, or all. Raises InputError when the masks are missing or a submap is."""
+    """Trains the submaps named in `only`, or all, `at_once` at a time; 0 decides by cores, free memory and their
+    number. Raises InputError when the masks are missing or a submap is."""
     submaps = project.need_submaps()
     if not floors_key(project):
         raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
     unknown = sorted(set(only) - {s.index for s in submaps})
     if unknown:
         raise InputError(f"there is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
+    if at_once < 0:
+        raise InputError(f"--at-once {at_once} makes no sense; say how many submaps are trained at a time, or 0.")
     chosen = [s for s in submaps if not only or s.index in only]
-    for i, submap in enumerate(chosen):
-        key = train_key(project, submap, config)
-        if ledger.is_current(project, STAGE, key, submap.index):
+    merged = _Merged(listen, [s.index for s in chosen], config.steps)
+    left = []
+    for submap in chosen:
+        if ledger.is_current(project, STAGE, train_key(project, submap, config), submap.index):
             listen(Log(f"Submap {submap.index} is trained already.", STAGE))
-            continue
-        _train_one(project, submap, key, config, _scaled(listen, i, len(chosen)))
+            merged.finished(submap.index)
+        else:
+            left.append(submap)
+    cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
+    tasks = training_pool.plan([s.index for s in chosen], cores, at_once or cores)
+    together = min(at_once or cores, _fitting(project, left, config)) if left else 1
+    waiting = [t for t in tasks if t.submap in {s.index for s in left}]
+
+    def begin(index: int) -> None:
+        submap = next(s for s in chosen if s.index == index)
+        if not ledger.begin(project, STAGE, train_key(project, submap, config), index):
+            project.layout.checkpoint(index).unlink(missing_ok=True)
+
+    if all(t.alone for t in waiting):
+        for task in waiting:
+            begin(task.submap)
+            share = dataclasses.replace(config, threads=task.threads)
+            _finish(project, task.submap, *train(project, task.submap, share, merged.of(task.submap)), listen)
+        return
+    for index, message in training_pool.train_together(project.layout.root, config, waiting, together, begin):
+        if isinstance(message, training_pool.Trained):
+            _finish(project, index, message.seconds, message.figures, listen)
+        else:
+            merged.of(index)(message)
 
 
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
-    """What the model of a submap depends on."""
-    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, config)
+    """What the model of a submap depends on: neither the number of threads nor how often it is saved."""
+    default = TrainingConfig()
+    same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
+    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, same)
 
 
-def _scaled(listen: Listener, index: int, count: int) -> Listener:
-    """Makes the progress of one submap the progress of the stage."""
-
-    def pass_on(event: Event) -> None:
-        if isinstance(event, Progress) and event.stage == STAGE:
-            detail = f"submap {index + 1} of {count}"
-            event = Progress(STAGE, index * event.total + event.done, count * event.total, detail)
-        listen(event)
-
-    return pass_on
+def _finish(project: Project, index: int, seconds: float, figures: dict[str, Any], listen: Listener) -> None:
+    ledger.finish(project, STAGE, seconds, figures, index)
+    project.layout.checkpoint(index).unlink(missing_ok=True)
+    listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
 
 
-def _train_one(
-    project: Project,
-    submap: Submap,
-    key: str,
-    config: TrainingConfig,
-    listen: Listener,
-) -> None:
-    from nvsim.splats.files import save_model
-    from nvsim.training.trainer import train_submap
-
-    layout, capture = project.layout, project.need_capture()
-    checkpoint, folder = layout.checkpoint(submap.index), layout.model(submap.index)
-    if not ledger.begin(project, STAGE, key, submap.index):
-        checkpoint.unlink(missing_ok=True)
-    shutil.rmtree(folder, ignore_errors=True)
-    started = time.monotonic()
-    surface = project.surface(submap.index)
-    if surface is None:
-        raise InputError(f"{layout.surface(submap.index)} is missing; run `nvsim floors --project` again.")
-    kept_out = held_out(len(capture.frames), capture_config(project).hold_out)
-    views = training_views(project, [i for i in submap.frames if i not in kept_out], config)
-    model = train_submap(
-        views,
-        capture.cloud,
-        surface,
-        config,
-        checkpoint=checkpoint,
-        submap=submap.index,
-        listen=listen,
-        preview=layout.preview(submap.index),
-    )
-    save_model(model, folder)
-    seconds = time.monotonic() - started
-    summary = {"gaussians": len(model.gaussians), "views": len(views), **model.info}
-    ledger.finish(project, STAGE, seconds, summary, submap.index)
-    checkpoint.unlink(missing_ok=True)
-    listen(Done(STAGE, f"submap {submap.index}: {len(model.gaussians)} Gaussians in {seconds:.0f} s", summary))
+def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
+    """How many of the trainings fit into free memory."""
+    frames = project.need_capture().frames
+    sizes = [frames[i].intrinsics.within(config.image_size) for i in submaps[0].frames]
+    pixels = max(k.width * k.height for k in sizes)
+    most = max(len(training_frames(project, s.index)) for s in submaps)
+    needed = training_pool.needed_bytes(most, pixels, config)
+    return training_pool.fitting(psutil.virtual_memory().available, needed)
 
 
-def training_views(project: Project, frames: list[int], config: TrainingConfig) -> list[TrainingView]:
-    """The images and floor masks of `frames` at the training size. Raises InputError for one that cannot be read."""
-    from concurrent.futures import ThreadPoolExecutor
+class _Merged:
+    """Makes the progress of submaps the progress of the stage."""
 
-    from nvsim.capture.images import read_image
-    from nvsim.perception.segment import read_mask
-    from nvsim.training.views import TrainingView
+    def __init__(self, listen: Listener, submaps: Sequence[int], steps: int) -> None:
+        self._listen, self._steps = listen, steps
+        self._done = dict.fromkeys(submaps, 0)
 
-    capture = project.need_capture()
+    def finished(self, submap: int) -> None:
+        self._done[submap] = self._steps
 
-    def view(index: int) -> TrainingView:
-        frame = capture.frames[index]
-        size = frame.intrinsics.within(config.image_size)
-        camera = frame.camera.scaled(size.width, size.height)
-        mask = read_mask(project.layout.mask(index), size.width, size.height)
-        return TrainingView(frame.name, camera, read_image(frame, size), mask)
+    def of(self, submap: int) -> Listener:
+        """The listener of one submap."""
 
-    with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(view, frames))
+        def pass_on(event: Event) -> None:
+            if isinstance(event, Progress) and event.stage == STAGE:
+                self._done[submap] = event.done
+                ended = sum(done >= self._steps for done in self._done.values())
+                detail = f"{ended} of {len(self._done)} submaps done"
+                event = Progress(STAGE, sum(self._done.values()), self._steps * len(self._done), detail)
+            self._listen(event)
+
+        return pass_on

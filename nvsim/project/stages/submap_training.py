@@ -1,0 +1,74 @@
+"""The training of one submap of a project, from its files to its model folder: all of it but the ledger, so that any
+process can do it."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from typing import TYPE_CHECKING, Any
+
+from nvsim.errors import InputError
+from nvsim.events import Listener
+from nvsim.project.config import held_out
+from nvsim.project.project import Project
+from nvsim.project.stages.imported import capture_config
+from nvsim.training.config import TrainingConfig
+
+if TYPE_CHECKING:
+    from nvsim.training.views import TrainingView
+
+
+def train(project: Project, index: int, config: TrainingConfig, listen: Listener) -> tuple[float, dict[str, Any]]:
+    """Trains submap `index`, from its checkpoint where there is one, and saves its model; returns the seconds it took
+    and figures. Raises InputError for images or floor that cannot be read."""
+    from nvsim.splats.files import save_model
+    from nvsim.training.trainer import train_submap
+
+    layout, capture = project.layout, project.need_capture()
+    folder = layout.model(index)
+    shutil.rmtree(folder, ignore_errors=True)
+    started = time.monotonic()
+    surface = project.surface(index)
+    if surface is None:
+        raise InputError(f"{layout.surface(index)} is missing; run `nvsim floors --project` again.")
+    views = training_views(project, training_frames(project, index), config)
+    model = train_submap(
+        views,
+        capture.cloud,
+        surface,
+        config,
+        checkpoint=layout.checkpoint(index),
+        submap=index,
+        listen=listen,
+        preview=layout.preview(index),
+    )
+    save_model(model, folder)
+    return time.monotonic() - started, {"gaussians": len(model.gaussians), "views": len(views), **model.info}
+
+
+def training_frames(project: Project, index: int) -> list[int]:
+    """The frames of a submap that are not held out."""
+    kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
+    submap = next(s for s in project.need_submaps() if s.index == index)
+    return [i for i in submap.frames if i not in kept_out]
+
+
+def training_views(project: Project, frames: list[int], config: TrainingConfig) -> list[TrainingView]:
+    """The images and floor masks of `frames` at the training size. Raises InputError for one that cannot be read."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from nvsim.capture.images import read_image
+    from nvsim.perception.segment import read_mask
+    from nvsim.training.views import TrainingView
+
+    capture = project.need_capture()
+
+    def view(index: int) -> TrainingView:
+        frame = capture.frames[index]
+        size = frame.intrinsics.within(config.image_size)
+        camera = frame.camera.scaled(size.width, size.height)
+        mask = read_mask(project.layout.mask(index), size.width, size.height)
+        return TrainingView(frame.name, camera, read_image(frame, size), mask)
+
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(view, frames))

@@ -1,0 +1,95 @@
+"""Submaps trained side by side: the same models, one stream of events, and nothing outlives the parent."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from nvsim.capture.building import BuildingConfig, generate
+from nvsim.errors import InputError
+from nvsim.events import Event, Log, Progress, silent
+from nvsim.project import ledger
+from nvsim.project.config import CaptureConfig
+from nvsim.project.project import Project
+from nvsim.project.stages import floors, imported, submaps, trained
+from nvsim.project.stages.submap_training import train
+from nvsim.project.stages.training_pool import plan
+from nvsim.splats.files import load_model
+from nvsim.submaps.split import SubmapConfig
+from nvsim.training.config import TrainingConfig
+
+QUICK = TrainingConfig(steps=6, image_size=64, gaussian_cap=1500)
+
+
+@pytest.fixture(scope="module")
+def project_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pool") / "rooms.nvsim"
+    with Project.create_or_open(path) as project:
+        generate(project.layout.root, BuildingConfig(seed=0, size="small"), silent)
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
+        submaps.run(project, SubmapConfig(count=3), silent)
+        floors.run(project, silent)
+    return path
+
+
+def test_two_at_once_give_the_models_that_one_process_gives(project_path: Path) -> None:
+    events: list[Event] = []
+    with Project.open(project_path, writable=True) as project:
+        trained.run(project, QUICK, events.append, at_once=2)
+        assert all(ledger.record(project, "train", i).state == "done" for i in range(3))
+        for task in plan([0, 1, 2], psutil.cpu_count() or 1, 2)[1:]:
+            together = load_model(project.layout.model(task.submap)).gaussians
+            train(project, task.submap, replace(QUICK, threads=task.threads), silent)
+            alone = load_model(project.layout.model(task.submap)).gaussians
+            np.testing.assert_array_equal(together.means, alone.means)
+            np.testing.assert_array_equal(together.sh, alone.sh)
+            project.layout.checkpoint(task.submap).unlink()
+    shares = [e.done / e.total for e in events if isinstance(e, Progress) and e.stage == "train"]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_what_is_trained_stays_trained_at_any_number_at_once(project_path: Path) -> None:
+    events: list[Event] = []
+    with Project.open(project_path, writable=True) as project:
+        trained.run(project, replace(QUICK, threads=1), events.append, at_once=2)
+    assert [e.text for e in events if isinstance(e, Log)] == [f"Submap {i} is trained already." for i in range(3)]
+
+
+def test_a_mistake_in_a_child_is_the_parents_sentence(project_path: Path) -> None:
+    with Project.open(project_path, writable=True) as project:
+        project.layout.surface(1).rename(project.layout.surface(1).with_suffix(".away"))
+        try:
+            with pytest.raises(InputError, match="run `nvsim floors"):
+                trained.run(project, replace(QUICK, steps=7), silent, at_once=2)
+        finally:
+            project.layout.surface(1).with_suffix(".away").rename(project.layout.surface(1))
+    for child in psutil.Process().children(recursive=True):
+        assert "spawn_main" not in " ".join(child.cmdline())
+
+
+def test_children_of_a_killed_parent_end(project_path: Path) -> None:
+    argv = [sys.executable, "-m", "nvsim", "train", "--project", str(project_path), "--json", "--at-once", "2",
+            "--steps", "100000", "--image-size", "64", "--gaussian-cap", "1500"]  # fmt: skip
+    parent = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    for line in parent.stdout:
+        if '"progress"' in line:
+            break
+    children = psutil.Process(parent.pid).children(recursive=True)
+    assert children
+    parent.kill()
+    parent.wait()
+    _, alive = psutil.wait_procs(children, timeout=5)
+    assert not alive
+
+
+def test_an_impossible_number_at_once_is_refused(project_path: Path) -> None:
+    with Project.open(project_path, writable=True) as project, pytest.raises(InputError, match="--at-once -1"):
+        trained.run(project, QUICK, silent, at_once=-1)

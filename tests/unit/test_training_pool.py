@@ -1,0 +1,20 @@
+"""How submaps share cores and memory when several are trained at once."""
+
+from __future__ import annotations
+
+from nvsim.project.stages.training_pool import Task, fitting, needed_bytes, plan
+from nvsim.training.config import TrainingConfig
+
+
+def test_every_submap_gets_its_share_and_the_rest_gets_all() -> None:
+    assert plan([0, 1, 2], 2, 2) == [Task(0, 1, False), Task(1, 1, False), Task(2, 2, True)]
+    assert plan([4, 7], 8, 3) == [Task(4, 4, False), Task(7, 4, False)]
+    assert plan([5], 4, 4) == [Task(5, 4, True)]
+    assert plan([0, 1], 4, 1) == [Task(0, 4, True), Task(1, 4, True)]
+
+
+def test_as_many_as_fit_into_memory_but_one_in_any_case() -> None:
+    each = needed_bytes(200, 540 * 360, TrainingConfig(gaussian_cap=200_000))
+    assert 1 << 30 < each < 2 << 30
+    assert fitting(16 << 30, each) > 3
+    assert fitting(1 << 30, each) == 1
