@@ -69,7 +69,7 @@ def _draw_part(
                 line[i] = _F(1)
             for i in range(TILE, _PLANES * TILE):
                 line[i] = _F(0)
-        k = offsets[tile]
+        k = begin = offsets[tile]
         end = offsets[tile + 1]
         while k < end:
             splat = splats[rows[k]]
@@ -103,7 +103,8 @@ def _draw_part(
                         line[2 * TILE + x] += weight * green
                         line[3 * TILE + x] += weight * blue
             k += 1
-            if k & (_CHECK - 1) == 0:
+            # Counted from the tile's own first splat: what other tiles draw must not change where this one stops.
+            if (k - begin) & (_CHECK - 1) == 0:
                 most = _F(0)
                 for y in range(min(TILE, height - top)):
                     line = planes[y]

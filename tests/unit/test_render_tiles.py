@@ -64,3 +64,16 @@ def test_tiles_of_another_size_are_refused():
     camera = CAMERAS["centred"]
     with pytest.raises(ValueError, match="tiles"):
         render_gaussians(scene(camera), camera, tiles=np.ones((1, 1), bool))
+
+
+def test_a_crowd_stops_at_the_same_splat_whatever_else_is_drawn():
+    camera = CAMERAS["centred"]
+    gaussians = scene(camera, 3000)
+    gaussians.opacity_logits += 3
+    gaussians.log_scales += 1
+    tiles = tiles_of(regions(camera)["one"])
+    inside = pixels_of(tiles, 48, 64)
+    whole = render_gaussians(gaussians, camera, ALL)
+    part = render_gaussians(gaussians, camera, ALL, tiles=tiles)
+    for name in ALL:
+        np.testing.assert_array_equal(getattr(part, name)[inside], getattr(whole, name)[inside])
