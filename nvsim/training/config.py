@@ -97,9 +97,9 @@ class TrainingConfig:
     """Metres above the floor below which the cloud seeds no Gaussian; 0 or less keeps all points."""
     seed_detail: float = 1.0
     """How much denser a scan seeds where its colours vary: the exponent of their local deviation; 0 is evenly."""
-    seed_flatness: float = 0.3
+    seed_flatness: float = 0.15
     """Thickness of a scan's seeds along the surface normal, per their width; 1 is round."""
-    seed_size: float = 0.7
+    seed_size: float = 0.5
     """Standard deviation of a scan's seeds per mean distance of their three neighbours."""
     seed_opacity: float = 0.5
     sh_degree: int = 1
