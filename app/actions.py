@@ -19,6 +19,9 @@ from app.renderer_choice import AUTOMATIC, CPU, OPENGL
 Reason = str | None  # why a command cannot run, None when it can
 
 
+UNDECIDED = "a splat file is open, which has no walk and no graph"
+
+
 def always(document: Document) -> Reason:
     return None
 
@@ -36,11 +39,19 @@ def with_scene(document: Document) -> Reason:
 
 
 def with_graph(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
     return None if document.contents.graph is not None else "no navigation graph is built yet"
 
 
 def with_trajectory(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
     return None if len(document.trajectory.positions) else "the project has no capture yet"
+
+
+def with_splat_file(document: Document) -> Reason:
+    return None if document.contents.outline is not None else "only a splat file may lie on its side"
 
 
 def with_selection(document: Document) -> Reason:
@@ -74,6 +85,8 @@ class Action:
 ACTIONS: tuple[Action, ...] = (
     Action("open", "&Open project…", "Open another project folder", "&File", shortcut="Ctrl+O", icon="open",
            toolbar=True),
+    Action("open_splats", "Open s&plats…", "Open a splat file of any program: PLY, compressed PLY, SPZ, SOG, .splat",
+           "&File", shortcut="Ctrl+Shift+O"),
     Action("refresh", "&Refresh", "Read the project again now", "&File", shortcut="F5", icon="refresh",
            enabled=with_project),
     Action("screenshot", "&Save picture of the view…", "Save what the 3D view shows as a PNG file", "&File", 1,
@@ -85,6 +98,8 @@ ACTIONS: tuple[Action, ...] = (
            toolbar=True, enabled=with_positions),
     Action("above", "From &above", "Straight down, north up", "&Camera", shortcut="T", icon="above", toolbar=True,
            enabled=with_positions),
+    Action("turn_up", "Turn &upright", "Take the next axis of the splat file for up", "&Camera", shortcut="U",
+           enabled=with_splat_file),
     Action("focus", "&Focus on selection", "Bring what is selected before the camera", "&Camera", shortcut="F",
            icon="focus", toolbar=True, enabled=with_selection),
     Action("previous_frame", "&Previous frame", "Stand where the frame before was taken", "&Camera", 1, "[", "previous",

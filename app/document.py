@@ -107,5 +107,7 @@ class Document(QObject):
 
     @property
     def extent(self) -> NDArray[np.float64]:
-        """(N, 3) every position that is known: viewpoints and frames; may be empty."""
-        return np.concatenate([self.graph_arrays.positions, self.trajectory.positions])
+        """(N, 3) every position that is known: viewpoints and frames, or the outline of a splat file; may be empty."""
+        outline = self._contents.outline
+        known = [self.graph_arrays.positions, self.trajectory.positions]
+        return np.concatenate(known if outline is None else [*known, outline])

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
@@ -17,7 +20,7 @@ if TYPE_CHECKING:
     from nvsim.project.jobs import JobRecord
     from nvsim.project.project import Project
 
-PARTS = ("capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "model_info")
+PARTS = ("capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "outline", "model_info")
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +29,7 @@ class Contents:
 
     scene_stamp   changes whenever a model was written; None while there is no model at all
     model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
+    outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     """
 
     path: Path | None = None
@@ -36,10 +40,13 @@ class Contents:
     jobs: tuple[JobRecord, ...] = ()
     scene_stamp: Hashable | None = None
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
+    outline: NDArray[np.float64] | None = None
 
     @property
     def missing(self) -> tuple[str, str] | None:
         """What the project lacks next, in words, and the command that makes it; None when everything is there."""
+        if self.outline is not None:
+            return None
         project = f"--project {self.path}" if self.path else "--project PATH"
         if self.path is None:
             return "No project is open.", "nvsim demo"

@@ -9,7 +9,13 @@ from nvsim.errors import InputError
 
 
 def check_project(path: Path) -> None:
-    """Raises InputError when `path` is no project that this version can read."""
+    """Raises InputError when `path` is neither a project that this version can read nor a file of a kind that may hold
+    splats."""
+    if path.is_file():
+        from nvsim.splats.formats.choice import recognise
+
+        recognise(path)
+        return
     from nvsim.project.project import Project
 
     Project.open(path).close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QSettings
@@ -10,9 +11,11 @@ from app.document import Document
 from app.loading import Contents
 from app.notices import Notices
 from app.render_child import ProjectSource
-from app.watcher import ProjectWatcher
+from app.splat_file import SplatFile
+from app.watcher import ProjectWatcher, SplatReader
 from app.window import MainWindow
 from nvsim.errors import InputError
+from nvsim.splats.formats.upright import UPS
 
 
 class Session(QObject):
@@ -25,13 +28,17 @@ class Session(QObject):
         self.notices = Notices(self)
         self.document = Document(parent=self)
         self.window = MainWindow(self.document, settings, self.notices)
-        self._watcher: ProjectWatcher | None = None
+        self._watcher: ProjectWatcher | SplatReader | None = None
         self.window.projectChosen.connect(self._on_chosen)
         self.window.refreshWanted.connect(self._refresh)
+        self.window.turnWanted.connect(self._turn_up)
         self.document.contentsChanged.connect(self._on_contents)
 
     def open(self, path: Path) -> None:
-        """Reads the project from now on. The path was checked before."""
+        """Reads the project from now on, or the splat file once. The path was checked before."""
+        if path.is_file():
+            self._read_splats(SplatFile.of(path))
+            return
         self._stop_watching()
         self.window.show_source(None)
         self.document.set_contents(Contents(path))
@@ -39,6 +46,21 @@ class Session(QObject):
         self._watcher.read.connect(self.document.set_contents)
         self._watcher.failed.connect(self.notices.error)
         self._watcher.start()
+
+    def _read_splats(self, file: SplatFile) -> None:
+        self._stop_watching()
+        self.window.show_source(None)
+        self.document.set_contents(Contents(file.path))
+        self._watcher = SplatReader(file, self)
+        self._watcher.read.connect(self.document.set_contents)
+        self._watcher.failed.connect(self.notices.error)
+        self._watcher.start()
+
+    def _turn_up(self) -> None:
+        stamp = self.document.contents.scene_stamp
+        if isinstance(stamp, SplatFile):
+            following = UPS[(UPS.index(stamp.up) + 1) % len(UPS)]
+            self._read_splats(replace(stamp, up=following))
 
     def close(self) -> None:
         """Ends every thread and process; the window closes too."""
@@ -54,7 +76,7 @@ class Session(QObject):
             self._watcher = None
 
     def _refresh(self) -> None:
-        if self._watcher is not None:
+        if isinstance(self._watcher, ProjectWatcher):
             self._watcher.refresh()
 
     def _on_chosen(self, path: Path) -> None:
@@ -69,6 +91,8 @@ class Session(QObject):
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         contents = self.document.contents
-        if "scene_stamp" in parts and contents.path is not None:
+        if "scene_stamp" in parts and isinstance(contents.scene_stamp, SplatFile):
+            self.window.show_source(contents.scene_stamp)
+        elif "scene_stamp" in parts and contents.path is not None:
             source = ProjectSource(contents.path, self._memory_budget)
             self.window.show_source(source if contents.scene_stamp is not None else None)

@@ -8,6 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 
 from app.loading import ProjectReader
+from app.splat_file import SplatFile
 from nvsim.errors import InputError
 
 PERIOD = 1.0  # seconds
@@ -60,3 +61,33 @@ class ProjectWatcher(QObject):
             self._soon.clear()
         if reader is not None:
             reader.close()
+
+
+class SplatReader(QObject):
+    """read(Contents) once from a thread, or failed(str)."""
+
+    read = Signal(object)
+    failed = Signal(str)
+
+    def __init__(self, file: SplatFile, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._file = file
+        self._stopped = False
+        self._thread = threading.Thread(target=self._run, name="splat reader", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Returns when the thread has ended."""
+        self._stopped = True
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            contents = self._file.contents()
+            if not self._stopped:
+                self.read.emit(contents)
+        except InputError as error:
+            self.failed.emit(str(error))

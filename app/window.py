@@ -37,15 +37,19 @@ from app.panels.submaps import SubmapPanel
 from app.render_child import RenderSource, Trouble
 from app.renderer_choice import AUTOMATIC, PREFERENCES
 from app.scene_view import SceneView
+from app.splat_file import SplatFile
 from app.tones import CHANNELS
+from nvsim.splats.formats.choice import READABLE
 
 LAYOUT_VERSION = 1  # raised when docks or toolbars change, so that an old stored layout is not forced on them
 
 
 class MainWindow(QMainWindow):
-    """projectChosen(Path): the person picked another project; refreshWanted()."""
+    """projectChosen(Path): the person picked another project or a splat file; turnWanted(): the next axis for up;
+    refreshWanted()."""
 
     projectChosen = Signal(object)
+    turnWanted = Signal()
     refreshWanted = Signal()
 
     def __init__(self, document: Document, settings: QSettings, notices: Notices) -> None:
@@ -146,6 +150,8 @@ class MainWindow(QMainWindow):
         scene = self.scene
         handlers: dict[str, Callable[..., object]] = {
             "open": self._choose_project,
+            "open_splats": self._choose_splats,
+            "turn_up": self.turnWanted.emit,
             "refresh": self.refreshWanted.emit,
             "screenshot": self._save_picture,
             "quit": self.close,
@@ -193,7 +199,11 @@ class MainWindow(QMainWindow):
             f"{len(contents.submaps)} submaps" if contents.submaps else "",
             f"{len(graph.viewpoints):,} viewpoints, {len(graph.edges):,} edges" if graph else "",
         ]
-        self._summary.setText("   ".join(w for w in words if w))
+        self._summary.setText("   ".join(w for w in words if w) or self._summary_of_splats())
+
+    def _summary_of_splats(self) -> str:
+        stamp = self.document.contents.scene_stamp
+        return f"splat file, {stamp.up} is up" if isinstance(stamp, SplatFile) else ""
 
     def _on_trouble(self, trouble: Trouble) -> None:
         self.notices.add("error" if trouble.fatal else "warning", trouble.message, trouble.trace)
@@ -207,6 +217,13 @@ class MainWindow(QMainWindow):
         folder = QFileDialog.getExistingDirectory(self, "Open a project", str(self.document.path or Path.home()))
         if folder:
             self.projectChosen.emit(Path(folder))
+
+    def _choose_splats(self) -> None:
+        pattern = " ".join(f"*{suffix}" for suffix in READABLE)
+        start = str(self.document.path or Path.home())
+        name, _ = QFileDialog.getOpenFileName(self, "Open a splat file", start, f"Splats ({pattern})")
+        if name:
+            self.projectChosen.emit(Path(name))
 
     def _save_picture(self) -> None:
         name, _ = QFileDialog.getSaveFileName(self, "Save picture", "view.png", "PNG (*.png)")

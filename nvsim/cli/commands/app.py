@@ -1,4 +1,4 @@
-"""Open the window on a project."""
+"""Open the window on a project, or on a splat file of any program."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from nvsim.cli import window
 from nvsim.cli.arguments import Memory, Positional, memory_budget
 from nvsim.errors import InputError
 from nvsim.project.project import Project
+from nvsim.splats.formats.choice import recognise
 
 
 @dataclass(frozen=True)
 class Arguments:
     path: Positional[Path | None] = None
-    """The project folder, NAME.nvsim."""
+    """The project folder, NAME.nvsim, or a splat file: PLY, compressed PLY, SPZ, SOG, .splat."""
     project: Path | None = None
     """The same, by name."""
     memory: Memory = None
@@ -24,7 +25,11 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     path = arguments.project or arguments.path
     if path is not None:
-        Project.open(path).close()  # a sentence here rather than a window that opens on nothing
+        # A sentence here rather than a window that opens on nothing.
+        if path.is_file():
+            recognise(path)
+        else:
+            Project.open(path).close()
     import importlib.util
 
     if importlib.util.find_spec("PySide6") is None:

@@ -12,15 +12,17 @@ from nvsim.splats.types import Gaussians
 
 Format = Literal["ply", "compressed-ply", "spz"]
 SUFFIXES: dict[Format, str] = {"ply": ".ply", "compressed-ply": ".compressed.ply", "spz": ".spz"}
-READABLE = (".ply", ".spz", ".splat", ".sog", ".json")
-"""Suffixes of the files that `read_splats` understands; .json is the meta.json of an unpacked SOG."""
+READABLE = (".ply", ".spz", ".splat", ".sog", "meta.json")
+"""What the names of files that `read_splats` understands end in; meta.json is of an unpacked SOG."""
 
 
-def read_splats(path: Path) -> tuple[Gaussians, bool | None]:
-    """The Gaussians of a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file in the file's own frame, and
-    whether they are to be drawn antialiased (None where the file does not say).
+Kind = Literal["ply", "compressed-ply", "spz", "sog", "splat"]
 
-    Only .splat is told by its name: it has no header. Raises InputError naming the file and what is wrong with it.
+
+def recognise(path: Path) -> Kind:
+    """The format of a file by its first bytes; only .splat, which has no header, is told by its name.
+
+    Raises InputError when it cannot be read or is of no kind that may hold splats.
     """
     try:
         with open(path, "rb") as file:
@@ -28,27 +30,43 @@ def read_splats(path: Path) -> tuple[Gaussians, bool | None]:
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}; check the path.") from error
     if head.startswith(b"ply"):
-        if b"packed_position" in head:
-            from nvsim.splats.formats.compressed_ply import read_compressed_ply
-
-            return read_compressed_ply(path), None
-        return read_ply(path)
+        return "compressed-ply" if b"packed_position" in head else "ply"
     if head.startswith((b"\x1f\x8b", b"NGSP")):
-        from nvsim.splats.formats.spz import read_spz
-
-        return read_spz(path)
+        return "spz"
     if path.name == "meta.json" or zipfile.is_zipfile(path):
-        from nvsim.splats.formats.sog import read_sog
-
-        return read_sog(path), None
+        return "sog"
     if path.suffix.lower() == ".splat":
-        from nvsim.splats.formats.splat import read_splat
-
-        return read_splat(path), None
+        return "splat"
     raise InputError(
         f"{path} is no splat file that can be read; choose a .ply, .spz, .splat or .sog file, or the meta.json of an"
         " unpacked SOG."
     )
+
+
+def read_splats(path: Path) -> tuple[Gaussians, bool | None]:
+    """The Gaussians of a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file in the file's own frame, and
+    whether they are to be drawn antialiased (None where the file does not say).
+
+    Raises InputError naming the file and what is wrong with it.
+    """
+    kind = recognise(path)
+    if kind == "ply":
+        return read_ply(path)
+    if kind == "compressed-ply":
+        from nvsim.splats.formats.compressed_ply import read_compressed_ply
+
+        return read_compressed_ply(path), None
+    if kind == "spz":
+        from nvsim.splats.formats.spz import read_spz
+
+        return read_spz(path)
+    if kind == "sog":
+        from nvsim.splats.formats.sog import read_sog
+
+        return read_sog(path), None
+    from nvsim.splats.formats.splat import read_splat
+
+    return read_splat(path), None
 
 
 def write_splats(path: Path, gaussians: Gaussians, antialiased: bool, form: Format) -> None:

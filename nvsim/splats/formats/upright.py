@@ -1,0 +1,33 @@
+"""Which way is up in a splat file, and its Gaussians turned to stand upright."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from nvsim.geometry.rotation import smallest_rotation
+from nvsim.splats.turning import turned
+from nvsim.splats.types import Gaussians
+
+Up = Literal["z", "-z", "y", "-y", "x", "-x"]
+UPS: tuple[Up, ...] = get_args(Up)
+
+
+def up_of(path: Path) -> Up:
+    """z where a PLY says so, else -y: splat files come from cameras whose y points down."""
+    with open(path, "rb") as file:
+        header = file.read(4096)
+    return "z" if header.startswith(b"ply") and b"Vertical Axis: z" in header else "-y"
+
+
+def upright(gaussians: Gaussians, up: Up) -> Gaussians:
+    """Turned so that `up` becomes z."""
+    if up == "z":
+        return gaussians
+    axis = np.zeros(3)
+    axis["xyz".index(up[-1])] = -1.0 if up.startswith("-") else 1.0
+    if up == "-z":
+        return turned(gaussians, np.diag([1.0, -1.0, -1.0]))
+    return turned(gaussians, smallest_rotation(axis, np.array([0.0, 0.0, 1.0])))

@@ -1,0 +1,107 @@
+"""Splat files of other programs in the window: shown with their own colours, turned upright, the rest disabled."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QSettings
+from pytestqt.qtbot import QtBot
+
+from app.actions import with_graph, with_scene, with_splat_file
+from app.document import Document
+from app.session import Session
+from app.splat_file import SplatFile, outline_of
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.splats.formats.choice import write_splats
+from nvsim.splats.formats.upright import UPS, upright
+from nvsim.splats.types import Gaussians
+
+
+def pole(count: int = 400) -> Gaussians:
+    """Red Gaussians on top of green ones, 2 m tall, y pointing down as splat files have it."""
+    r = np.random.default_rng(0)
+    means = r.uniform([-0.2, -2, -0.2], [0.2, 0, 0.2], (count, 3))
+    colour = np.where(means[:, 1:2] < -1, [[1.5, -1.5, -1.5]], [[-1.5, 1.5, -1.5]])
+    arrays = means, np.full((count, 3), -2.5), np.tile([1, 0, 0, 0], (count, 1)), np.full(count, 3), colour[:, None]
+    return Gaussians(*(np.ascontiguousarray(a, np.float32) for a in arrays))
+
+
+@pytest.fixture
+def spz(tmp_path: Path) -> Path:
+    write_splats(tmp_path / "pole.spz", pole(), False, "spz")
+    return tmp_path / "pole.spz"
+
+
+def test_y_is_taken_to_point_down_and_the_thing_stands(spz: Path) -> None:
+    contents = SplatFile.of(spz).contents()
+    assert SplatFile.of(spz).up == "-y"
+    assert contents.outline is not None and contents.missing is None
+    np.testing.assert_allclose(contents.outline[:, 2].min(), 0.0, atol=0.1)
+    np.testing.assert_allclose(contents.outline[:, 2].max(), 2.0, atol=0.1)
+
+
+def test_a_file_that_says_z_is_up_is_believed(tmp_path: Path) -> None:
+    write_splats(tmp_path / "ours.ply", pole(), True, "ply")
+    assert SplatFile.of(tmp_path / "ours.ply").up == "z"
+
+
+@pytest.mark.parametrize("up", UPS)
+def test_every_axis_can_be_up(up: str) -> None:
+    axis = np.zeros(3, np.float32)
+    axis["xyz".index(up[-1])] = -1 if up.startswith("-") else 1
+    gaussians = pole(1)
+    gaussians.means[:] = axis
+    np.testing.assert_allclose(upright(gaussians, up).means[0], [0, 0, 1], atol=1e-6)
+
+
+def test_the_drawing_process_shows_its_own_colours(spz: Path) -> None:
+    from nvsim.render.model import render_model
+
+    _, model = SplatFile.of(spz).open().at(None)
+    camera = Camera(Intrinsics.from_fov(60, 80, 1.0), look(np.array([0.0, -3.0, 1.0]), 0.0))
+    rgb = render_model(model, camera).rgb
+    above, below = rgb[20, 30], rgb[60, 30]
+    assert above[0] > 0.5 > above[1] and below[1] > 0.5 > below[0]
+
+
+def test_what_a_splat_file_cannot_do_says_why(spz: Path, qapp) -> None:
+    document = Document()
+    document.set_contents(SplatFile.of(spz).contents())
+    assert with_scene(document) is None and with_splat_file(document) is None
+    assert "splat file" in with_graph(document)
+
+
+def test_outline_of_nothing_is_empty() -> None:
+    assert outline_of(Gaussians.empty()).shape == (0, 3)
+
+
+def test_a_session_opens_a_file_and_turns_it(spz: Path, settings: QSettings, qtbot: QtBot, tmp_path: Path) -> None:
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    try:
+        session.open(spz)
+        qtbot.waitUntil(lambda: session.document.contents.outline is not None, timeout=20_000)
+        assert "-y is up" in session.window._summary.text()
+        session.window.turnWanted.emit()
+        qtbot.waitUntil(lambda: "x is up" in session.window._summary.text(), timeout=20_000)
+        damaged = tmp_path / "damaged.ply"
+        damaged.write_bytes(b"ply\n")
+        session._on_chosen(damaged)
+        qtbot.waitUntil(lambda: any("damaged.ply" in t for t in session.window.notice_area.texts), timeout=20_000)
+    finally:
+        session.close()
+        qtbot.waitUntil(lambda: not session.window.scene.link.ready, timeout=20_000)
+
+
+def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
+    from app.main import check_project
+
+    (tmp_path / "a.txt").write_text("hello")
+    with pytest.raises(InputError, match=r"a\.txt is no splat file"):
+        check_project(tmp_path / "a.txt")
+    assert os.path.exists(tmp_path / "a.txt")
