@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numba
 import numpy as np
 import torch
 
-from nvsim.atomic import replacing
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Metric, Preview, Progress, Warning, silent
@@ -24,6 +22,7 @@ from nvsim.training.fit import Fit
 from nvsim.training.floor_paint import first_paint
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.losses import LossValues
+from nvsim.training.preview import write_preview
 from nvsim.training.robust import robust_mask
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.views import TrainingView
@@ -31,6 +30,8 @@ from nvsim.training.views import TrainingView
 STAGE = "train"
 REPORT_SECONDS = 0.4
 PREVIEW_SECONDS = 5.0
+PREVIEW_SHARE = 0.02
+"""Pictures take at most this share of the time."""
 _SMOOTHING = 0.95
 
 
@@ -53,7 +54,7 @@ def train_submap(
     floor       the local floor, on which the texture lies and below which nothing is
     checkpoint  a file that is written now and then, and continued from when it belongs to the same inputs
     submap      goes into the events
-    preview     a picture file that is rewritten now and then: a view beside its image
+    preview     a picture file that is rewritten now and then, see `training.preview`
 
     The result depends on the inputs, `seed` and the number of threads alone, interrupted or not; a run that goes on
     with another number of threads differs by the rounding of sums. Raises InputError when there are no views, or when
@@ -133,7 +134,7 @@ class _Run:
         """All remaining steps."""
         c = self._config
         started = reported = saved = time.monotonic()
-        previewed, counted = started - PREVIEW_SECONDS, self._step
+        due, counted = started, self._step
         before = self._seconds
         while self._step < c.steps:
             values = self._advance()
@@ -143,9 +144,10 @@ class _Run:
             if last or now - reported >= REPORT_SECONDS:
                 self._report(values, (self._step - counted) / max(now - reported, 1e-9))
                 reported, counted = now, self._step
-            if preview is not None and (last or now - previewed >= PREVIEW_SECONDS):
+            if preview is not None and (last or now >= due):
                 self._show(preview)
-                previewed = time.monotonic()
+                after = time.monotonic()
+                due = after + max(PREVIEW_SECONDS, (after - now) / PREVIEW_SHARE)
             if self._path is not None and (last or now - saved >= c.checkpoint_seconds):
                 self._save(self._path)
                 saved = time.monotonic()
@@ -184,11 +186,10 @@ class _Run:
 
     def _show(self, path: Path) -> None:
         view = self._sizes[min(1, len(self._sizes) - 1)][len(self._views) // 2]
-        drawn, _ = self.fit.composite(view.camera)
-        picture = np.concatenate([view.image, (np.clip(drawn, 0, 1) * 255).astype(np.uint8)], axis=1)
-        with replacing(path) as temporary:
-            cv2.imwrite(str(temporary), picture[..., ::-1])
-        self._listen(Preview(STAGE, str(path), f"submap {self._submap}, step {self._step}: image and model"))
+        write_preview(self.fit, view, path)
+        self._listen(
+            Preview(STAGE, str(path), f"submap {self._submap}, step {self._step}: image, model; alpha, background")
+        )
 
     def _save(self, path: Path) -> None:
         progress: dict[str, Any] = {

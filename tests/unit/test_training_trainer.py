@@ -12,12 +12,14 @@ import pytest
 
 from nvsim.errors import InputError
 from nvsim.events import Event, Metric, Preview, Progress, Warning
+from nvsim.render.background import render_background
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
 from nvsim.training.benchmark import measure
 from nvsim.training.config import PRESETS, TrainingConfig, preset
 from nvsim.training.fit import PARTS
+from nvsim.training.preview import preview as preview_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 from nvsim.training.trainer import train_submap
@@ -178,6 +180,20 @@ def test_a_torn_checkpoint_is_ignored_with_a_warning(room: SyntheticRoom, tmp_pa
     events: list[Event] = []
     train(room, config, checkpoint=file, listen=events.append)
     assert [e for e in events if isinstance(e, Warning)]
+
+
+def test_preview_shows_image_model_alpha_and_background(room: SyntheticRoom) -> None:
+    run = trainer._Run(room.views, room.cloud, room.floor, SMALL, 0, 0, lambda event: None)
+    model, view = run.finish(None), room.views[2]
+    picture = preview_of(run.fit, view)
+    height, width = view.floor.shape
+    drawn = render_model(model, view.camera)
+    np.testing.assert_array_equal(picture[:height, :width], view.image)
+    np.testing.assert_allclose(picture[:height, width:], 255 * np.clip(drawn.rgb, 0, 1), atol=1.5)
+    np.testing.assert_allclose(picture[height:, :width, 1], 255 * drawn.alpha, atol=1.5)
+    np.testing.assert_allclose(
+        picture[height:, width:], 255 * np.clip(render_background(model, view.camera), 0, 1), atol=1.5
+    )
 
 
 def test_events_tell_progress_figures_and_picture(room: SyntheticRoom, tmp_path: Path) -> None:

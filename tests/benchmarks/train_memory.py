@@ -1,0 +1,76 @@
+"""Peak memory of a training, checkpoints and pictures included: a process of its own trains a room made in memory and
+says what the operating system counted.
+
+python tests/benchmarks/train_memory.py [--gaussians 200000] [--frames 200] [--size 540x360] [--steps 60] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+from nvsim.events import Event, Metric
+from nvsim.training import trainer
+from nvsim.training.config import TrainingConfig
+from nvsim.training.synthetic import synthetic_room
+from nvsim.training.trainer import train_submap
+
+
+def peak_bytes() -> int:
+    """Of this process, since it began."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def measure(gaussians: int, frames: int, width: int, height: int, steps: int) -> dict[str, float]:
+    """Bytes once the data are there, and at most."""
+    room = synthetic_room(frames, width, height, 3 * gaussians)
+    before = peak_bytes()
+    counts = [0.0]
+
+    def listen(event: Event) -> None:
+        if isinstance(event, Metric) and event.name == "gaussians":
+            counts.append(event.value)
+
+    config = replace(TrainingConfig(), steps=steps, gaussian_cap=gaussians, seed_share=1.0, sh_degree=3)
+    config = replace(config, checkpoint_seconds=0.0, image_size=max(width, height))
+    trainer.PREVIEW_SECONDS = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        where = Path(folder)
+        train_submap(
+            room.views,
+            room.cloud,
+            room.floor,
+            config,
+            checkpoint=where / "submap.ckpt",
+            preview=where / "preview.jpg",
+            listen=listen,
+        )
+        size = (where / "submap.ckpt").stat().st_size
+    return {
+        "gaussians": max(counts),
+        "frames": frames,
+        "with_data_mib": round(before / 2**20),
+        "peak_mib": round(peak_bytes() / 2**20),
+        "checkpoint_mib": round(size / 2**20),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--gaussians", type=int, default=200_000)
+    parser.add_argument("--frames", type=int, default=200)
+    parser.add_argument("--size", default="540x360")
+    parser.add_argument("--steps", type=int, default=60)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    width, height = (int(part) for part in arguments.size.split("x"))
+    figures = measure(arguments.gaussians, arguments.frames, width, height, arguments.steps)
+    print(json.dumps(figures) if arguments.json else "\n".join(f"{k}: {v}" for k, v in figures.items()))
+
+
+if __name__ == "__main__":
+    main()
