@@ -26,6 +26,11 @@ def splat_program(context: moderngl.Context) -> moderngl.Program:
     return context.program(vertex_shader=source("splat.vert"), fragment_shader=source("splat.frag"))
 
 
+def close_program(context: moderngl.Context) -> moderngl.Program:
+    """Pixels that let less through than `least`, into the depth buffer."""
+    return context.program(vertex_shader=source("screen.vert"), fragment_shader=source("close.frag"))
+
+
 def composite_program(context: moderngl.Context, sky: bool, levels: int) -> moderngl.Program:
     """The splats over a background with or without spherical harmonics, and a floor texture of so many levels."""
     defines = {"SKY": "1"} if sky else {}

@@ -1,15 +1,32 @@
-"""The first pass: quads into a texture of our own, nearest first, so that its alpha keeps what they let through."""
+"""The first pass: quads into a texture of our own, nearest first, so that its alpha keeps what they let through.
+
+The quads come in three lots. Between them, pixels that nothing shows through any more are closed by their depth: where
+walls are near, most of what stands behind them is then never shaded.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from nvsim.render.opengl.quads import QUAD_WIDTH
-from nvsim.render.opengl.shaders import splat_program
+from nvsim.render.opengl.shaders import close_program, splat_program
 from nvsim.render.types import Float32
 
 if TYPE_CHECKING:
     import moderngl
+
+_SHARES = (0.1, 0.3, 1.0)
+"""Where each lot ends."""
+_CLOSED = 1 / 400
+"""Transmittance below which a pixel is closed: what is left out is less than rounding to 8 bits."""
+
+
+@dataclass
+class _Lot:
+    buffer: moderngl.Buffer
+    array: moderngl.VertexArray
+    count: int = 0
 
 
 class SplatPass:
@@ -18,74 +35,100 @@ class SplatPass:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._program = splat_program(context)
-        self._buffer: moderngl.Buffer | None = None
-        self._array: moderngl.VertexArray | None = None
-        self._count = 0
-        self._texture: moderngl.Texture | None = None
-        self._target: moderngl.Framebuffer | None = None
+        self._closer = close_program(context)
+        self._closing = context.vertex_array(self._closer, [])
+        self._lots: list[_Lot | None] = [None] * len(_SHARES)
+        self._targets: tuple[Any, ...] = ()  # texture, depth, framebuffer of both, framebuffer of the depth alone
 
     @property
     def texture(self) -> moderngl.Texture:
         """A quarter of the colour, and in alpha the transmittance; row 0 is the image's top. Valid after `draw`."""
-        assert self._texture is not None
-        return self._texture
+        texture: moderngl.Texture = self._targets[0]
+        return texture
 
     def upload(self, quads: Float32) -> None:
         """Draws these from now on; (N, QUAD_WIDTH), nearest first."""
-        self._count = len(quads)
-        if self._count == 0:
-            return
-        if self._buffer is None or self._buffer.size < quads.nbytes:
-            for old in (self._array, self._buffer):
-                if old is not None:
-                    old.release()
-            self._buffer = self._context.buffer(reserve=quads.nbytes + quads.nbytes // 4, dynamic=True)
-            self._array = self._context.vertex_array(
-                self._program, [(self._buffer, "2f 4f 4f/i", "centre", "axes", "paint")]
-            )
-            assert self._buffer is not None and 4 * QUAD_WIDTH == 40
-        self._buffer.orphan()  # or the card would have to finish the former frame first
-        self._buffer.write(quads)
+        assert quads.shape[1] == QUAD_WIDTH
+        begin = 0
+        for i, share in enumerate(_SHARES):
+            end = round(share * len(quads))
+            self._lots[i] = self._filled(self._lots[i], quads[begin:end])
+            begin = end
+
+    def _filled(self, lot: _Lot | None, quads: Float32) -> _Lot | None:
+        if lot is None or lot.buffer.size < quads.nbytes:
+            _release(lot)
+            if len(quads) == 0:
+                return None
+            buffer = self._context.buffer(reserve=quads.nbytes + quads.nbytes // 4, dynamic=True)
+            array = self._context.vertex_array(self._program, [(buffer, "2f 4f 4f/i", "centre", "axes", "paint")])
+            lot = _Lot(buffer, array)
+        lot.count = len(quads)
+        if lot.count:
+            lot.buffer.orphan()  # or the card would have to finish the former frame first
+            lot.buffer.write(quads)
+        return lot
 
     def draw(self, width: int, height: int) -> None:
         """Into `texture`, of this size in pixels."""
         import moderngl
 
         self._resize(width, height)
-        assert self._target is not None
+        texture, _, target, depth_alone = self._targets
         context = self._context
-        self._target.use()
-        context.enable_only(moderngl.BLEND)
+        self._program["size"] = (width, height)
+        self._closer["least"] = _CLOSED
+        target.use()
+        target.depth_mask = True
+        target.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        target.depth_mask = False
         # Front to back: what arrives is dimmed by what is there, and the alpha in the target is what is let through.
-        context.blend_func = (  # type: ignore[assignment]
-            moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO, moderngl.ONE_MINUS_SRC_ALPHA,
-        )  # fmt: skip
-        self._target.clear(0.0, 0.0, 0.0, 1.0)
-        if self._count and self._array is not None:
-            self._program["size"] = (width, height)
-            self._array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=self._count)
-        context.disable(moderngl.BLEND)
+        under: Any = (moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO, moderngl.ONE_MINUS_SRC_ALPHA)
+        for i, lot in enumerate(self._lots):
+            if lot is None or lot.count == 0:
+                continue
+            if i > 0:
+                depth_alone.use()
+                context.enable_only(moderngl.DEPTH_TEST)
+                context.depth_func = "1"  # always
+                texture.use(0)
+                self._closing.render(moderngl.TRIANGLES, vertices=3)
+            target.use()
+            context.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
+            context.depth_func = "<"
+            context.blend_func = under
+            lot.array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=lot.count)
+        context.disable(moderngl.BLEND | moderngl.DEPTH_TEST)
         context.blend_func = moderngl.DEFAULT_BLENDING  # type: ignore[assignment]
 
     def _resize(self, width: int, height: int) -> None:
-        if self._texture is not None and self._texture.size == (width, height):
+        if self._targets and self.texture.size == (width, height):
             return
-        self._release_target()
+        self._release_targets()
+        context = self._context
         # 16 bits of fixed point: 8 lose the faint layers (44 dB instead of 80), half floats the small transmittances.
-        self._texture = self._context.texture((width, height), 4, dtype="nu2")
-        self._texture.repeat_x = self._texture.repeat_y = False
-        self._target = self._context.framebuffer([self._texture])
+        texture = context.texture((width, height), 4, dtype="nu2")
+        texture.repeat_x = texture.repeat_y = False
+        depth = context.depth_renderbuffer((width, height))
+        # The texture is read while depth is written: so that takes a framebuffer without the texture.
+        self._targets = (texture, depth, context.framebuffer([texture], depth), context.framebuffer([], depth))
 
-    def _release_target(self) -> None:
-        for old in (self._target, self._texture):
-            if old is not None:
-                old.release()
-        self._target = self._texture = None
+    def _release_targets(self) -> None:
+        for old in reversed(self._targets):
+            old.release()
+        self._targets = ()
 
     def release(self) -> None:
         """Gives everything back to the context."""
-        self._release_target()
-        for old in (self._array, self._buffer, self._program):
-            if old is not None:
-                old.release()
-        self._array = self._buffer = None
+        self._release_targets()
+        for lot in self._lots:
+            _release(lot)
+        self._lots = [None] * len(_SHARES)
+        for old in (self._closing, self._closer, self._program):
+            old.release()
+
+
+def _release(lot: _Lot | None) -> None:
+    if lot is not None:
+        lot.array.release()
+        lot.buffer.release()
