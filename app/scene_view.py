@@ -9,11 +9,9 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt, QTimer, Signal
 from PySide6.QtGui import (
-    QColor,
     QFocusEvent,
     QImage,
     QKeyEvent,
-    QLinearGradient,
     QMouseEvent,
     QPainter,
     QPaintEvent,
@@ -32,7 +30,7 @@ from app.pacing import Pacing
 from app.render_child import Picture, RenderSource, Request, Trouble
 from app.render_link import RenderLink
 from app.renderer_choice import AUTOMATIC
-from app.status import paint_status
+from app.status import paint_ground, paint_status
 from nvsim.geometry.camera import Camera
 
 REST = 100  # milliseconds without movement until the sharp picture is asked for
@@ -233,11 +231,7 @@ class SceneView(QWidget):
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
             painter.drawImage(QRectF(self.rect()), self._image)
         else:
-            dark = self.palette().window().color().lightness() < 128
-            gradient = QLinearGradient(0, 0, 0, self.height())
-            gradient.setColorAt(0, QColor("#242a33" if dark else "#eef2f6"))
-            gradient.setColorAt(1, QColor("#14171c" if dark else "#cfd8e1"))
-            painter.fillRect(self.rect(), gradient)
+            paint_ground(painter, self.size(), self.palette())
         self.overlays.layers.grid = self._image is None
         self.overlays.paint(painter, self.overlay_camera)
         paint_status(painter, self.size(), self.pose, self._picture, self.note or self.hint)

@@ -1,13 +1,23 @@
-"""What the 3D view says about itself at its edges: where the eye is, who drew the picture, what is waited for."""
+"""What the 3D view says about itself at its edges, where the eye is, who drew the picture, what is waited for; and the
+ground without a picture."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QPointF, QSize
-from PySide6.QtGui import QColor, QPainter
+from PySide6.QtCore import QPoint, QPointF, QRect, QSize
+from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPalette
 
 from app.cameras import ViewPose, heading_degrees
 from app.primitives import chip
 from app.render_child import WHOLE, Picture
+
+
+def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
+    """What there is to see while no picture is."""
+    dark = palette.window().color().lightness() < 128
+    gradient = QLinearGradient(0, 0, 0, size.height())
+    gradient.setColorAt(0, QColor("#242a33" if dark else "#eef2f6"))
+    gradient.setColorAt(1, QColor("#14171c" if dark else "#cfd8e1"))
+    painter.fillRect(QRect(QPoint(0, 0), size), gradient)
 
 
 def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Picture | None, words: str) -> None:
