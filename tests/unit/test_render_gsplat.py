@@ -6,6 +6,7 @@ own torch reference of projection and harmonics, composited plainly: that checks
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import inspect
 
@@ -147,3 +148,20 @@ def test_without_a_card_auto_is_the_cpu_and_gsplat_is_refused(monkeypatch):
         render_gaussians(Gaussians.empty(), CAMERAS["centred"], backend="gsplat")
     monkeypatch.setattr(backends, "_missing_for_gsplat", lambda: None)
     assert backends.chosen("auto") == "gsplat"
+
+
+@needs_gsplat
+def test_what_lasts_is_uploaded_once_and_freed_with_its_gaussians(monkeypatch):
+    from nvsim.render import gsplat_backend
+
+    uploads = []
+    upload = gsplat_backend.upload
+    monkeypatch.setattr(gsplat_backend, "upload", lambda g, device: uploads.append(1) or upload(g, device))
+    monkeypatch.setattr(gsplat_backend, "_render", lambda *a: None)
+    g, camera = tame(CAMERAS["centred"], 20), CAMERAS["centred"]
+    for lasting in (True, True, False, False):
+        gsplat_backend.render_over(g, camera, ALL, True, lasting, device="cpu")
+    assert len(uploads) == 3 and len(gsplat_backend._uploaded) == 1
+    del g
+    gc.collect()
+    assert len(gsplat_backend._uploaded) == 0
