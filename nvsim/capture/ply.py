@@ -31,8 +31,41 @@ class _Element:
     has_list: bool = False
 
 
+@dataclass(frozen=True)
+class Rows:
+    """Where the points of a binary file lie: `count` records of `layout`, the first at byte `start`."""
+
+    start: int
+    count: int
+    layout: np.dtype[np.void]
+
+
+def binary_rows(path: Path, begin: bytes, size: int) -> Rows | None:
+    """From the `begin` of a file of `size` bytes, which holds its header; None for an ascii file. Raises InputError
+    naming the file and, in the header, the line, also when the file is too short for what it announces."""
+    start, order, skipped, element, _ = _points(path, begin)
+    if order == "=":
+        return None
+    layout = _layout(path, element, order)
+    start += sum(e.count * _layout(path, e, order).itemsize for e in skipped)
+    if start + element.count * layout.itemsize > size:
+        present = max(0, size - start) // layout.itemsize
+        raise InputError(f"{path} is truncated: {element.count} points announced, {present} present; copy it again.")
+    return Rows(start, element.count, layout)
+
+
 def parse(path: Path, data: bytes) -> Columns:
     """The columns of the element `vertex`. Raises InputError naming the file and, in the header, the line."""
+    rows = binary_rows(path, data, len(data))
+    if rows is None:
+        start, _, skipped, element, lines = _points(path, data)
+        return _ascii(path, data[start:], element, sum(e.count for e in skipped), lines + 2)
+    table = np.frombuffer(data, rows.layout, rows.count, rows.start)
+    return {name: table[name].astype(table[name].dtype.newbyteorder("=")) for name in rows.layout.names or ()}
+
+
+def _points(path: Path, data: bytes) -> tuple[int, str, list[_Element], _Element, int]:
+    """The byte after the header, the order, the elements before `vertex`, `vertex`, and the lines of the header."""
     end = data.find(b"end_header")
     start = data.find(b"\n", end) + 1
     if end < 0 or start == 0:
@@ -52,15 +85,7 @@ def parse(path: Path, data: bytes) -> Columns:
         )
     if not element.properties:
         raise InputError(f"{path} has points without properties; export it with x, y and z.")
-    if order == "=":
-        return _ascii(path, data[start:], element, sum(e.count for e in skipped), len(lines) + 2)
-    layout = _layout(path, element, order)
-    start += sum(e.count * _layout(path, e, order).itemsize for e in skipped)
-    if start + element.count * layout.itemsize > len(data):
-        present = max(0, len(data) - start) // layout.itemsize
-        raise InputError(f"{path} is truncated: {element.count} points announced, {present} present; copy it again.")
-    table = np.frombuffer(data, layout, element.count, start)
-    return {name: table[name].astype(table[name].dtype.newbyteorder("=")) for name, _ in element.properties}
+    return start, order, skipped, element, len(lines)
 
 
 def _ascii(path: Path, body: bytes, element: _Element, skip: int, first_line: int) -> Columns:

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import os
+from io import FileIO
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim import atomic
-from nvsim.capture.ply import parse
+from nvsim.capture.ply import binary_rows, parse
 from nvsim.errors import InputError
 from nvsim.splats.types import Gaussians
 
@@ -16,96 +19,137 @@ _REST_OF_DEGREE = {0: 0, 1: 9, 2: 24, 3: 45}
 _MEAN, _DC = ("x", "y", "z"), ("f_dc_0", "f_dc_1", "f_dc_2")
 _SCALE, _ROTATION = ("scale_0", "scale_1", "scale_2"), ("rot_0", "rot_1", "rot_2", "rot_3")
 _NORMAL = ("nx", "ny", "nz")  # always zero; some readers count on them
+_ROWS = 4096  # 1 MB at degree 3: a block stays in the second-level cache while it is sorted into columns
+_LONGEST_HEADER = 1 << 16
 _ANTIALIASED = {"antialiased 1": True, "antialiased 0": False}
 _BRUSH_MODES = {"SplatRenderMode: mip": True, "SplatRenderMode: default": False}
 
 
 def write_ply(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
-    """Whole or not at all. The comment "antialiased 0|1" tells how the Gaussians must be drawn.
+    """Whole or not at all. The comments "antialiased 0|1" (Postshot) and "SplatRenderMode: mip|default" (Brush) tell
+    how the Gaussians must be drawn. Holds a megabyte beside the Gaussians.
 
     Raises InputError when the disk refuses.
     """
     g = gaussians
-    n, rest = len(g), 3 * (g.sh.shape[1] - 1)
+    n, coefficients = len(g), g.sh.shape[1]
+    rest = 3 * (coefficients - 1)
     names = [*_MEAN, *_NORMAL, *_DC, *(f"f_rest_{i}" for i in range(rest)), "opacity", *_SCALE, *_ROTATION]
-    table = np.concatenate(
-        [
-            g.means,
-            np.zeros((n, 3), np.float32),
-            g.sh[:, 0],
-            g.sh[:, 1:].transpose(0, 2, 1).reshape(n, rest),
-            g.opacity_logits[:, None],
-            g.log_scales,
-            g.quats,
-        ],
-        axis=1,
-        dtype="<f4",
-    )
     header = [
         "ply",
         "format binary_little_endian 1.0",
         f"comment antialiased {int(antialiased)}",
+        f"comment SplatRenderMode: {'mip' if antialiased else 'default'}",
         "comment Vertical Axis: z",
         f"element vertex {n}",
         *(f"property float {name}" for name in names),
         "end_header",
     ]
-    with atomic.replacing(path) as temporary, open(temporary, "wb") as file:
-        file.write(("\n".join(header) + "\n").encode("ascii"))
-        table.tofile(file)
+    block = np.zeros((_ROWS, len(names)), "<f4")
+    with atomic.replacing(path) as temporary, open(temporary, "wb", buffering=0) as file:
+        _write(file, ("\n".join(header) + "\n").encode("ascii"))
+        for first in range(0, n, _ROWS):
+            rows, part = block[: min(_ROWS, n - first)], slice(first, first + _ROWS)
+            rows[:, 0:3] = g.means[part]
+            rows[:, 6:9] = g.sh[part, 0]
+            for colour in range(3):
+                at = 9 + colour * (coefficients - 1)
+                rows[:, at : at + coefficients - 1] = g.sh[part, 1:, colour]
+            rows[:, 9 + rest] = g.opacity_logits[part]
+            rows[:, 10 + rest : 13 + rest] = g.log_scales[part]
+            rows[:, 13 + rest :] = g.quats[part]
+            _write(file, rows.tobytes())
+
+
+def _write(file: FileIO, data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) :]
 
 
 def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
     """The Gaussians, and whether the file says that they are to be drawn antialiased (None when it does not say).
 
-    Properties may come in any order and with others between them; normals may be missing. Raises InputError naming the
-    file and what is wrong with it.
+    Properties may come in any order and with others between them; normals may be missing. A binary file is read block
+    by block, so that a megabyte is held beside the result. Raises InputError naming the file and what is wrong with it.
     """
     try:
-        data = path.read_bytes()
+        with open(path, "rb", buffering=0) as file:
+            begin = file.read(_LONGEST_HEADER)
+            if not begin.startswith(b"ply"):
+                raise InputError(f"{path} does not begin as a PLY file does; choose a PLY file of Gaussians.")
+            rows = binary_rows(path, begin, os.fstat(file.fileno()).st_size)
+            if rows is None:
+                file.seek(0)
+                columns = parse(path, file.readall())
+                count = len(next(iter(columns.values())))
+                gaussians, targets = _prepared(path, count, tuple(columns))
+                for name, target in targets.items():
+                    target[:] = columns[name]
+            else:
+                gaussians, targets = _prepared(path, rows.count, rows.layout.names or ())
+                file.seek(rows.start)
+                block = np.empty(_ROWS, rows.layout)
+                for first in range(0, rows.count, _ROWS):
+                    part = block[: min(_ROWS, rows.count - first)]
+                    _fill(path, file, part)
+                    with np.errstate(over="ignore"):  # a double beyond our range becomes infinite, and is refused
+                        for name, target in targets.items():
+                            target[first : first + len(part)] = part[name]
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}; check the path.") from error
-    if not data.startswith(b"ply"):
-        raise InputError(f"{path} does not begin as a PLY file does; choose a PLY file of Gaussians.")
-    columns = parse(path, data)
-    missing = [n for n in (*_MEAN, *_DC, "opacity", *_SCALE, *_ROTATION) if n not in columns]
+    _refuse_infinite(path, gaussians)
+    return gaussians, _render_mode(begin)
+
+
+def _prepared(path: Path, n: int, properties: tuple[str, ...]) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]:
+    """Gaussians with room for `n`, and for each property the view (n,) of them that it fills."""
+    missing = [name for name in (*_MEAN, *_DC, "opacity", *_SCALE, *_ROTATION) if name not in properties]
     if missing:
         raise InputError(
             f"{path} has no property {', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''}, so it holds no"
             " Gaussians; export it in the layout of the INRIA program."
         )
-    rest = sum(name.startswith("f_rest_") for name in columns)
-    if rest not in _REST_OF_DEGREE.values() or any(f"f_rest_{i}" not in columns for i in range(rest)):
+    rest = sum(name.startswith("f_rest_") for name in properties)
+    if rest not in _REST_OF_DEGREE.values() or any(f"f_rest_{i}" not in properties for i in range(rest)):
         raise InputError(
             f"{path} has {rest} properties f_rest_*, but spherical harmonics of degree 0 to 3 have"
             " 0, 9, 24 or 45 of them (f_rest_0 and on); export it with degree 3 or less."
         )
+    k = 1 + rest // 3
+    shapes = (n, 3), (n, 3), (n, 4), (n,), (n, k, 3)
+    g = Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
+    targets = {"opacity": g.opacity_logits}
+    for names, array in ((_MEAN, g.means), (_SCALE, g.log_scales), (_ROTATION, g.quats), (_DC, g.sh[:, 0])):
+        targets |= {name: array[:, i] for i, name in enumerate(names)}
+    targets |= {f"f_rest_{i}": g.sh[:, 1 + i % (k - 1), i // (k - 1)] for i in range(rest)}
+    return g, targets
 
-    def stacked(names: tuple[str, ...]) -> np.ndarray:
-        if not names:
-            return np.zeros((len(columns["x"]), 0), np.float32)
-        return np.stack([np.asarray(columns[n], np.float32) for n in names], axis=1)
 
-    n, coefficients = len(columns["x"]), rest // 3
-    higher = stacked(tuple(f"f_rest_{i}" for i in range(rest))).reshape(n, 3, coefficients).transpose(0, 2, 1)
-    gaussians = Gaussians(
-        stacked(_MEAN),
-        stacked(_SCALE),
-        stacked(_ROTATION),
-        np.array(columns["opacity"], np.float32),
-        np.ascontiguousarray(np.concatenate([stacked(_DC)[:, None], higher], axis=1)),
-    )
-    g = gaussians
-    finite = np.ones(n, bool)
-    for array in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh):
-        finite &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
-    if not finite.all():
-        first = int(np.argmin(finite))
+def _fill(path: Path, file: FileIO, rows: NDArray[np.void]) -> None:
+    left = memoryview(rows.view(np.uint8))  # type: ignore[arg-type]
+    while left:
+        got = file.readinto(left)
+        if not got:
+            raise InputError(f"{path} became shorter while it was read; try again when it is written.")
+        left = left[got:]
+
+
+def _refuse_infinite(path: Path, g: Gaussians) -> None:
+    bad, first = 0, -1
+    for begin in range(0, len(g), _ROWS):
+        part = slice(begin, begin + _ROWS)
+        finite = np.isfinite(g.opacity_logits[part])
+        for array in (g.means, g.log_scales, g.quats, g.sh):
+            finite &= np.isfinite(array[part]).reshape(len(finite), -1).all(axis=1)
+        if not finite.all():
+            first = begin + int(np.argmin(finite)) if bad == 0 else first
+            bad += len(finite) - int(finite.sum())
+    if bad:
         raise InputError(
-            f"{path} holds {n - int(finite.sum())} Gaussians with values that are not finite, the first is number"
-            f" {first}; export it again without them."
+            f"{path} holds {bad} Gaussians with values that are not finite, the first is number {first}; export it"
+            " again without them."
         )
-    return gaussians, _render_mode(data)
 
 
 def _render_mode(data: bytes) -> bool | None:

@@ -69,7 +69,7 @@ def test_a_ply_file_is_laid_out_as_other_programs_expect(tmp_path):
     row = np.frombuffer(body, "<f4").reshape(3, 26)[1]
     np.testing.assert_array_equal(row[9:12], g.sh[1, 1:, 0])  # all of red before green
     np.testing.assert_array_equal(row[12:15], g.sh[1, 1:, 1])
-    assert "comment antialiased 1" in head.decode().splitlines()
+    assert {"comment antialiased 1", "comment SplatRenderMode: mip"} <= set(head.decode().splitlines())
 
 
 def test_properties_may_come_in_any_order_with_others_between_and_without_normals(tmp_path):
@@ -95,6 +95,60 @@ def test_properties_may_come_in_any_order_with_others_between_and_without_normal
     assert antialiased is True
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_files_of_many_blocks_with_other_elements_come_back(tmp_path, order):
+    g = gaussians(9001, 1)
+    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", *(f"f_rest_{i}" for i in range(9)), "opacity"]
+    names += ["scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+    higher = g.sh[:, 1:].transpose(0, 2, 1).reshape(9001, 9)
+    table = np.hstack([g.means, g.sh[:, 0], higher, g.opacity_logits[:, None], g.log_scales, g.quats])
+    header = f"ply\nformat binary_{'little' if order == '<' else 'big'}_endian 1.0\nelement camera 3\n"
+    header += "property short a\nproperty uchar b\nelement vertex 9001\n"
+    header += "".join(f"property float {n}\n" for n in names) + "end_header\n"
+    (tmp_path / "g.ply").write_bytes(header.encode() + bytes(9) + table.astype(order + "f4").tobytes())
+    found, antialiased = read_ply(tmp_path / "g.ply")
+    assert_same_gaussians(g, found)
+    assert antialiased is None
+    write_ply(tmp_path / "again.ply", found, False)
+    assert_same_gaussians(g, read_ply(tmp_path / "again.ply")[0])
+    assert read_ply(tmp_path / "again.ply")[1] is False
+
+
+def test_an_ascii_file_is_read_too(tmp_path):
+    g = gaussians(3, 0)
+    names = [
+        "x",
+        "y",
+        "z",
+        "f_dc_0",
+        "f_dc_1",
+        "f_dc_2",
+        "opacity",
+        "scale_0",
+        "scale_1",
+        "scale_2",
+        "rot_0",
+        "rot_1",
+        "rot_2",
+        "rot_3",
+    ]
+    table = np.hstack([g.means, g.sh[:, 0], g.opacity_logits[:, None], g.log_scales, g.quats])
+    text = (
+        "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {n}\n" for n in names) + "end_header\n"
+    )
+    text += "".join(" ".join(f"{v:.9g}" for v in row) + "\n" for row in table)
+    (tmp_path / "g.ply").write_text(text)
+    assert_same_gaussians(g, read_ply(tmp_path / "g.ply")[0])
+
+
+def test_the_first_value_that_is_not_finite_is_named_beyond_the_first_block(tmp_path):
+    g = gaussians(9001, 0)
+    g.sh[5000, 0, 1], g.means[8999, 2] = np.nan, np.inf
+    write_ply(tmp_path / "g.ply", g, True)
+    with pytest.raises(InputError, match="holds 2 Gaussians .* the first is number 5000;"):
+        read_ply(tmp_path / "g.ply")
+
+
 def damaged(tmp_path, change):
     write_ply(tmp_path / "g.ply", gaussians(5, 1), True)
     data = (tmp_path / "g.ply").read_bytes()
@@ -108,6 +162,7 @@ def damaged(tmp_path, change):
 def test_damaged_ply_files_are_refused_by_name_and_reason(tmp_path):
     assert "truncated" in damaged(tmp_path, lambda d: d[:-9])
     assert "truncated" in damaged(tmp_path, lambda d: d[:60])
+    assert "truncated" in damaged(tmp_path, lambda d: d.replace(b"vertex 5", b"vertex 900000000000000"))
     assert "does not begin" in damaged(tmp_path, lambda d: b"")
     assert "does not begin" in damaged(tmp_path, lambda d: b"\x89PNG" + d)
     assert "no property opacity" in damaged(tmp_path, lambda d: d.replace(b"float opacity", b"float opacitx"))
