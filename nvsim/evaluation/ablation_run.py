@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from nvsim import atomic
+from nvsim import __version__, atomic
 from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.project import ledger
@@ -34,7 +34,7 @@ from nvsim.training.config import TrainingConfig
 if TYPE_CHECKING:
     from nvsim.training.views import TrainingView
 
-_VERSION = 1  # of what a run is; raised when the same configuration gives another model
+_VERSION = 1  # raised when the same configuration of the same release gives another model
 
 Views = Callable[[], "list[TrainingView]"]
 
@@ -64,7 +64,8 @@ class Run:
 def run_of(project: Project, submap: Submap, config: TrainingConfig, seed: int) -> Run:
     """The run of a configuration. Neither its name nor how it is computed (threads, checkpoints) counts."""
     plain = dataclasses.replace(config, name="", threads=0, checkpoint_seconds=0.0)
-    key = ledger.key_of("ablation", _VERSION, floors_key(project), submap.index, submap.frames, plain, seed)
+    program = (__version__, _VERSION)
+    key = ledger.key_of("ablation", program, floors_key(project), submap.index, submap.frames, plain, seed)
     return Run(runs_folder(project) / key, submap, config, seed)
 
 
