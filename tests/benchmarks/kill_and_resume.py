@@ -1,9 +1,9 @@
 """Kills `nvsim run` with SIGKILL at random moments, lets the rerun end, and compares the graph with that of a run that
 was left alone.
 
-python tests/benchmarks/kill_and_resume.py [--kills 5] [--seed 0] [--steps 200] [--capture FOLDER] [--json]
+python tests/benchmarks/kill_and_resume.py [--kills 5] [--seed 0] [--steps 200] [--submaps 2] [--json]
 
-Without --capture it makes the two-room building itself. Exit code 1 when the graphs differ.
+Without --capture FOLDER it makes the two-room building itself. Exit code 1 when the graphs differ.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from nvsim.graph.store import same_graph
 from nvsim.project.project import Project
 
 
-def command(capture: Path, project: Path, steps: int) -> list[str]:
+def command(capture: Path, project: Path, steps: int, submaps: int) -> list[str]:
     return [sys.executable, "-m", "nvsim", "run", str(capture), "--project", str(project), "--json",
-            "--train.steps", str(steps)]  # fmt: skip
+            "--train.steps", str(steps), "--submaps.count", str(submaps)]  # fmt: skip
 
 
 def run_watched(argv: list[str], stage: str = "", delay: float = 0.0) -> tuple[bool, dict[str, float]]:
@@ -65,13 +65,13 @@ def run_killed(argv: list[str], seconds: dict[str, float], rng: random.Random, k
     return fell
 
 
-def measure(capture: Path, work: Path, kills: int, seed: int, steps: int) -> dict[str, object]:
+def measure(capture: Path, work: Path, kills: int, seed: int, steps: int, submaps: int = 2) -> dict[str, object]:
     """Whether the graph of the killed run is the graph of the quiet one, and where the kills fell."""
     quiet = work / "house.nvsim"
-    _, seconds = run_watched(command(capture, quiet, steps))
+    _, seconds = run_watched(command(capture, quiet, steps, submaps))
     # The scan id comes from the project's name, and viewpoint ids from the scan id: both projects get one name.
     twin = work / "twin" / quiet.name
-    stages = run_killed(command(capture, twin, steps), seconds, random.Random(seed), kills)
+    stages = run_killed(command(capture, twin, steps, submaps), seconds, random.Random(seed), kills)
     with Project.open(quiet) as a, Project.open(twin) as b:
         equal = same_graph(a.need_graph(), b.need_graph())
         nodes = len(a.need_graph().viewpoints)
@@ -83,6 +83,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, default=200)
+    parser.add_argument("--submaps", type=int, default=2)
     parser.add_argument("--capture", type=Path)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
@@ -92,7 +93,7 @@ def main() -> int:
         if capture is None:
             generate(work / "building", BuildingConfig(size="small"))
             capture = work / "building" / "capture"
-        result = measure(capture, work, arguments.kills, arguments.seed, arguments.steps)
+        result = measure(capture, work, arguments.kills, arguments.seed, arguments.steps, arguments.submaps)
     print(json.dumps(result) if arguments.json else "\n".join(f"{k}: {v}" for k, v in result.items()))
     return 0 if result["same_graph"] else 1
 

@@ -1,0 +1,73 @@
+"""What this machine can do at most: bytes moved and multiply-adds, in kernels of the kind the renderer and the trainer
+are made of. Shares of these limits say how much is left to gain.
+
+python tests/benchmarks/machine_limits.py [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+from numba import njit, prange
+
+LANES, CHAINS, ROUNDS = 16, 8, 20_000
+
+
+@njit(parallel=True, fastmath=True)
+def triad(a: Any, b: Any, c: Any) -> None:
+    for i in prange(a.shape[0]):
+        a[i] = b[i] + np.float32(0.5) * c[i]
+
+
+@njit(parallel=True, fastmath=True)
+def multiply_adds(threads: Any, rounds: Any, start: Any, out: Any) -> None:
+    for thread in prange(threads):
+        sums = np.empty(LANES * CHAINS, np.float32)
+        sums[:] = start[0]
+        factor, term = start[1], start[2]
+        for _ in range(rounds):
+            for i in range(LANES * CHAINS):
+                value = sums[i]
+                for _ in range(16):
+                    value = value * factor + term
+                sums[i] = value
+        out[thread] = sums.sum()
+
+
+def best(work: Callable[[], None], repeats: int = 15) -> float:
+    """Least seconds."""
+    work()
+    times = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - started)
+    return min(times)
+
+
+def measure() -> dict[str, float]:
+    threads = numba.get_num_threads()
+    start, out = np.array([1.0, 0.999, 1e-3], np.float32), np.empty(threads, np.float32)
+    seconds = best(lambda: multiply_adds(threads, ROUNDS, start, out))
+    figures = {"giga_multiply_adds": 16 * LANES * CHAINS * ROUNDS * threads / seconds / 1e9}
+    for name, size in (("large", 32 << 20), ("cached", 1 << 19)):
+        a, b, c = np.zeros((3, size), np.float32)
+        figures[f"gigabytes_{name}"] = 12 * size / best(lambda a=a, b=b, c=c: triad(a, b, c)) / 1e9  # type: ignore[misc]
+    return {**{k: round(v, 1) for k, v in figures.items()}, "threads": threads}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true")
+    figures = measure()
+    print(json.dumps(figures) if parser.parse_args().json else "\n".join(f"{k}: {v}" for k, v in figures.items()))
+
+
+if __name__ == "__main__":
+    main()
