@@ -1,7 +1,8 @@
-"""A submap model as a folder: gaussians.ply, networks.safetensors (background, floor texture, floor surface), and
-model.json, which names the format and the size and SHA-256 of the others.
+"""A submap model as a folder: gaussians-*.ply, networks-*.safetensors (background, floor texture, floor surface), and
+model.json, which names the format and the name, size and SHA-256 of the others.
 
-The folder appears whole: it is written beside its place and then moved there.
+The two are named by their content, so that those of a new model stand beside those of the old one until model.json,
+replaced in one step, points at them.
 """
 
 from __future__ import annotations
@@ -9,9 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import shutil
-import tempfile
-from collections.abc import Iterator
+import os
 from pathlib import Path
 from typing import Any
 
@@ -26,19 +25,44 @@ from nvsim.splats.blocks import read_gaussians
 from nvsim.splats.ply import write_ply
 from nvsim.splats.types import Background, FloorTexture, SubmapModel
 
-FORMAT, VERSION = "nvsim submap model", 1
-GAUSSIANS, NETWORKS, DESCRIPTION = "gaussians.ply", "networks.safetensors", "model.json"
+FORMAT, VERSION = "nvsim submap model", 2
+DESCRIPTION = "model.json"
+_OLD_VERSION = 1  # its files were named without their content
+_GAUSSIANS, _NETWORKS = ("gaussians", ".ply"), ("networks", ".safetensors")
+_ATTEMPTS = 3
 
 
 def save_model(model: SubmapModel, folder: Path) -> None:
-    """Writes `folder`; one that exists is replaced. A process killed on the way leaves either the old model or the new
-    or, between the two renames, none; never a half. Raises InputError when the disk refuses."""
-    with _replacing_folder(folder) as place:
-        write_ply(place / GAUSSIANS, model.gaussians, model.antialiased)
-        atomic.write_bytes(place / NETWORKS, safetensors.numpy.save(_tensors(model)))
-        files = {name: _fingerprint(place / name) for name in (GAUSSIANS, NETWORKS)}
+    """Writes `folder`; the model that it holds is replaced. A process killed at any moment leaves the old model or the
+    new one, whole. One process may write a folder at a time. Raises InputError when the disk refuses."""
+    atomic.make_folder(folder)
+    staged = folder / f".{_GAUSSIANS[0]}{_GAUSSIANS[1]}"
+    try:
+        before = {path.name for path in folder.iterdir()}
+        write_ply(staged, model.gaussians, model.antialiased)
+        files = dict([_named(staged, _GAUSSIANS)])
+        staged = folder / f".{_NETWORKS[0]}{_NETWORKS[1]}"
+        atomic.write_bytes(staged, safetensors.numpy.save(_tensors(model)))
+        files |= dict([_named(staged, _NETWORKS)])
         text = json.dumps({**_description(model), "files": files}, indent=1)
-        atomic.write_text(place / DESCRIPTION, text + "\n")
+        atomic.write_text(folder / DESCRIPTION, text + "\n")
+    except OSError as error:
+        raise atomic.as_input_error(folder, error) from error
+    finally:
+        staged.unlink(missing_ok=True)
+    for name in before - {DESCRIPTION, *files}:
+        if name.lstrip(".").startswith((_GAUSSIANS[0], _NETWORKS[0], f"{Path(DESCRIPTION).stem}-")):
+            # Of the old model, or of a process that was killed. Where a file in use cannot be removed, the next does.
+            with contextlib.suppress(OSError):
+                (folder / name).unlink()
+
+
+def _named(staged: Path, kind: tuple[str, str]) -> tuple[str, dict[str, Any]]:
+    """Gives a file the name of its content; returns that name and the fingerprint."""
+    fingerprint = _fingerprint(staged)
+    name = f"{kind[0]}-{fingerprint['sha256'][:16]}{kind[1]}"
+    os.replace(staged, staged.with_name(name))
+    return name, fingerprint
 
 
 _verified: dict[Path, dict[str, tuple[int, int, int]]] = {}
@@ -48,31 +72,53 @@ _verified: dict[Path, dict[str, tuple[int, int, int]]] = {}
 
 def load_model(folder: Path) -> SubmapModel:
     """What `save_model` wrote. Raises InputError naming the file that is missing, damaged, or of a newer version."""
-    data, path = _read_description(folder), folder / DESCRIPTION
-    try:
-        _check_sizes(folder, data["files"])
-        stamps = {name: _stamp(folder / name) for name in (GAUSSIANS, NETWORKS)}
-        unchanged = _verified.get(folder) == stamps
-        gaussians, digest = read_gaussians(folder / GAUSSIANS, hashed=not unchanged)
-        if not unchanged:
-            _check(folder / GAUSSIANS, digest, data["files"])
-            _check(folder / NETWORKS, _fingerprint(folder / NETWORKS)["sha256"], data["files"])
-            _verified[folder] = stamps
-        # One tensor after the other: the file as a whole is never in memory.
-        with safetensors.safe_open(folder / NETWORKS, framework="numpy") as file:
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dict
-        return SubmapModel(
-            gaussians,
-            _background(data["background"], tensors),
-            _texture(data["texture"], tensors),
-            FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), data["floor"]["spacing"]),
-            bool(data["antialiased"]),
-            dict(data["info"]),
-        )
-    except OSError as error:
-        raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
-    except (KeyError, TypeError, ValueError, safetensors.SafetensorError) as error:
-        raise InputError(f"{path} is damaged ({error!r}); train this submap again.") from error
+    for attempt in range(_ATTEMPTS):
+        data = _read_description(folder)
+        try:
+            return _loaded(folder, data)
+        except FileNotFoundError as error:
+            # Removed between the description and the files when another model took its place meanwhile.
+            if attempt + 1 == _ATTEMPTS or _read_description(folder) == data:
+                raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
+        except OSError as error:
+            raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
+        except (KeyError, TypeError, ValueError, safetensors.SafetensorError) as error:
+            raise InputError(f"{folder / DESCRIPTION} is damaged ({error!r}); train this submap again.") from error
+    raise AssertionError("the last attempt returns or raises")
+
+
+def _loaded(folder: Path, data: dict[str, Any]) -> SubmapModel:
+    paths = gaussians_path, networks_path = _paths(folder, data)
+    _check_sizes(paths, data["files"])
+    stamps = {path.name: _stamp(path) for path in paths}
+    unchanged = _verified.get(folder) == stamps
+    gaussians, digest = read_gaussians(gaussians_path, hashed=not unchanged)
+    if not unchanged:
+        _check(gaussians_path, digest, data["files"])
+        _check(networks_path, _fingerprint(networks_path)["sha256"], data["files"])
+        _verified[folder] = stamps
+    # One tensor after the other: the file as a whole is never in memory.
+    with safetensors.safe_open(networks_path, framework="numpy") as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dict
+    return SubmapModel(
+        gaussians,
+        _background(data["background"], tensors),
+        _texture(data["texture"], tensors),
+        FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), data["floor"]["spacing"]),
+        bool(data["antialiased"]),
+        dict(data["info"]),
+    )
+
+
+def _paths(folder: Path, data: dict[str, Any]) -> tuple[Path, Path]:
+    """Of the Gaussians and the networks. Raises ValueError when the description does not name one file of each."""
+    found = []
+    for start, suffix in (_GAUSSIANS, _NETWORKS):
+        names = [n for n in data["files"] if n.startswith(start) and n.endswith(suffix) and Path(n).name == n]
+        if len(names) != 1:
+            raise ValueError(f"{len(names)} files of {start}")
+        found.append(folder / names[0])
+    return found[0], found[1]
 
 
 def memory_needed(folder: Path) -> int:
@@ -82,9 +128,10 @@ def memory_needed(folder: Path) -> int:
     try:
         colours = 3 * (int(data["sh_degree"]) + 1) ** 2
         values = 11 + colours * (1 if data.get("appearance") is None else 2)
-        with open(folder / NETWORKS, "rb") as file:
+        path = _paths(folder, data)[1]
+        with open(path, "rb") as file:
             head = 8 + int.from_bytes(file.read(8), "little")
-        networks = max(0, int(data["files"][NETWORKS]["bytes"]) - head)
+        networks = max(0, int(data["files"][path.name]["bytes"]) - head)
         return 4 * values * int(data["count"]) + networks * (1 if data["texture"] is None else 2)
     except OSError as error:
         raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
@@ -102,18 +149,18 @@ def _read_description(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path} is damaged ({error}); train this submap again.") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise InputError(f"{path} does not describe a submap model; choose a folder that `nvsim train` wrote.")
-    if data.get("version") != VERSION:
+    if data.get("version") not in (_OLD_VERSION, VERSION):
         raise InputError(
             f"{path} has version {data.get('version')}, but this program reads version {VERSION}; update the program."
         )
     return data
 
 
-def _check_sizes(folder: Path, files: dict[str, Any]) -> None:
+def _check_sizes(paths: tuple[Path, ...], files: dict[str, Any]) -> None:
     # Before anything is read: a file that was cut off says so at once.
-    for name in (GAUSSIANS, NETWORKS):
-        if (folder / name).stat().st_size != files[name]["bytes"]:
-            raise InputError(f"{folder / name} is not as it was written; train this submap again.")
+    for path in paths:
+        if path.stat().st_size != files[path.name]["bytes"]:
+            raise InputError(f"{path} is not as it was written; train this submap again.")
 
 
 def _check(path: Path, digest: str | None, files: dict[str, Any]) -> None:
@@ -185,27 +232,3 @@ def _fingerprint(path: Path) -> dict[str, Any]:
     with open(path, "rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"bytes": path.stat().st_size, "sha256": digest}
-
-
-@contextlib.contextmanager
-def _replacing_folder(folder: Path) -> Iterator[Path]:
-    """Yields a temporary folder beside `folder`; on success it takes its place, on failure nothing is left."""
-    atomic.make_folder(folder.parent)
-    prefix = f".{folder.name}-"
-    for stale in folder.parent.glob(f"{prefix}*"):
-        shutil.rmtree(stale, ignore_errors=True)  # of a process that was killed
-    try:
-        place = Path(tempfile.mkdtemp(prefix=prefix, dir=folder.parent))
-    except OSError as error:
-        raise atomic.as_input_error(folder, error) from error
-    try:
-        place.chmod(0o755)
-        yield place
-        if folder.exists():
-            folder.rename(place.with_name(place.name + "-old"))
-        place.rename(folder)
-    except OSError as error:
-        raise atomic.as_input_error(folder, error) from error
-    finally:
-        for left in folder.parent.glob(f"{place.name}*"):
-            shutil.rmtree(left, ignore_errors=True)

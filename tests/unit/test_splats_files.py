@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -216,7 +219,96 @@ def test_a_model_replaces_the_one_before_and_leaves_nothing_else(tmp_path):
     save_model(model(seed=2), tmp_path / "submap")
     assert_same_gaussians(model(seed=2).gaussians, load_model(tmp_path / "submap").gaussians)
     assert os.listdir(tmp_path) == ["submap"]
-    assert sorted(os.listdir(tmp_path / "submap")) == ["gaussians.ply", "model.json", "networks.safetensors"]
+    names = sorted(os.listdir(tmp_path / "submap"))
+    assert [n.partition("-")[0] for n in names] == ["gaussians", "model.json", "networks"]
+
+
+def seed_of(folder):
+    """Which of the two models stands in the folder, whole."""
+    found = load_model(folder)
+    for seed in (1, 2):
+        if np.array_equal(found.gaussians.means, gaussians(seed=seed).means):
+            np.testing.assert_array_equal(found.texture.levels[1], model(seed=seed).texture.levels[1])
+            return seed
+    raise AssertionError("neither model")
+
+
+class Killed(BaseException):
+    pass
+
+
+def test_a_save_killed_at_any_call_to_the_file_system_leaves_the_old_model_or_the_new(tmp_path, monkeypatch):
+    outcomes = []
+    for last in range(200):
+        folder = tmp_path / str(last)
+        save_model(model(seed=1), folder)
+        left = last
+        with monkeypatch.context() as patch:
+
+            def dying(call):
+                def counted(*args, **kwargs):
+                    nonlocal left
+                    left -= 1
+                    if left < 0:  # nothing that comes after, not even cleaning up, happens
+                        raise Killed
+                    return call(*args, **kwargs)
+
+                return counted
+
+            for name in ("mkdir", "open", "chmod", "fsync", "replace", "rename", "unlink", "rmdir", "remove"):
+                patch.setattr(os, name, dying(getattr(os, name)))
+            try:
+                save_model(model(seed=2), folder)
+                finished = True
+            except Killed:
+                finished = False
+        outcomes.append(seed_of(folder))
+        if finished:
+            break
+        save_model(model(seed=1), folder)  # and the next one tidies up
+        assert seed_of(folder) == 1 and len(os.listdir(folder)) == 3
+    assert finished and last > 8 and outcomes == sorted(outcomes) and set(outcomes) == {1, 2}
+
+
+SAVER = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from test_splats_files import model
+from nvsim.splats.files import save_model
+models = [model(seed=1), model(seed=2)]
+print("ready", flush=True)
+for i in range(10**6):
+    save_model(models[i % 2], Path(sys.argv[2]))
+"""
+
+
+def test_a_process_killed_while_it_saves_leaves_one_of_the_models(tmp_path):
+    folder = tmp_path / "submap"
+    save_model(model(seed=1), folder)
+    here = os.path.dirname(__file__)
+    for wait in np.random.default_rng(0).uniform(0.02, 0.2, 3):
+        words = [sys.executable, "-c", SAVER, here, str(folder)]
+        with subprocess.Popen(words, stdout=subprocess.PIPE) as process:
+            process.stdout.readline()
+            time.sleep(wait)
+            for _ in range(5):
+                assert seed_of(folder) in (1, 2)  # a reader beside the writer
+            process.kill()
+        assert seed_of(folder) in (1, 2)
+
+
+def test_a_model_of_the_first_version_is_read_and_replaced(tmp_path):
+    folder = tmp_path / "submap"
+    save_model(model(seed=1), folder)
+    description = json.loads((folder / "model.json").read_text())
+    plain = {n.partition("-")[0] + os.path.splitext(n)[1]: f for n, f in description["files"].items()}
+    for old, new in zip(description["files"], plain, strict=True):
+        (folder / old).rename(folder / new)
+    (folder / "model.json").write_text(json.dumps({**description, "version": 1, "files": plain}))
+    assert seed_of(folder) == 1
+    save_model(model(seed=2), folder)
+    assert seed_of(folder) == 2 and len(os.listdir(folder)) == 3
 
 
 def test_a_write_that_dies_leaves_the_model_before(tmp_path, monkeypatch):
@@ -232,10 +324,10 @@ def test_a_write_that_dies_leaves_the_model_before(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["submap"]
 
 
-@pytest.mark.parametrize("name", ["gaussians.ply", "networks.safetensors", "model.json"])
+@pytest.mark.parametrize("name", ["gaussians", "networks", "model.json"])
 def test_a_missing_truncated_or_changed_file_is_refused_by_name(tmp_path, name):
-    path = tmp_path / "submap" / name
     save_model(model(), tmp_path / "submap")
+    path = next((tmp_path / "submap").glob(f"{name}*"))
     data = path.read_bytes()
     for content in (b"", data[: len(data) // 2], data[:-3] + b"abc"):
         path.write_bytes(content)
@@ -250,8 +342,8 @@ def test_a_newer_version_and_a_missing_field_are_refused(tmp_path):
     save_model(model(), tmp_path / "submap")
     path = tmp_path / "submap" / "model.json"
     description = json.loads(path.read_text())
-    path.write_text(json.dumps({**description, "version": 2}))
-    with pytest.raises(InputError, match="version 2"):
+    path.write_text(json.dumps({**description, "version": 3}))
+    with pytest.raises(InputError, match="version 3"):
         load_model(tmp_path / "submap")
     for key in ("files", "floor", "texture", "background", "antialiased", "info"):
         path.write_text(json.dumps({k: v for k, v in description.items() if k != key}))
