@@ -60,11 +60,16 @@ def _place(axes: Any, view: Any, focal: Any, side: Any, x: Any, y: Any, z: Any) 
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _weigh(axes: Any, x: Any, y: Any, z: Any, weights: Any) -> Any:
+def _weigh_pixel(axes: Any, azimuths: Any, elevations: Any, row: Any, column: Any, weights: Any) -> Any:
     """Fills `weights` (views,), zero for a view that does not count; returns their sum."""
+    # Between the four samples, near enough to the pixel's centre: on its diagonal, of no unit length.
+    x = azimuths[2 * column, 0] * elevations[2 * row, 1] + azimuths[2 * column + 1, 0] * elevations[2 * row + 1, 1]
+    y = azimuths[2 * column, 1] * elevations[2 * row, 1] + azimuths[2 * column + 1, 1] * elevations[2 * row + 1, 1]
+    z = elevations[2 * row, 0] + elevations[2 * row + 1, 0]
+    scale = _ONE / math.sqrt(x * x + y * y + z * z)
     best = _ZERO
     for view in range(weights.shape[0]):
-        cosine = axes[view, 2, 0] * x + axes[view, 2, 1] * y + axes[view, 2, 2] * z
+        cosine = scale * (axes[view, 2, 0] * x + axes[view, 2, 1] * y + axes[view, 2, 2] * z)
         weights[view] = cosine
         best = max(best, cosine)
     total = _ZERO
@@ -118,17 +123,19 @@ def resample(
         for column in range(width):
             pixels[:] = _ZERO
             if mask[row, column]:
-                for part in range(4):
-                    vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
-                    x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
-                    scale = _F(0.25) / _weigh(axes, x, y, z, weights)
-                    for view in range(axes.shape[0]):
-                        if weights[view] > _ZERO:
+                # One choice of views for the whole pixel: its four samples are less than a pixel apart.
+                scale = _F(0.25) / _weigh_pixel(axes, azimuths, elevations, row, column, weights)
+                for view in range(axes.shape[0]):
+                    weight = scale * weights[view]
+                    if weight > _ZERO:
+                        for part in range(4):
+                            vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
+                            x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
                             u, v = _place(axes, view, focal, side, x, y, z)
                             if first.shape[0] > 0:
-                                _add(first, view, u, v, scale * weights[view], pixels[0])
+                                _add(first, view, u, v, weight, pixels[0])
                             if second.shape[0] > 0:
-                                _add(second, view, u, v, scale * weights[view], pixels[1])
+                                _add(second, view, u, v, weight, pixels[1])
             if first.shape[0] > 0:
                 first_image[row, column] = pixels[0]
             if second.shape[0] > 0:
@@ -144,12 +151,12 @@ def _mark_seen(axes: Any, focal: Any, azimuths: Any, elevations: Any, mask: Any,
         for column in range(mask.shape[1]):
             if not mask[row, column]:
                 continue
-            for part in range(4):
-                vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
-                x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
-                _weigh(axes, x, y, z, weights)
-                for view in range(axes.shape[0]):
-                    if weights[view] > _ZERO:
+            _weigh_pixel(axes, azimuths, elevations, row, column, weights)
+            for view in range(axes.shape[0]):
+                if weights[view] > _ZERO:
+                    for part in range(4):
+                        vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
+                        x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
                         u, v = _place(axes, view, focal, side, x, y, z)
                         at, down = np.int64(u), np.int64(v)
                         seen[view, down, at] = True
