@@ -100,7 +100,7 @@ class TrainingConfig:
     seed_flatness: float = 0.15
     """Thickness of a scan's seeds along the surface normal, per their width; 1 is round."""
     seed_size: float = 0.5
-    """Standard deviation of a scan's seeds per mean distance of their three neighbours."""
+    """Standard deviation of the seeds per mean distance of their three neighbours."""
     seed_opacity: float = 0.5
     sh_degree: int = 1
     sh_interval: float = 0.15

@@ -95,10 +95,9 @@ def initial_gaussians(
         more, more_colors = _above(more, more_colors, floor, config)
         points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
     made = gaussians_at(points, colors, config.sh_degree, config.seed_opacity)
-    if cloud.kind == "lidar":
-        made.log_scales += np.float32(np.log(config.seed_size))
-        if config.seed_flatness < 1:
-            flatten(made, surface, config.seed_flatness)
+    made.log_scales += np.float32(np.log(config.seed_size))
+    if cloud.kind == "lidar" and config.seed_flatness < 1:
+        flatten(made, surface, config.seed_flatness)
     return made
 
 
