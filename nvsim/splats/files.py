@@ -1,5 +1,5 @@
-"""A submap model as a folder: gaussians-*.ply, networks-*.safetensors (background, floor texture, floor surface), and
-model.json, which names the format and the name, size and SHA-256 of the others.
+"""A submap model as a folder: gaussians-*.ply, networks-*.safetensors (background, floor texture, floor surface,
+appearance), and model.json, which names the format and the name, size and SHA-256 of the others.
 
 The two are named by their content, so that those of a new model stand beside those of the old one until model.json,
 replaced in one step, points at them.
@@ -21,6 +21,7 @@ import safetensors.numpy
 from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.appearance_files import describe, read_appearance, tensors_of
 from nvsim.splats.blocks import read_gaussians
 from nvsim.splats.ply import write_ply
 from nvsim.splats.types import Background, FloorTexture, SubmapModel
@@ -107,6 +108,7 @@ def _loaded(folder: Path, data: dict[str, Any]) -> SubmapModel:
         FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), data["floor"]["spacing"]),
         bool(data["antialiased"]),
         dict(data["info"]),
+        read_appearance(data.get("appearance"), tensors, len(gaussians)),
     )
 
 
@@ -181,7 +183,9 @@ def _description(model: SubmapModel) -> dict[str, Any]:
         "antialiased": model.antialiased,
         "count": len(model.gaussians),
         "sh_degree": model.gaussians.sh_degree,
-        "background": None if background is None else {"octaves": background.octaves, "period": background.period},
+        "background": None
+        if background is None
+        else {"octaves": background.octaves, "period": background.period, "nearest": background.nearest},
         "texture": None
         if texture is None
         else {
@@ -191,6 +195,7 @@ def _description(model: SubmapModel) -> dict[str, Any]:
         },
         "floor": {"origin": list(map(float, model.floor.origin)), "spacing": float(model.floor.spacing)},
         "info": model.info,
+        "appearance": describe(model.appearance),
     }
 
 
@@ -200,6 +205,7 @@ def _tensors(model: SubmapModel) -> dict[str, np.ndarray]:
         tensors |= {f"background.{name}": w for name, w in model.background.weights.items()}
     if model.texture is not None:
         tensors |= {f"texture.{i}": level for i, level in enumerate(model.texture.levels)}
+    tensors |= tensors_of(model.appearance)
     return {name: np.ascontiguousarray(array, np.float32) for name, array in tensors.items()}
 
 
@@ -208,7 +214,7 @@ def _background(data: dict[str, Any] | None, tensors: dict[str, np.ndarray]) -> 
         return None
     prefix = "background."
     weights = {name.removeprefix(prefix): _owned(w) for name, w in tensors.items() if name.startswith(prefix)}
-    return Background(weights, int(data["octaves"]), float(data["period"]))
+    return Background(weights, int(data["octaves"]), float(data["period"]), bool(data.get("nearest", False)))
 
 
 def _texture(data: dict[str, Any] | None, tensors: dict[str, np.ndarray]) -> FloorTexture | None:

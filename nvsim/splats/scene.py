@@ -199,5 +199,6 @@ def memory_of(model: SubmapModel) -> int:
     if model.texture is not None:
         arrays += 2 * list(model.texture.levels)
     if model.appearance is not None:
-        arrays.append(g.sh)
+        a = model.appearance
+        arrays += [g.sh, a.features, *a.weights.values(), *a.embedding.weights.values()]
     return sum(a.nbytes for a in arrays)

@@ -1,14 +1,15 @@
-"""What a trained submap consists of: Gaussians, a background, a floor texture. Arrays only, no torch."""
+"""What a trained submap consists of: Gaussians, a background, a floor texture, an appearance. Arrays only, no torch."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.embedding import Embedding, layer_count
 
 Float32 = NDArray[np.float32]
 
@@ -47,32 +48,24 @@ class Gaussians:
 
 @dataclass(eq=False)
 class Background:
-    """The background network of the paper (section III-C): camera position -> appearance embedding -> SH-4 colours.
+    """The background network of the paper (section III-C): appearance embedding -> SH-4 colours.
 
-    weights   named float32 arrays, layer i of the embedding as "embed.i.weight" (out, in) and "embed.i.bias" (out,),
-              of the trunk as "trunk.i.*", heads "base.*" (3 outputs) and "rest.*" (24*3 outputs, coefficient-major);
-              ReLU between the layers of embed, none after its last, ReLU after every trunk layer
-    octaves   number of octaves of sines and cosines of position / `period` that the embedding takes, after the
-              position / `period` itself; per axis: value, sin of each octave, cos of each octave
-    period    metres
+    weights   named float32 arrays: those of the embedding as `nvsim.splats.embedding.Embedding` names them, layer i of
+              the trunk as "trunk.i.weight" (out, in) and "trunk.i.bias" (out,), heads "base.*" (3 outputs) and "rest.*"
+              (24*3 outputs, coefficient-major); ReLU after every trunk layer
+    octaves, period, nearest   of the embedding
     """
 
     weights: dict[str, Float32]
     octaves: int = 4
     period: float = 5.0
+    nearest: bool = False
 
     def coefficients(self, position: NDArray[np.floating]) -> Float32:
         """(25, 3) SH coefficients of the background seen from `position` (3,); the colour along a direction is their
         sum with the real SH basis, without shift and clamp."""
-        x = np.asarray(position, np.float32) / np.float32(self.period)
-        phases = x[:, None] * (2.0 ** np.arange(self.octaves, dtype=np.float32))
-        h = np.concatenate([x[:, None], np.sin(phases), np.cos(phases)], axis=1).reshape(-1)
-        layers = sorted(int(k.split(".")[1]) for k in self.weights if k.startswith("embed.") and k.endswith("weight"))
-        for i in layers:
-            h = self.weights[f"embed.{i}.weight"] @ h + self.weights[f"embed.{i}.bias"]
-            if i != layers[-1]:
-                h = np.maximum(h, 0)
-        for i in sorted(int(k.split(".")[1]) for k in self.weights if k.startswith("trunk.") and k.endswith("weight")):
+        h = Embedding(self.weights, self.octaves, self.period, self.nearest).at(position)
+        for i in range(layer_count(self.weights, "trunk")):
             h = np.maximum(self.weights[f"trunk.{i}.weight"] @ h + self.weights[f"trunk.{i}.bias"], 0)
         base = self.weights["base.weight"] @ h + self.weights["base.bias"]
         rest = self.weights["rest.weight"] @ h + self.weights["rest.bias"]
@@ -95,11 +88,23 @@ class FloorTexture:
 
 
 class Appearance(Protocol):
-    """What colours the Gaussians have by the position of the camera (paper, section III-C, camera pose embedding)."""
+    """What colours the Gaussians have by the position of the camera (paper, section III-C, camera pose embedding).
+
+    embedding  what the colours depend on
+    weights    of the network, named float32 arrays
+    features   (N, F) float32, one row per Gaussian, in their order
+    middle     (3,) float64, the mean of the training cameras, metres, world
+    """
+
+    embedding: Embedding
+    weights: dict[str, Float32]
+    features: Float32
+    middle: NDArray[np.float64]
 
     def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
         """`gaussians` with the SH coefficients that they have seen from `position` (3,); the other arrays are shared.
-        What is returned may be overwritten by the next call."""
+        What is returned may be overwritten by the next call from the same thread. The Gaussians' own coefficients must
+        not be changed in place between calls."""
         ...
 
 
@@ -124,3 +129,11 @@ class SubmapModel:
     def gaussians_at(self, position: NDArray[np.floating]) -> Gaussians:
         """The Gaussians with the colours that they have seen from `position` (3,)."""
         return self.gaussians if self.appearance is None else self.appearance.coloured(self.gaussians, position)
+
+    def baked(self) -> Gaussians:
+        """The Gaussians with one set of colours, those seen from the middle of the training cameras: what a file holds
+        that knows nothing of appearance."""
+        if self.appearance is None:
+            return self.gaussians
+        seen = self.gaussians_at(self.appearance.middle)
+        return replace(seen, sh=seen.sh.copy())

@@ -50,6 +50,11 @@ class RateConfig:
     sh_rest: float = 1.25e-4
     network: float = 2e-3
     network_end: float = 2e-4
+    embedding: float = 2e-3
+    """Decays as the networks' rate does."""
+    features: float = 2.5e-3
+    """Of the vectors from which Gaussians are coloured by position."""
+    features_end: float = 2.5e-4
     texture: float = 4e-3
     texture_end: float = 2e-4
     """A constant rate leaves coloured noise on the floor."""
@@ -74,6 +79,32 @@ class RobustConfig:
     """No more than this share of an image is masked (Splatfacto-W's upper bound)."""
     renewal: float = 0.11
     """Share of the steps after which "quantile" forgets the largest error it saw (Splatfacto-W: 6000 of 55000)."""
+
+
+@dataclass(frozen=True)
+class AppearanceConfig:
+    """What makes the look depend on the camera: an embedding, which feeds the background and the Gaussians' colours."""
+
+    embedding: Literal["position", "index", "none"] = "position"
+    """Of what: a network of the camera position (paper, section III-C), a vector per training image (Splatfacto-W), or
+    nothing, one learned vector."""
+    evaluation: Literal["mean", "nearest"] = "mean"
+    """The vector of a view that was not trained on, with "index": the mean of all, or that of the nearest camera."""
+    size: int = 24
+    """Numbers in an embedding."""
+    kind: Literal["none", "linear", "network"] = "none"
+    """How Gaussians are coloured: by themselves, with an offset that is bilinear in embedding and features (for CPUs),
+    or by the colour network of Splatfacto-W."""
+    features: int = 4
+    """Numbers per Gaussian that the colours are made from."""
+    layers: int = 2
+    """Layers of the colour network, its heads counting as one."""
+    width: int = 128
+    background_layers: int = 3
+    """Layers of the background network, its heads counting as one."""
+    background_width: int = 128
+    background_interval: float = 0.0
+    """Share of the steps after which each further degree of the background's harmonics joins; 0: all at once."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +148,7 @@ class TrainingConfig:
     """Opacity compensation of Mip-Splatting, so that training at half size and drawing at full size agree."""
     loss: LossConfig = field(default_factory=LossConfig)
     rate: RateConfig = field(default_factory=RateConfig)
+    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
     densify: DensifyConfig = field(default_factory=DensifyConfig)
     robust: RobustConfig = field(default_factory=RobustConfig)
     threads: int = 0
@@ -125,6 +157,7 @@ class TrainingConfig:
     """Least time between two checkpoints."""
 
     def __post_init__(self) -> None:
+        look = self.appearance
         for what, fine in (
             ("steps must be at least 1", self.steps >= 1),
             ("image_size must be at least 32 pixels", self.image_size >= 32),
@@ -136,6 +169,10 @@ class TrainingConfig:
             ("seed_opacity must lie in 0 to 1", 0 < self.seed_opacity < 1),
             ("sh_interval must not be negative", self.sh_interval >= 0),
             ("texture needs background", self.background or not self.texture),
+            ("appearance.kind needs an embedding", look.kind == "none" or look.embedding != "none"),
+            ("appearance.size, features, width must be at least 1", min(look.size, look.features, look.width) >= 1),
+            ("appearance.layers must be at least 2", look.layers >= 2),
+            ("appearance.background-layers must be at least 1", look.background_layers >= 1),
         ):
             if not fine:
                 raise InputError(f"Training configuration: {what}; change it and try again.")
@@ -192,7 +229,7 @@ def _splatfacto_w() -> TrainingConfig:
     """Splatfacto-W's rules (splatfactow_config.py and _model.py) by shares of its 55,000 steps, lengths times UNIT.
 
     Changed: as above, and nothing is exempt from the robust mask, as there is no sky indoors. Its alpha loss is a mean
-    over the image here.
+    over the image here. The embedding and the colour network have the sizes of its light model, made for any data.
     """
     base = _splatfacto()
     return replace(
@@ -204,7 +241,8 @@ def _splatfacto_w() -> TrainingConfig:
         random_background=False,
         antialiased=True,
         loss=replace(base.loss, alpha=0.15),
-        rate=RateConfig(log_scales=5e-3, network_end=1e-4),
+        rate=RateConfig(log_scales=5e-3, network_end=1e-4, features=2e-2, features_end=1e-3),
+        appearance=AppearanceConfig("index", kind="network", features=32, background_interval=0.018),
         densify=replace(
             base.densify,
             start=0.018,
@@ -216,9 +254,15 @@ def _splatfacto_w() -> TrainingConfig:
 
 
 def _splatfacto_i() -> TrainingConfig:
-    """The paper: Splatfacto-W with the floor terms and without the alpha loss."""
+    """The paper: Splatfacto-W with the floor terms, with the camera position in place of the image index, and without
+    the alpha loss."""
+    base = _splatfacto_w()
     return replace(
-        _splatfacto_w(), name="splatfacto-i", seed_height=0.04, loss=LossConfig(suppression=1.0, floor=1.0, fill=0.0)
+        base,
+        name="splatfacto-i",
+        seed_height=0.04,
+        appearance=replace(base.appearance, embedding="position"),
+        loss=LossConfig(suppression=1.0, floor=1.0, fill=0.0),
     )
 
 
@@ -229,14 +273,16 @@ _PRESETS = {
     "3dgs": _splatfacto,
 }
 PRESETS = tuple(_PRESETS)
+Preset = Literal["nvsim", "splatfacto-i", "splatfacto-w", "3dgs"]
 
 
 def preset(name: str) -> TrainingConfig:
     """The configuration of a name.
 
     "nvsim"         the default: the paper's method with floor texture and fill
-    "splatfacto-i"  the paper: floor suppression and background floor loss, no texture, no fill
-    "splatfacto-w"  its base: background, robust mask and alpha loss; the floor is as everything else
+    "splatfacto-i"  the paper: floor suppression and background floor loss, colours by camera position; no texture, no
+                    fill
+    "splatfacto-w"  its base: background and colours by image, robust mask, alpha loss; the floor is as everything else
     "3dgs"          Splatfacto, Gaussians only: no floor terms, no background, no robust mask
 
     Raises InputError for another name.

@@ -1,17 +1,17 @@
 """One model in the making: draw a view, take the loss, send its gradient back, move every parameter.
 
-The rasteriser's kernels are driven by hand instead of through torch's tape: only the background network needs one, and
+The rasteriser's kernels are driven by hand instead of through torch's tape: only the networks need one, and
 a step costs what its kernels cost.
 """
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
@@ -22,11 +22,12 @@ from nvsim.render.workspace import LOCK, Workspace
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.alpha_loss import alpha_loss
 from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
-from nvsim.training.background import BackgroundNetwork
 from nvsim.training.config import RateConfig, TrainingConfig
 from nvsim.training.exposure import Exposure
 from nvsim.training.losses import FloorAwareLoss, LossValues
+from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
+from nvsim.training.stopwatch import Stopwatch
 from nvsim.training.strategies.types import Refinement
 from nvsim.training.texture import LearnedTexture, meet_floor
 from nvsim.training.views import TrainingView
@@ -35,9 +36,12 @@ Float32 = NDArray[np.float32]
 TEXTURE_STEPS = 4
 """Steps whose gradients the texture gathers before it moves: a view touches few of its many texels."""
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
+FEATURES = "features"
+"""The group of what the networks colour Gaussians from, a row per Gaussian as in those of FIELDS."""
 
 
 PARTS = (
+    "appearance",
     "project",
     "sort",
     "raster",
@@ -45,6 +49,7 @@ PARTS = (
     "loss",
     "raster_backward",
     "project_backward",
+    "appearance_backward",
     "background_backward",
     "optimizer",
 )
@@ -89,7 +94,7 @@ class Fit:
     def __init__(
         self,
         gaussians: Gaussians,
-        network: BackgroundNetwork | None,
+        networks: Networks | None,
         texture: LearnedTexture | None,
         floor: FloorSurface,
         config: TrainingConfig,
@@ -97,22 +102,28 @@ class Fit:
     ) -> None:
         self.config, self.floor = config, floor
         self.exposure = Exposure(views, config.rate.exposure) if config.exposure else None
-        self.network, self.texture = network, texture
+        self.networks, self.texture = networks, texture
         self.sums = np.zeros((len(gaussians), 3), np.float32)
         self.parts: dict[str, float] = {}
         sh_count = gaussians.sh.shape[1]
         self.groups = {
             name: Group.of(getattr(gaussians, name), rates_of(name, config.rate, sh_count)) for name in FIELDS
         }
-        if network is not None:
-            self.groups["network"] = Group.of(network.values, config.rate.network, network.gradient)
+        self.per_gaussian: tuple[str, ...] = FIELDS
+        self._painter = self._colours = None
+        if networks is not None:
+            self.groups |= networks.groups()
+            self._painter, self._colours = networks.background, networks.colours
+        if networks is not None and networks.colours is not None:
+            self.groups[FEATURES] = Group.of(networks.first_features(gaussians), config.rate.features)
+            self.per_gaussian = (*FIELDS, FEATURES)
         if texture is not None:
             self.groups["texture"] = Group.of(texture.values, config.rate.texture, texture.gradient)
         self.workspace = Workspace()
         self._canvases: dict[tuple[int, int], Canvas] = {}
         self._heights, self._grid = pack_floor(floor)
-        self._coefficients = torch.zeros(0)
-        self._watch = _Stopwatch()
+        self._share = 0.0
+        self._watch = Stopwatch()
 
     @property
     def gaussians(self) -> Gaussians:
@@ -130,23 +141,29 @@ class Fit:
         return self._canvases[key]
 
     def paint(self, camera: Camera, transmittance: Float32, floor: NDArray[np.bool_] | None = None) -> Float32:
-        """(3, H, W) the background of a view, in a buffer that the next view of this size overwrites. The texture is
-        laid only where light comes through, transmittance (H, W), and in the pixels of `floor` (H, W)."""
+        """(3, H, W) the background of the view last looked at, in a buffer that the next view of this size overwrites.
+        The texture lies only where light comes through, transmittance (H, W), and in the pixels of `floor` (H, W)."""
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
-        if self.network is None:
+        if self.networks is None or self._painter is None:
             return canvas.background
-        self._coefficients = self.network(torch.from_numpy(camera.position.astype(np.float32)))
-        evaluate(camera, self._coefficients.detach().numpy(), canvas.background)
+        evaluate(camera, self.networks.backdrop(self._share), canvas.background)
         if self.texture is not None:
             wanted = canvas.nowhere if floor is None else floor
             meet_floor(pack_camera(camera), self._heights, self._grid, wanted, transmittance, canvas.hits)
             self.texture.add(canvas.hits, canvas.background)
         return canvas.background
 
+    def look(self, camera: Camera, name: str | None = None) -> None:
+        """Begins a view: that of the training image `name`, or of none."""
+        if self.networks is not None:
+            self.networks.look(camera.position, name)
+
     def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
-        """Colour of the Gaussians (H, W, 3) and transmittance (H, W)."""
+        """Colour of the Gaussians (H, W, 3) and transmittance (H, W) of the view last looked at."""
         k = camera.intrinsics
-        self.workspace.project(self.gaussians, camera, self.config.antialiased, sh_degree)
+        with self._shown(camera) as shown:
+            self._watch.lap("appearance")
+            self.workspace.project(shown, camera, self.config.antialiased, sh_degree)
         self._watch.lap("project")
         self.workspace.bin()
         self._watch.lap("sort")
@@ -154,9 +171,16 @@ class Fit:
         self._watch.lap("raster")
         return rgb, transmittance
 
+    def _shown(self, camera: Camera) -> contextlib.AbstractContextManager[Gaussians]:
+        # Lent until they are projected: the way back looks at the coefficients only from degree 1 on.
+        if self.networks is None or self._colours is None:
+            return contextlib.nullcontext(self.gaussians)
+        return self._colours.shown(self.gaussians, self.groups[FEATURES].values, self.networks.seen, camera)
+
     def composite(self, camera: Camera) -> tuple[Float32, Float32]:
         """The picture (H, W, 3), not clamped, and alpha (H, W)."""
         with LOCK:
+            self.look(camera)
             rgb, transmittance = self.draw(camera)
             background = self.paint(camera, transmittance)
         return rgb + transmittance[..., None] * background.transpose(1, 2, 0), 1 - transmittance
@@ -173,8 +197,9 @@ class Fit:
         may change `inlier` when it has seen the colour of the Gaussians, the transmittance and the background."""
         camera = view.camera
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
-        watch = self._watch = _Stopwatch()
+        watch = self._watch = Stopwatch()
         with LOCK:
+            self.look(camera, view.name)
             rgb, transmittance = self.draw(camera, sh_degree)
             background = self.paint(camera, transmittance, view.floor)
             watch.lap("background")
@@ -194,10 +219,14 @@ class Fit:
             watch.lap("raster_backward")
             self.workspace.project_gradient(self.gaussians, self.gradients, self.sums)
             watch.lap("project_backward")
-            if self.network is not None:
-                self.network.gradient[:] = 0
-                slope = evaluate_gradient(camera, loss.d_background, canvas.rows)
-                self._coefficients.backward(torch.from_numpy(slope))
+            if self._colours is not None:
+                features = self.groups[FEATURES]
+                self._colours.collect(self.groups["sh"].gradient, features.values, features.gradient)
+            watch.lap("appearance_backward")
+            if self.networks is not None and self._painter is not None:
+                self.networks.backdrop_gradient(evaluate_gradient(camera, loss.d_background, canvas.rows))
+            if self.networks is not None:
+                self.networks.learn()
             if self.texture is not None and self.config.loss.floor > 0:
                 self.texture.collect(canvas.hits, view.floor, loss.d_background)
             watch.lap("background_backward")
@@ -208,13 +237,17 @@ class Fit:
         """Update number `step` (from 1) of every parameter."""
         started = time.perf_counter()
         share, rate = (step - 1) / self.config.steps, self.config.rate
+        self._share = step / self.config.steps
         decay = {
             "means": rate.means_end / rate.means,
-            "network": rate.network_end / rate.network,
+            **dict.fromkeys(("embedding", "network", "colours"), rate.network_end / rate.network),
+            FEATURES: rate.features_end / rate.features,
             "texture": rate.texture_end / rate.texture,
         }
         with LOCK:
             for name, group in self.groups.items():
+                if name == "sh" and self._colours is not None and not self._colours.own:
+                    continue  # they are what the colour network made last
                 if name != "texture":
                     group.step(step, decay.get(name, 1.0) ** share)
                 elif step % TEXTURE_STEPS == 0:
@@ -224,8 +257,9 @@ class Fit:
 
     def refine(self, refinement: Refinement) -> None:
         """Replaces the Gaussians; the survivors keep their moments, the new ones start with none."""
-        for name in FIELDS:
-            group, born = self.groups[name], getattr(refinement.born, name)
+        for name in self.per_gaussian:
+            group = self.groups[name]
+            born = group.values[refinement.parents] if name == FEATURES else getattr(refinement.born, name)
             fresh = np.zeros_like(born)
             values = np.concatenate([group.values[refinement.kept], born])
             group.first = np.concatenate([group.first[refinement.kept], fresh])
@@ -240,7 +274,7 @@ class Fit:
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Everything that a step changes, by name."""
-        arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums}
+        arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums, "share": np.array(self._share)}
         for name, group in self.groups.items():
             arrays[f"{name}.values"] = group.values
             arrays[f"{name}.first"], arrays[f"{name}.second"] = group.first, group.second
@@ -251,39 +285,27 @@ class Fit:
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
         """The inverse of `state`, in a fit of the same configuration and views."""
         self.sums = np.ascontiguousarray(arrays["sums"], np.float32)
+        self._share = float(arrays["share"])
         if self.exposure is not None:
             self.exposure.restore(arrays)
         if self.texture is not None:
             self.texture.gradient[:] = arrays["texture.gradient"]
         for name, group in self.groups.items():
             values = np.ascontiguousarray(arrays[f"{name}.values"], np.float32)
-            if name in FIELDS:
+            if name in self.per_gaussian:
                 group.values, group.gradient = values, np.empty_like(values)
             else:
-                group.values[:] = values  # network and texture look into these arrays
+                group.values[:] = values  # networks and texture look into these arrays
             group.first = np.ascontiguousarray(arrays[f"{name}.first"], np.float32)
             group.second = np.ascontiguousarray(arrays[f"{name}.second"], np.float32)
 
     def model(self, info: dict[str, object]) -> SubmapModel:
         """A copy of what has been learned."""
-        return SubmapModel(
-            Gaussians(*(self.groups[name].values.copy() for name in FIELDS)),
-            None if self.network is None else self.network.exported(),
-            None if self.texture is None else self.texture.exported(),
-            self.floor,
-            self.config.antialiased,
-            info,
-        )
-
-
-class _Stopwatch:
-    """Milliseconds between laps."""
-
-    def __init__(self) -> None:
-        self.laps: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.laps[name] = 1e3 * (now - self._last)
-        self._last = now
+        gaussians = Gaussians(*(self.groups[name].values.copy() for name in FIELDS))
+        background = appearance = None
+        if self.networks is not None:
+            background = self.networks.exported_background()
+            features = self.groups[FEATURES].values if FEATURES in self.groups else None
+            gaussians, appearance = self.networks.exported_colours(gaussians, features)
+        texture = None if self.texture is None else self.texture.exported()
+        return SubmapModel(gaussians, background, texture, self.floor, self.config.antialiased, info, appearance)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.training.backdrop import pack_camera
-from nvsim.training.background import BackgroundNetwork
 from nvsim.training.config import TrainingConfig
+from nvsim.training.networks import Networks
 from nvsim.training.texture import LearnedTexture, meet_floor, scatter_texture
 from nvsim.training.views import TrainingView
 
@@ -30,18 +30,18 @@ Float32 = NDArray[np.float32]
 
 def first_paint(
     views: Sequence[TrainingView], floor: FloorSurface, config: TrainingConfig, seed: int
-) -> tuple[BackgroundNetwork | None, LearnedTexture | None]:
-    """The background network and the texture of a configuration, None where it has none."""
-    if not config.background:
+) -> tuple[Networks | None, LearnedTexture | None]:
+    """The networks and the texture of a configuration, None where it has none."""
+    if not config.background and config.appearance.kind == "none":
         return None, None
     colour = _mean_floor_colour(views)
-    network = BackgroundNetwork(seed, colour)
+    networks = Networks(views, config, seed, colour)
     if not config.texture:
-        return network, None
+        return networks, None
     hits = [_hits(view, floor) for view in views]
     texture = LearnedTexture(*_area(views, hits))
     _average(texture, views, hits, colour)
-    return network, texture
+    return networks, texture
 
 
 def _mean_floor_colour(views: Sequence[TrainingView]) -> NDArray[np.float64]:

@@ -66,7 +66,8 @@ def train_submap(
     cores = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     chosen = min(config.threads or cores, cores)
     numba.set_num_threads(chosen)
-    torch.set_num_threads(1)  # its work here is too small to share, and a second pool would fight with numba's
+    # Only a colour network has work worth sharing; otherwise a second pool would but fight with numba's.
+    torch.set_num_threads(chosen if config.appearance.kind == "network" else 1)
     try:
         run = _Run(views, cloud, floor, config, seed, submap, listen)
         if checkpoint is not None:
@@ -95,8 +96,8 @@ class _Run:
             self._sizes.append([v.halved() for v in self._sizes[-1]])
         self._rng = np.random.default_rng(seed)
         gaussians = initial_gaussians(views, cloud, floor, config, self._rng)
-        network, texture = first_paint(self._sizes[min(1, len(self._sizes) - 1)], floor, config, seed)
-        self.fit = Fit(gaussians, network, texture, floor, config, len(views))
+        networks, texture = first_paint(self._sizes[min(1, len(self._sizes) - 1)], floor, config, seed)
+        self.fit = Fit(gaussians, networks, texture, floor, config, len(views))
         self._strategy = strategy_of(config, floor, self._rng)
         k = views[0].camera.intrinsics
         self._robust = robust_mask(config, len(views), k.width, k.height)

@@ -12,7 +12,8 @@ from nvsim.render.floor_texture import pack_floor
 from nvsim.splats.harmonics import basis
 from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background import BackgroundNetwork
-from nvsim.training.config import TrainingConfig
+from nvsim.training.config import AppearanceConfig, TrainingConfig
+from nvsim.training.embedding import PositionEmbedding
 from nvsim.training.floor_paint import first_paint
 from nvsim.training.synthetic import synthetic_room
 from nvsim.training.texture import LearnedTexture, meet_floor
@@ -20,8 +21,11 @@ from nvsim.training.texture import LearnedTexture, meet_floor
 CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
 
 
+LOOK = AppearanceConfig()
+
+
 def network() -> BackgroundNetwork:
-    made = BackgroundNetwork(5, np.array([0.6, 0.5, 0.4]))
+    made = BackgroundNetwork(LOOK, 5, np.array([0.6, 0.5, 0.4]))
     made.values[:] += 0.05 * np.random.default_rng(2).standard_normal(made.values.shape).astype(np.float32)
     return made
 
@@ -36,13 +40,27 @@ def hits_of(camera: Camera, floor: FloorSurface) -> np.ndarray:
 
 @pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (3.0, -7.5, 1.3), (40.0, 25.0, 2.0)])
 def test_network_equals_its_export(position: tuple[float, float, float]) -> None:
-    made = network()
-    ours = made(torch.tensor(position)).detach().numpy()
-    np.testing.assert_allclose(ours, made.exported().coefficients(np.array(position)), atol=1e-5)
+    made, embedding = network(), PositionEmbedding(LOOK, 3)
+    ours = made.at(embedding.at(np.array(position), None)).detach().numpy()
+    exported = made.exported(embedding.exported())
+    np.testing.assert_allclose(ours, exported.coefficients(np.array(position)), atol=1e-5)
+
+
+@pytest.mark.parametrize("degree", [0, 2])
+def test_degrees_that_have_not_joined_yet_are_zero_and_get_no_gradient(degree: int) -> None:
+    made, used = network(), (degree + 1) ** 2
+    coefficients = made.at(torch.ones(LOOK.size), degree)
+    assert coefficients[:used].abs().min() > 0
+    assert not coefficients[used:].detach().numpy().any()
+    coefficients.backward(torch.ones_like(coefficients))
+    rest = made.gradient[-(72 * 129) :][: 72 * 128].reshape(24, 3, 128)
+    assert rest[: used - 1].any(axis=2).all()
+    assert not rest[used - 1 :].any()
 
 
 def test_network_starts_near_the_given_colour_in_every_direction() -> None:
-    coefficients = BackgroundNetwork(0, np.array([0.7, 0.5, 0.2]))(torch.zeros(3)).detach().numpy()
+    made = BackgroundNetwork(LOOK, 0, np.array([0.7, 0.5, 0.2]))
+    coefficients = made.at(torch.zeros(LOOK.size)).detach().numpy()
     assert not coefficients[1:].any()
     np.testing.assert_allclose(coefficients[0] * 0.2820948, [0.7, 0.5, 0.2], atol=0.1)
 
@@ -117,7 +135,8 @@ def test_first_paint_already_shows_the_floor() -> None:
     assert made is not None and texture is not None
     view = room.views[3]
     painted = np.empty((3, 72, 96), np.float32)
-    evaluate(view.camera, made(torch.from_numpy(view.camera.position).float()).detach().numpy(), painted)
+    made.look(view.camera.position, view.name)
+    evaluate(view.camera, made.backdrop(1.0), painted)
     constant = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()
     texture.add(hits_of(view.camera, room.floor), painted)
     textured = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, cast
 
 from nvsim.cli import show, window
-from nvsim.cli.arguments import Inline
+from nvsim.cli.arguments import Inline, given
 from nvsim.cli.session import working
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
+from nvsim.training.config import Preset, preset
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,15 @@ class Arguments:
     """Do not open the window at the end."""
     json: bool = False
     """Print typed events as JSON lines."""
+    preset: Preset = "nvsim"
+    """What the flags of training start from."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
+
+
+def defaults(argv: list[str]) -> Arguments:
+    name = given(argv, "--preset", "nvsim")
+    config = RunConfig(train=preset(name))
+    return Arguments(preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:

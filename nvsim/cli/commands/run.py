@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, cast
 
-from nvsim.cli.arguments import Inline, Positional
+import tyro
+
+from nvsim.cli.arguments import Inline, Positional, given
 from nvsim.cli.session import working
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
+from nvsim.training.config import Preset, preset
 
 
 @dataclass(frozen=True)
@@ -20,7 +24,15 @@ class Arguments:
     json: bool = False
     """Print typed events as JSON lines."""
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
+    preset: Preset = "nvsim"
+    """What the flags of training start from."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
+
+
+def defaults(argv: list[str]) -> Arguments:
+    name = given(argv, "--preset", "nvsim")
+    config = RunConfig(train=preset(name))
+    return Arguments(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import tyro
 
 from nvsim.cli.arguments import Inline, ProjectArguments, given
 from nvsim.cli.session import working
 from nvsim.project.stages import trained
-from nvsim.training.config import TrainingConfig, preset
+from nvsim.training.config import Preset, TrainingConfig, preset
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class Arguments(ProjectArguments):
     """Which submaps to train; all when none is named."""
     at_once: int = 0
     """How many submaps to train at a time, each with its share of the cores; 0 decides by cores and free memory."""
-    preset: Literal["nvsim", "splatfacto-i", "splatfacto-w", "3dgs"] = "nvsim"
-    """What the other flags start from: our defaults, or the paper's."""
+    preset: Preset = "nvsim"
+    """What the other flags start from: our defaults, the paper's, or those of one of its baselines."""
     config: Inline[TrainingConfig] = field(default_factory=TrainingConfig)
 
 

@@ -75,7 +75,8 @@ class Adaptive:
             cloned, halved = self._chosen(gaussians, sums, lost, on_screen)
         stays = ~lost
         stays[halved] = False
-        return Refinement(np.flatnonzero(stays), joined(taken(gaussians, cloned), split(gaussians, halved, self._rng)))
+        born = joined(taken(gaussians, cloned), split(gaussians, halved, self._rng))
+        return Refinement(np.flatnonzero(stays), born, np.concatenate([cloned, halved, halved]))
 
     def _chosen(
         self, gaussians: Gaussians, sums: Float32, lost: NDArray[np.bool_], on_screen: bool

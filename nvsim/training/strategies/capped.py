@@ -42,7 +42,7 @@ class Capped:
         wanting = neediest(wanting, gradient, budget)
         stays = ~lost
         stays[wanting] = False
-        return Refinement(np.flatnonzero(stays), divide(gaussians, wanting))
+        return Refinement(np.flatnonzero(stays), divide(gaussians, wanting), np.concatenate([wanting, wanting]))
 
 
 def neediest(wanting: np.ndarray, gradient: Float32, budget: int) -> np.ndarray:

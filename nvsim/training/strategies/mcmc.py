@@ -69,7 +69,7 @@ class Mcmc:
         dead = worthless(gaussians, c.mcmc.dead, c.largest, self._floor)
         alive = np.flatnonzero(~dead)
         if len(alive) == 0:
-            return Refinement(np.arange(len(gaussians)), taken(gaussians, alive))
+            return Refinement(np.arange(len(gaussians)), taken(gaussians, alive), alive)
         total = max(min(self._cap, int((1 + c.mcmc.growth) * len(gaussians))), len(gaussians))
         opacity = opacities(gaussians)[alive]
         drawn = self._rng.choice(len(alive), total - len(alive), p=opacity / opacity.sum())
@@ -80,7 +80,8 @@ class Mcmc:
         changed.opacity_logits = logit(np.clip(new_opacity, c.mcmc.dead, 1 - 1e-6))
         changed.log_scales += np.log(shrink).astype(np.float32)[:, None]
         repeated = np.repeat(np.arange(len(shared)), copies[shared])
-        return Refinement(alive[copies == 0], joined(changed, taken(changed, repeated)))
+        parents = alive[np.concatenate([shared, shared[repeated]])]
+        return Refinement(alive[copies == 0], joined(changed, taken(changed, repeated)), parents)
 
     def noise(self, gaussians: Gaussians, factor: float) -> NDArray[np.float32]:
         """(N, 3) metres: normal noise times the covariance, `factor`, and a gate that closes as opacity grows."""

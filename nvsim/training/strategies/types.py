@@ -17,10 +17,12 @@ Float32 = NDArray[np.float32]
 class Refinement:
     """kept    (K,) indices of the Gaussians that stay, with their moments
     born       those that join after them, without moments
+    parents    (len(born),) for each of them the one that it came from, as it was before
     """
 
     kept: NDArray[np.int64]
     born: Gaussians
+    parents: NDArray[np.int64]
 
     @property
     def count(self) -> int:

@@ -1,0 +1,106 @@
+"""Colours of Gaussians that depend on the camera position, evaluated without torch (paper, section III-C).
+
+Two kinds. The colour network of Splatfacto-W (Xu et al. 2024) makes the SH coefficients of every Gaussian from its
+feature vector and the embedding. The linear form is ours, for CPUs: a Gaussian keeps its own coefficients, and a matrix
+made from the embedding turns its features into an offset of its colour, at the cost of reading the features once.
+
+Both hold a row of features per Gaussian, in the order of the Gaussians that they colour, and say from where a model is
+seen when one set of colours must do, as in an exported file.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.splats.embedding import Embedding, layer_count
+from nvsim.splats.types import Gaussians
+
+Float32 = NDArray[np.float32]
+CELL = 0.1
+"""Metres between the places at which the colour network is evaluated."""
+_ROWS = 4096  # Gaussians at a time, so that their layers stay in the cache
+
+
+@dataclass(eq=False)
+class LinearAppearance:
+    """SH coefficient 0 of Gaussian g = its own + W(embedding) features[g]. Exact at every position.
+
+    embedding  of which W is made
+    weights    "matrix.weight" (3 F, E) and "matrix.bias" (3 F,), W by rows
+    features   (N, F)
+    middle     (3,) position that a model without appearance is drawn for, metres, world
+    """
+
+    embedding: Embedding
+    weights: dict[str, Float32]
+    features: Float32
+    middle: NDArray[np.float64]
+    _kept: threading.local = field(default_factory=threading.local, repr=False)
+
+    def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
+        """See `nvsim.splats.types.Appearance`."""
+        sh = getattr(self._kept, "sh", None)
+        if sh is None or self._kept.source is not gaussians.sh:
+            sh = self._kept.sh = gaussians.sh.copy()
+            self._kept.source = gaussians.sh
+        np.add(gaussians.sh[:, 0], self.features @ self.matrix(position).T, out=sh[:, 0])
+        return replace(gaussians, sh=sh)
+
+    def matrix(self, position: NDArray[np.floating]) -> Float32:
+        """(3, F) W for a camera at `position` (3,)."""
+        flat = self.weights["matrix.weight"] @ self.embedding.at(position) + self.weights["matrix.bias"]
+        return flat.reshape(3, -1)
+
+
+@dataclass(eq=False)
+class NetworkAppearance:
+    """All SH coefficients of Gaussian g = network(embedding, features[g]); its own are not used.
+
+    The network is evaluated at the centre of the cell of `cell` metres that the camera is in, and not again before the
+    camera leaves it: the embedding is a smooth function, and what a picture shows must not depend on the way there.
+
+    embedding  first input of the network
+    weights    layers "colour.i.weight" and "colour.i.bias" with ReLU after each, the first of which takes embedding and
+               features; heads "base.*" (3 outputs) and "rest.*" (3 (K - 1) outputs, coefficient-major)
+    features   (N, F)
+    middle     (3,) position that a model without appearance is drawn for, metres, world
+    cell       metres; 0 evaluates at every position
+    """
+
+    embedding: Embedding
+    weights: dict[str, Float32]
+    features: Float32
+    middle: NDArray[np.float64]
+    cell: float = CELL
+    _kept: threading.local = field(default_factory=threading.local, repr=False)
+
+    def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
+        """See `nvsim.splats.types.Appearance`."""
+        place = np.asarray(position, np.float64)
+        if self.cell > 0:
+            place = (np.floor(place / self.cell) + 0.5) * self.cell
+        sh = getattr(self._kept, "sh", None)
+        if sh is None or not np.array_equal(self._kept.place, place):
+            if sh is None:
+                sh = self._kept.sh = np.empty(gaussians.sh.shape, np.float32)
+            self._evaluate(self.embedding.at(place), sh)
+            self._kept.place = place
+        return replace(gaussians, sh=sh)
+
+    def _evaluate(self, embedding: Float32, sh: Float32) -> None:
+        w, e = self.weights, len(embedding)
+        first = w["colour.0.weight"]
+        shared = first[:, :e] @ embedding + w["colour.0.bias"]  # what the embedding adds is the same for every row
+        for start in range(0, len(sh), _ROWS):
+            part = slice(start, start + _ROWS)
+            h = np.maximum(self.features[part] @ first[:, e:].T + shared, 0)
+            for i in range(1, layer_count(w, "colour")):
+                h = np.maximum(h @ w[f"colour.{i}.weight"].T + w[f"colour.{i}.bias"], 0)
+            sh[part, 0] = h @ w["base.weight"].T + w["base.bias"]
+            if sh.shape[1] > 1:
+                rest = h @ w["rest.weight"].T + w["rest.bias"]
+                sh[part, 1:] = rest.reshape(len(h), -1, 3)

@@ -1,0 +1,198 @@
+"""Colours that depend on the embedding, while they are learned (see `nvsim.splats.appearance`), and the way back.
+
+`shown` lends the Gaussians as a view sees them; `collect` takes the gradient by their coefficients and fills those of
+the features, of the weights and of the embedding.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numba
+import numpy as np
+import torch
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
+from nvsim.splats.embedding import Embedding
+from nvsim.splats.types import Gaussians
+from nvsim.training.backdrop import pack_camera
+from nvsim.training.config import AppearanceConfig
+from nvsim.training.parameters import Parameters, generator_of
+
+_F = np.float32
+_REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing
+_FILTER = _F(2.0)  # that many pixels of it come from the pixel's low-pass filter
+Float32 = NDArray[np.float32]
+
+
+@njit(parallel=True, cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
+def add_offsets(features: Any, matrix: Any, threads: Any, sh: Any, saved: Any) -> None:
+    """sh[:, 0] += W features, with what stood there in `saved` (N, 3). features (N, F), matrix W (3, F)."""
+    n, width = features.shape
+    for thread in prange(threads):
+        for g in range(n * thread // threads, n * (thread + 1) // threads):
+            red, green, blue = sh[g, 0, 0], sh[g, 0, 1], sh[g, 0, 2]
+            saved[g, 0], saved[g, 1], saved[g, 2] = red, green, blue
+            for f in range(width):
+                value = features[g, f]
+                red += matrix[0, f] * value
+                green += matrix[1, f] * value
+                blue += matrix[2, f] * value
+            sh[g, 0, 0], sh[g, 0, 1], sh[g, 0, 2] = red, green, blue
+
+
+@njit(parallel=True, cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
+def collect_offsets(d_sh: Any, features: Any, matrix: Any, threads: Any, d_features: Any, d_matrix: Any) -> None:
+    """The way back: d_features (N, F) is written, d_matrix (threads, 3, F) gets each thread's part of the sum."""
+    n, width = features.shape
+    for thread in prange(threads):
+        total = d_matrix[thread]
+        total[:] = _F(0)
+        for g in range(n * thread // threads, n * (thread + 1) // threads):
+            red, green, blue = d_sh[g, 0, 0], d_sh[g, 0, 1], d_sh[g, 0, 2]
+            if red == _F(0) and green == _F(0) and blue == _F(0):
+                d_features[g, :] = _F(0)
+                continue
+            for f in range(width):
+                value = features[g, f]
+                d_features[g, f] = matrix[0, f] * red + matrix[1, f] * green + matrix[2, f] * blue
+                total[0, f] += red * value
+                total[1, f] += green * value
+                total[2, f] += blue * value
+
+
+@njit(parallel=True, cache=True, nogil=True)
+def mark_in_view(means: Any, log_scales: Any, camera: Any, size: Any, seen: Any) -> None:
+    """`seen` (N,): which Gaussians a view may draw; some more, but none fewer. `camera` from pack_camera, `size` its
+    width and height."""
+    steepest = max(camera[14], size[0] - camera[14]) / camera[12], max(camera[15], size[1] - camera[15]) / camera[13]
+    # The affine approximation stretches a Gaussian at most by this beyond its own size.
+    stretch = np.sqrt(_F(1) + _F(1.7) * max(steepest[0], steepest[1]) ** 2)
+    for g in prange(len(means)):
+        dx, dy, dz = means[g, 0] - camera[9], means[g, 1] - camera[10], means[g, 2] - camera[11]
+        depth = camera[2] * dx + camera[5] * dy + camera[8] * dz
+        seen[g] = False
+        if depth > _F(0.04):
+            widest = max(log_scales[g, 0], max(log_scales[g, 1], log_scales[g, 2]))
+            reach = _REACH * np.exp(min(widest, _F(10))) * stretch / depth
+            u = (camera[0] * dx + camera[3] * dy + camera[6] * dz) / depth * camera[12] + camera[14]
+            v = (camera[1] * dx + camera[4] * dy + camera[7] * dz) / depth * camera[13] + camera[15]
+            wide, high = reach * camera[12] + _FILTER, reach * camera[13] + _FILTER
+            seen[g] = u > -wide and u < size[0] + wide and v > -high and v < size[1] + high
+
+
+class LinearColours:
+    """Offset of SH coefficient 0 by W(embedding) features. Features and Gaussians' own coefficients both learn."""
+
+    own = True
+    """Whether the Gaussians' own coefficients are used."""
+
+    def __init__(self, config: AppearanceConfig, seed: int) -> None:
+        self._shape = (3, config.features)
+        self._parameters = Parameters({"matrix": (3 * config.features, config.size)}, generator_of(seed, 2))
+        self.values, self.gradient = self._parameters.values, self._parameters.gradient
+        self._matrix = torch.zeros(self._shape)
+        self._saved = np.empty((0, 3), np.float32)
+
+    @contextlib.contextmanager
+    def shown(
+        self, gaussians: Gaussians, features: Float32, embedding: torch.Tensor, camera: Camera
+    ) -> Iterator[Gaussians]:
+        """The Gaussians as `camera` sees them. Their coefficients are changed in place, and as before afterwards."""
+        self._matrix = self._parameters.linear("matrix", embedding).view(self._shape)
+        if self._saved.shape[0] != len(gaussians):
+            self._saved = np.empty((len(gaussians), 3), np.float32)
+        matrix = np.ascontiguousarray(self._matrix.detach().numpy())
+        add_offsets(features, matrix, numba.get_num_threads(), gaussians.sh, self._saved)
+        try:
+            yield gaussians
+        finally:
+            gaussians.sh[:, 0] = self._saved
+
+    def collect(self, d_sh: Float32, features: Float32, d_features: Float32) -> None:
+        """From the gradient by the coefficients (N, K, 3) that the last `shown` lent."""
+        threads = numba.get_num_threads()
+        parts = np.empty((threads, *self._shape), np.float32)
+        matrix = np.ascontiguousarray(self._matrix.detach().numpy())
+        collect_offsets(d_sh, features, matrix, threads, d_features, parts)
+        self._matrix.backward(torch.from_numpy(parts.sum(axis=0)))
+
+    def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> LinearAppearance:
+        """A copy without torch."""
+        return LinearAppearance(embedding, self._parameters.exported(), features.copy(), middle)
+
+
+class NetworkColours:
+    """All coefficients from (embedding, features) by a network, for the Gaussians in view only (Splatfacto-W)."""
+
+    own = False
+
+    def __init__(self, config: AppearanceConfig, seed: int, sh_count: int) -> None:
+        layers, previous = {}, config.size + config.features
+        self._depth = config.layers - 1
+        for i in range(self._depth):
+            layers[f"colour.{i}"] = (config.width, previous)
+            previous = config.width
+        layers["base"] = (3, previous)
+        if sh_count > 1:
+            layers["rest"] = (3 * (sh_count - 1), previous)
+        self._parameters = Parameters(layers, generator_of(seed, 2), zero=("rest",))
+        self.values, self.gradient = self._parameters.values, self._parameters.gradient
+        self._size = config.size
+        self._seen = np.empty(0, np.bool_)
+        self._rows = np.empty(0, np.int64)
+        self._features = self._sh = torch.zeros(0)
+
+    @contextlib.contextmanager
+    def shown(
+        self, gaussians: Gaussians, features: Float32, embedding: torch.Tensor, camera: Camera
+    ) -> Iterator[Gaussians]:
+        """The Gaussians as `camera` sees them: the coefficients of those in view are overwritten."""
+        k = camera.intrinsics
+        if len(self._seen) != len(gaussians):
+            self._seen = np.empty(len(gaussians), np.bool_)
+        size = np.array([k.width, k.height], np.float32)
+        mark_in_view(gaussians.means, gaussians.log_scales, pack_camera(camera), size, self._seen)
+        self._rows = np.flatnonzero(self._seen)
+        self._features = torch.from_numpy(features[self._rows]).requires_grad_()
+        self._sh = self.evaluate(embedding, self._features)
+        gaussians.sh[self._rows] = self._sh.detach().numpy().reshape(len(self._rows), -1, 3)
+        yield gaussians
+
+    def evaluate(self, embedding: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
+        """(V, 3 K) coefficients of `features` (V, F)."""
+        p, e = self._parameters, self._size
+        first = p.tensors["colour.0.weight"]
+        # What the embedding adds to the first layer is the same for every Gaussian.
+        shared = torch.mv(first[:, :e], embedding) + p.tensors["colour.0.bias"]
+        h = torch.relu(torch.addmm(shared, features, first[:, e:].T))
+        for i in range(1, self._depth):
+            h = torch.relu(p.linear(f"colour.{i}", h))
+        heads = [p.linear(name, h) for name in ("base", "rest") if f"{name}.weight" in p.tensors]
+        return torch.cat(heads, dim=1)
+
+    def collect(self, d_sh: Float32, features: Float32, d_features: Float32) -> None:
+        """From the gradient by the coefficients (N, K, 3) that the last `shown` lent."""
+        self._sh.backward(torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
+        d_features[:] = 0
+        if self._features.grad is not None:
+            d_features[self._rows] = self._features.grad.numpy()
+
+    def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> NetworkAppearance:
+        """A copy without torch."""
+        return NetworkAppearance(embedding, self._parameters.exported(), features.copy(), middle)
+
+
+def baked(appearance: LinearAppearance | NetworkAppearance, gaussians: Gaussians) -> Gaussians:
+    """`gaussians` with coefficients of their own that are right in the middle: the colour network's, which has nothing
+    else to keep there, and unchanged for the linear form."""
+    if isinstance(appearance, LinearAppearance):
+        return gaussians
+    exact = replace(appearance, cell=0.0)
+    return replace(gaussians, sh=exact.coloured(gaussians, appearance.middle).sh.copy())

@@ -1,0 +1,92 @@
+"""The networks of one model: the embedding, and what it feeds, the background and the colours of the Gaussians."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from nvsim.splats.types import Appearance, Background, Gaussians
+from nvsim.training.appearance import LinearColours, NetworkColours, baked
+from nvsim.training.background import BackgroundNetwork
+from nvsim.training.config import TrainingConfig
+from nvsim.training.embedding import IndexEmbedding, PositionEmbedding, embedding_of
+from nvsim.training.optimizer import Group
+from nvsim.training.views import TrainingView
+
+Float32 = NDArray[np.float32]
+
+
+class Networks:
+    """One embedding feeds both, as in Splatfacto-W. A view begins with `look` and ends with `learn`.
+
+    colour   (3,) of the background at first, in 0 to 1
+    """
+
+    def __init__(
+        self, views: Sequence[TrainingView], config: TrainingConfig, seed: int, colour: NDArray[np.floating]
+    ) -> None:
+        appearance = config.appearance
+        self._config = config
+        self.embedding: PositionEmbedding | IndexEmbedding = embedding_of(appearance, views, seed)
+        self.background = BackgroundNetwork(appearance, seed, colour) if config.background else None
+        self.colours: LinearColours | NetworkColours | None = None
+        if appearance.kind == "linear":
+            self.colours = LinearColours(appearance, seed)
+        elif appearance.kind == "network":
+            self.colours = NetworkColours(appearance, seed, (config.sh_degree + 1) ** 2)
+        self._middle = np.mean([view.camera.position for view in views], axis=0)
+        self._taken = self.seen = torch.zeros(0)
+        self._coefficients = torch.zeros(0)
+
+    def groups(self) -> dict[str, Group]:
+        """What the optimiser moves, by name; the features of the Gaussians are not among it."""
+        rate = self._config.rate
+        groups = {"embedding": Group.of(self.embedding.values, rate.embedding, self.embedding.gradient)}
+        if self.background is not None:
+            groups["network"] = Group.of(self.background.values, rate.network, self.background.gradient)
+        if self.colours is not None:
+            groups["colours"] = Group.of(self.colours.values, rate.network, self.colours.gradient)
+        return groups
+
+    def first_features(self, gaussians: Gaussians) -> Float32:
+        """(N, F) the features that Gaussians start with: zero (Splatfacto-W)."""
+        return np.zeros((len(gaussians), self._config.appearance.features), np.float32)
+
+    def look(self, position: NDArray[np.floating], name: str | None = None) -> None:
+        """The embedding of the training view `name`, or of no training view, at `position` (3,)."""
+        self._taken = self.embedding.at(position, name)
+        self.seen = self._taken.detach().requires_grad_()
+        for part in (self.embedding, self.background, self.colours):
+            if part is not None:
+                part.gradient[:] = 0
+
+    def backdrop(self, share: float) -> Float32:
+        """(25, 3) coefficients of the background after `share` of the steps."""
+        assert self.background is not None
+        interval = self._config.appearance.background_interval
+        degree = min(4, int(share / interval)) if interval > 0 else 4
+        self._coefficients = self.background.at(self.seen, degree)
+        return np.asarray(self._coefficients.detach().numpy(), np.float32)
+
+    def backdrop_gradient(self, d_coefficients: Float32) -> None:
+        """From the gradient (25, 3) by the last `backdrop`."""
+        self._coefficients.backward(torch.from_numpy(d_coefficients))
+
+    def learn(self) -> None:
+        """Sends what the background and the colours want of the embedding back to it."""
+        if self.seen.grad is not None and self._taken.requires_grad:
+            self._taken.backward(self.seen.grad)
+
+    def exported_background(self) -> Background | None:
+        """A copy without torch."""
+        return None if self.background is None else self.background.exported(self.embedding.exported())
+
+    def exported_colours(self, gaussians: Gaussians, features: Float32 | None) -> tuple[Gaussians, Appearance | None]:
+        """The Gaussians with the coefficients to keep, and a copy of what colours them."""
+        if self.colours is None or features is None:
+            return gaussians, None
+        appearance = self.colours.exported(self.embedding.exported(), features, self._middle)
+        return baked(appearance, gaussians), appearance
