@@ -18,7 +18,8 @@ from nvsim.render.floor_texture import (
     pack_texture,
     texture_colour,
 )
-from nvsim.render.projection import pack, sh_terms
+from nvsim.render.projection import pack
+from nvsim.render.sky import COEFFICIENTS, change_of_basis, row_numbers
 from nvsim.render.types import Float32
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import SubmapModel
@@ -26,14 +27,13 @@ from nvsim.splats.types import SubmapModel
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 _SEGMENT = 64
-_COLOUR, _BASIS, _PLANES = 4, 7, 32  # after the direction and its forward component
+_COLOUR, _PLANES = 4, 7  # after the direction and its forward component
 _DARK = _F(1 / 1024)  # a background dimmed by more than this cannot be seen in 8 bits
 
 
 @njit(fastmath=True, error_model="numpy")
-def _sky_segment(view: Any, coefficients: Any, x0: Any, count: Any, y: Any, planes: Any) -> None:
-    # `count` pixels from x0 on: unit directions and their forward component, then SH colours. The basis
-    # goes through memory, which stays in the nearest cache: so every loop is a plain one that LLVM vectorises.
+def _sky_segment(view: Any, terms: Any, x0: Any, count: Any, y: Any, planes: Any) -> None:
+    # `count` pixels from x0 on: unit directions and their forward component, then colours (see `sky`).
     v = (_F(y) + _HALF - view[15]) / view[13]
     for i in range(count):
         u = (_F(x0 + i) + _HALF - view[14]) / view[12]
@@ -42,47 +42,20 @@ def _sky_segment(view: Any, coefficients: Any, x0: Any, count: Any, y: Any, plan
         planes[1, i] = (view[1] * u + view[4] * v + view[7]) * n
         planes[2, i] = (view[2] * u + view[5] * v + view[8]) * n
         planes[3, i] = n
-    for i in range(count):
-        values = sh_terms(planes[0, i], planes[1, i], planes[2, i])
-        planes[_BASIS, i] = values[0]
-        planes[_BASIS + 1, i] = values[1]
-        planes[_BASIS + 2, i] = values[2]
-        planes[_BASIS + 3, i] = values[3]
-        planes[_BASIS + 4, i] = values[4]
-        planes[_BASIS + 5, i] = values[5]
-        planes[_BASIS + 6, i] = values[6]
-        planes[_BASIS + 7, i] = values[7]
-        planes[_BASIS + 8, i] = values[8]
-        planes[_BASIS + 9, i] = values[9]
-        planes[_BASIS + 10, i] = values[10]
-        planes[_BASIS + 11, i] = values[11]
-        planes[_BASIS + 12, i] = values[12]
-        planes[_BASIS + 13, i] = values[13]
-        planes[_BASIS + 14, i] = values[14]
-        planes[_BASIS + 15, i] = values[15]
-        planes[_BASIS + 16, i] = values[16]
-        planes[_BASIS + 17, i] = values[17]
-        planes[_BASIS + 18, i] = values[18]
-        planes[_BASIS + 19, i] = values[19]
-        planes[_BASIS + 20, i] = values[20]
-        planes[_BASIS + 21, i] = values[21]
-        planes[_BASIS + 22, i] = values[22]
-        planes[_BASIS + 23, i] = values[23]
-        planes[_BASIS + 24, i] = values[24]
     for channel in range(3):
-        line = planes[_COLOUR + channel]
+        e0, e1, e2, e3, e4, o0, o1, o2, o3 = row_numbers(terms, v, channel)
+        line, forward = planes[_COLOUR + channel], planes[3]
         for i in range(count):
-            line[i] = _ZERO
-        for k in range(25):
-            factor, value = coefficients[k, channel], planes[_BASIS + k]
-            for i in range(count):
-                line[i] += factor * value[i]
+            u, n = (_F(x0 + i) + _HALF - view[14]) / view[12], forward[i]
+            even = e0 + u * (e1 + u * (e2 + u * (e3 + u * e4)))
+            odd = o0 + u * (o1 + u * (o2 + u * o3))
+            line[i] = n * n * n * (n * even + odd)
 
 
 @njit(fastmath=True, error_model="numpy")
 def _paint_row(
     view: Any,
-    coefficients: Any,
+    terms: Any,
     heights: Any,
     grid: Any,
     texels: Any,
@@ -103,7 +76,7 @@ def _paint_row(
             lightest = max(lightest, transmittance[x0 + i])
         if lightest < _DARK:
             continue
-        _sky_segment(view, coefficients, x0, count, y, planes)
+        _sky_segment(view, terms, x0, count, y, planes)
         for i in range(count):
             through = transmittance[x0 + i]
             if through < _DARK:
@@ -125,7 +98,7 @@ def _paint_row(
 @njit(parallel=True, cache=True, nogil=True)
 def paint(
     view: Any,
-    coefficients: Any,
+    terms: Any,
     heights: Any,
     grid: Any,
     texels: Any,
@@ -136,14 +109,14 @@ def paint(
     transmittance: Any,
     rgb: Any,
 ) -> None:
-    """Adds transmittance (H, W) * background to rgb (H, W, 3). `view` from projection.pack, `coefficients` (25, 3),
+    """Adds transmittance (H, W) * background to rgb (H, W, 3). `view` from projection.pack, `terms` (25, 3) of `sky`,
     the rest from floor_texture."""
     for thread in prange(threads):
         planes = np.empty((_PLANES, _SEGMENT), np.float32)
         for y in range(thread, rgb.shape[0], threads):
             _paint_row(
                 view,
-                coefficients,
+                terms,
                 heights,
                 grid,
                 texels,
@@ -162,15 +135,15 @@ def paint_background(model: SubmapModel, camera: Camera, transmittance: Float32,
     1/1024 comes through, it is left out."""
     if model.background is None and model.texture is None:
         return
-    coefficients = np.zeros((25, 3), np.float32)
+    terms = np.zeros((COEFFICIENTS, 3), np.float32)
     if model.background is not None:
-        coefficients = np.require(model.background.coefficients(camera.position), np.float32, ["C", "A", "W"])
+        terms[:] = change_of_basis(camera.rotation) @ model.background.coefficients(camera.position)
     heights, grid = pack_floor(model.floor)
     t = pack_texture(model.texture)
     with LOCK:
         paint(
             pack(camera, model.antialiased),
-            coefficients,
+            terms,
             heights,
             grid,
             t.texels,
