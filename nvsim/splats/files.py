@@ -131,8 +131,11 @@ def memory_needed(folder: Path) -> int:
         colours = 3 * (int(data["sh_degree"]) + 1) ** 2
         values = 11 + colours * (1 if data.get("appearance") is None else 2)
         path = _paths(folder, data)[1]
-        with open(path, "rb") as file:
-            head = 8 + int.from_bytes(file.read(8), "little")
+        try:
+            with open(path, "rb") as file:
+                head = 8 + int.from_bytes(file.read(8), "little")
+        except FileNotFoundError:
+            head = 0  # replaced just now; loading finds the new ones
         networks = max(0, int(data["files"][path.name]["bytes"]) - head)
         return 4 * values * int(data["count"]) + networks * (1 if data["texture"] is None else 2)
     except OSError as error:
