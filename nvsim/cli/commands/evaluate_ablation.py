@@ -1,8 +1,8 @@
 """Train and print the paper's ablation table and the comparison of the presets, with CSV files and pictures.
 
 Runs are kept in the project (ablation/), shared by both tables and by later calls, and continued where they were cut
-off; the project's own models stay as they are. On the built-in building with the defaults there are 7 runs for each of
-about 3 submaps: less than 60 minutes on two cores."""
+off; the project's own models stay as they are. With the defaults there are 7 runs for each submap; the tables say how
+many seconds each took."""
 
 from __future__ import annotations
 
