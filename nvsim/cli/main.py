@@ -30,6 +30,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "evaluate floor": ("evaluate_floor", "IoU of the floor masks against a truth"),
     "evaluate graph": ("evaluate_graph", "validity and coverage of the graph against an occupancy map"),
+    "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),
     "bench train": ("bench_train", "milliseconds of a training step and its parts"),

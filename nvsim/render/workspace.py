@@ -84,6 +84,12 @@ class Workspace:
         return self._entries
 
     @property
+    def drawn_entries(self) -> tuple[Float32, NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], int]:
+        """What the last `draw` went through, for measurements: splats, their rows in the order of the tiles, where each
+        tile begins, the past-last entry that it drew, and the number of tiles in a line."""
+        return self._rows[: self.count], self._order, self._offsets, self._last, self._columns
+
+    @property
     def splats(self) -> tuple[Float32, NDArray[np.int32]]:
         """The splats of the last view for a backend that draws them by other means: rows (N, 16) with columns as in
         render.layout, and of each block b of B the number of rows that it packed to the start of its run, N * b // B.

@@ -1,0 +1,43 @@
+"""Milliseconds of a view of many Gaussians, part by part, forward and backward, with the kernels of the CPU."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli import show
+from nvsim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Arguments:
+    scene: Path | None = None
+    """A splat file (.ply, .spz, .splat, .sog), seen from (1.8, 1.6, 1.6) towards (6, 4.8, 1) with a field of view of 70
+    degrees; a room made in memory when left out."""
+    gaussians: int = 100_000
+    """How many the room in memory has."""
+    size: str = "640x480"
+    """Width and height in pixels."""
+    rounds: int = 15
+    """Medians are over so many."""
+    classic: bool = False
+    """Draw without opacity compensation."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.render.benchmark import inside_view, measure
+    from nvsim.render.random_room import random_room
+    from nvsim.splats.formats.choice import read_splats
+
+    a = arguments
+    width, _, height = a.size.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise InputError(f"The size {a.size!r} is not understood; write it as 640x480.")
+    if a.rounds < 1 or a.gaussians < 1:
+        raise InputError("A measurement needs at least one round and one Gaussian.")
+    gaussians = random_room(a.gaussians) if a.scene is None else read_splats(a.scene)[0]
+    figures = measure(gaussians, inside_view(int(width), int(height)), not a.classic, a.rounds)
+    show.figures(figures, a.json, "a view")
+    return 0

@@ -1,0 +1,43 @@
+"""How many multiply-adds in single precision this machine can do: what the kernels are measured against."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numba
+import numpy as np
+from numba import njit, prange
+
+_F = np.float32
+_STEPS, _LANES, _ROUNDS = 32, 2048, 4000
+
+
+@njit(parallel=True, fastmath=True)
+def _horner(threads: Any, rounds: Any, out: Any) -> None:
+    # A polynomial of degree 32 in every lane: nothing but multiply-adds between a load and a store.
+    for thread in prange(threads):
+        values = out[thread]
+        for r in range(rounds):
+            shift = _F(r) * _F(1e-7)
+            for i in range(_LANES):
+                x = values[i] * _F(0.5) + shift
+                p = x
+                for _ in range(_STEPS):
+                    p = p * x + _F(0.25)
+                values[i] = p
+
+
+def multiply_adds_per_second(threads: int | None = None) -> float:
+    """The most that a plain vectorised loop reaches with all threads of numba (or `threads`); best of five, about a
+    quarter of a second each."""
+    threads = threads or numba.get_num_threads()
+    values = np.full((threads, _LANES), 0.1, np.float32)
+    _horner(threads, 1, values)
+    best = 0.0
+    for _ in range(5):
+        started = time.perf_counter()
+        _horner(threads, _ROUNDS, values)
+        seconds = time.perf_counter() - started
+        best = max(best, threads * _ROUNDS * _LANES * (_STEPS + 1) / seconds)
+    return best
