@@ -10,11 +10,13 @@ seen when one set of colours must do, as in an exported file.
 
 from __future__ import annotations
 
+import functools
 import threading
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from nvsim.splats.embedding import Embedding, layer_count
 from nvsim.splats.types import Gaussians
@@ -22,7 +24,7 @@ from nvsim.splats.types import Gaussians
 Float32 = NDArray[np.float32]
 CELL = 0.1
 """Metres between the places at which the colour network is evaluated."""
-_ROWS = 4096  # Gaussians at a time, so that their layers stay in the cache
+_ROWS = 1024  # Gaussians at a time, so that their layers stay in the cache
 
 
 @dataclass(eq=False)
@@ -47,7 +49,9 @@ class LinearAppearance:
         if sh is None or self._kept.source is not gaussians.sh:
             sh = self._kept.sh = gaussians.sh.copy()
             self._kept.source = gaussians.sh
-        np.add(gaussians.sh[:, 0], self.features @ self.matrix(position).T, out=sh[:, 0])
+        with _blas().limit(limits=1, user_api="blas"):
+            offsets = self.features @ self.matrix(position).T
+        np.add(gaussians.sh[:, 0], offsets, out=sh[:, 0])
         return replace(gaussians, sh=sh)
 
     def matrix(self, position: NDArray[np.floating]) -> Float32:
@@ -95,12 +99,27 @@ class NetworkAppearance:
         w, e = self.weights, len(embedding)
         first = w["colour.0.weight"]
         shared = first[:, :e] @ embedding + w["colour.0.bias"]  # what the embedding adds is the same for every row
-        for start in range(0, len(sh), _ROWS):
-            part = slice(start, start + _ROWS)
-            h = np.maximum(self.features[part] @ first[:, e:].T + shared, 0)
-            for i in range(1, layer_count(w, "colour")):
-                h = np.maximum(h @ w[f"colour.{i}.weight"].T + w[f"colour.{i}.bias"], 0)
-            sh[part, 0] = h @ w["base.weight"].T + w["base.bias"]
-            if sh.shape[1] > 1:
-                rest = h @ w["rest.weight"].T + w["rest.bias"]
-                sh[part, 1:] = rest.reshape(len(h), -1, 3)
+        names = ("base", "rest") if sh.shape[1] > 1 else ("base",)
+        heads = np.concatenate([w[f"{name}.weight"] for name in names]).T.copy()
+        biases = np.concatenate([w[f"{name}.bias"] for name in names])
+        first, flat = first[:, e:].T.copy(), sh.reshape(len(sh), -1)
+        # One thread: the blocks are too small to share, and a pool that waits for its slowest member on a busy machine
+        # takes ten times as long.
+        with _blas().limit(limits=1, user_api="blas"):
+            for start in range(0, len(sh), _ROWS):
+                part = slice(start, start + _ROWS)
+                h = _relu(self.features[part] @ first, shared)
+                for i in range(1, layer_count(w, "colour")):
+                    h = _relu(h @ w[f"colour.{i}.weight"].T, w[f"colour.{i}.bias"])
+                np.matmul(h, heads, out=flat[part])
+                flat[part] += biases
+
+
+def _relu(product: Float32, bias: Float32) -> Float32:
+    product += bias
+    return np.maximum(product, 0, out=product)
+
+
+@functools.cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
