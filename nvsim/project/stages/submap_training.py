@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from nvsim.errors import InputError
@@ -18,9 +19,12 @@ if TYPE_CHECKING:
     from nvsim.training.views import TrainingView
 
 
-def train(project: Project, index: int, config: TrainingConfig, listen: Listener) -> tuple[float, dict[str, Any]]:
+def train(
+    project: Project, index: int, config: TrainingConfig, listen: Listener, ready: Callable[[], None] = lambda: None
+) -> tuple[float, dict[str, Any]]:
     """Trains submap `index`, from its checkpoint where there is one, and saves its model; returns the seconds it took
-    and figures. Raises InputError for images or floor that cannot be read."""
+    and figures. Calls `ready` when everything is read and the first kernel about to run. Raises InputError for images
+    or a floor that cannot be read."""
     from nvsim.splats.files import save_model
     from nvsim.training.trainer import train_submap
 
@@ -32,6 +36,7 @@ def train(project: Project, index: int, config: TrainingConfig, listen: Listener
     if surface is None:
         raise InputError(f"{layout.surface(index)} is missing; run `nvsim floors --project` again.")
     views = training_views(project, training_frames(project, index), config)
+    ready()
     model = train_submap(
         views,
         capture.cloud,

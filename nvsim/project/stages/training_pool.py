@@ -81,19 +81,21 @@ def train_together(
     """Trains in order, at most `at_once` at a time; yields (submap, event) as they come, and its `Trained` last. Calls
     `begin` with each submap before its child starts.
 
-    The second child starts when the first has made a step: by
-    then it has compiled the kernels, which all of them read from the cache. Raises InputError for what a child could
-    not do; the others are stopped, and go on from their checkpoints another time.
+    The first kernels of the others wait until one child has made a step: by then it has compiled them, and the others
+    read them from the cache. Raises InputError for what a child could not do; the others are stopped, and go on from
+    their checkpoints another time.
     """
     waiting, running = list(tasks), dict[Connection, _Child]()
     warm = False
     try:
         while waiting or running:
-            while waiting and (not running or (warm and len(running) < at_once)):
+            while waiting and len(running) < at_once:
                 if running and (waiting[0].alone or any(c.task.alone for c in running.values())):
                     break
                 begin(waiting[0].submap)
                 child = _Child(root, config, waiting.pop(0))
+                if warm or not running:
+                    child.connection.send(None)
                 running[child.connection] = child
             for connection in wait(list(running)):
                 assert isinstance(connection, Connection)
@@ -101,7 +103,12 @@ def train_together(
                 message = child.receive()
                 if isinstance(message, _Mistake):
                     raise (RuntimeError if message.is_ours else InputError)(message.sentence)
-                warm = warm or (isinstance(message, Progress) and message.done > 0) or isinstance(message, Trained)
+                if not warm and isinstance(message, Progress | Trained):
+                    warm = True
+                    for other in running.values():
+                        if other is not child:
+                            with contextlib.suppress(OSError):  # one that is gone is told of when it is listened to
+                                other.connection.send(None)
                 if isinstance(message, Trained):
                     child.end(patience=2.0)
                     del running[connection]
@@ -115,7 +122,7 @@ class _Child:
     def __init__(self, root: Path, config: TrainingConfig, task: Task) -> None:
         self.task = task
         context = multiprocessing.get_context("spawn")  # a fork of a process with thread pools may hang
-        self.connection, theirs = context.Pipe(duplex=False)
+        self.connection, theirs = context.Pipe()
         arguments = (root, replace(config, threads=task.threads), task.submap, theirs)
         self._process: BaseProcess = context.Process(target=_work, args=arguments, daemon=True)
         self._process.start()
@@ -154,12 +161,12 @@ def _work(root: Path, config: TrainingConfig, submap: int, connection: Connectio
         from nvsim.project.stages.submap_training import train
 
         with Project.open(root) as project:
-            connection.send(Trained(submap, *train(project, submap, config, connection.send)))
+            connection.send(Trained(submap, *train(project, submap, config, connection.send, connection.recv)))
     except InputError as error:
         connection.send(_Mistake(str(error), False))
     except MemoryError:
         connection.send(_Mistake("out of memory; use --at-once 1, more submaps or fewer Gaussians.", False))
-    except BrokenPipeError:
+    except (BrokenPipeError, EOFError):
         pass  # nobody is left to tell
     except Exception:
         connection.send(_Mistake(traceback.format_exc(), True))
