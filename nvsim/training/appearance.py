@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
 from nvsim.splats.embedding import Embedding
+from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training.backdrop import pack_camera
 from nvsim.training.config import AppearanceConfig
@@ -28,6 +29,8 @@ from nvsim.training.parameters import Parameters, generator_of
 _F = np.float32
 _REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing
 _FILTER = _F(2.0)  # that many pixels of it come from the pixel's low-pass filter
+COLOUR = 3
+"""Features of the linear form that start as the colour."""
 Float32 = NDArray[np.float32]
 
 
@@ -93,10 +96,21 @@ class LinearColours:
     own = True
     """Whether the Gaussians' own coefficients are used."""
 
+    def first_features(self, gaussians: Gaussians) -> Float32:
+        """(N, F) what Gaussians start with: their colours, on which W starts at zero, so that an exposure that depends
+        on the position is learned once for all; then zeros, on which W is random."""
+        features = np.zeros((len(gaussians), self._shape[1]), np.float32)
+        features[:, :COLOUR] = gaussians.sh[:, 0, : self._shape[1]] + np.float32(0.5 / DC)
+        return features
+
     def __init__(self, config: AppearanceConfig, seed: int) -> None:
         self._shape = (3, config.features)
         self._parameters = Parameters({"matrix": (3 * config.features, config.size)}, generator_of(seed, 2))
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
+        with torch.no_grad():
+            for kind in ("weight", "bias"):
+                rows = self._parameters.tensors[f"matrix.{kind}"].view(3, config.features, -1)
+                rows[:, :COLOUR] = 0
         self._matrix = torch.zeros(self._shape)
         self._saved = np.empty((0, 3), np.float32)
 
@@ -133,6 +147,10 @@ class NetworkColours:
 
     own = False
 
+    def first_features(self, gaussians: Gaussians) -> Float32:
+        """(N, F) what Gaussians start with: zeros."""
+        return np.zeros((len(gaussians), self._width), np.float32)
+
     def __init__(self, config: AppearanceConfig, seed: int, sh_count: int) -> None:
         layers, previous = {}, config.size + config.features
         self._depth = config.layers - 1
@@ -144,7 +162,7 @@ class NetworkColours:
             layers["rest"] = (3 * (sh_count - 1), previous)
         self._parameters = Parameters(layers, generator_of(seed, 2), zero=("rest",))
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
-        self._size = config.size
+        self._size, self._width = config.size, config.features
         self._seen = np.empty(0, np.bool_)
         self._rows = np.empty(0, np.int64)
         self._features = self._sh = torch.zeros(0)

@@ -92,10 +92,10 @@ class AppearanceConfig:
     """The vector of a view that was not trained on, with "index": the mean of all, or that of the nearest camera."""
     size: int = 24
     """Numbers in an embedding."""
-    kind: Literal["none", "linear", "network"] = "none"
+    kind: Literal["none", "linear", "network"] = "linear"
     """How Gaussians are coloured: by themselves, with an offset that is bilinear in embedding and features (for CPUs),
     or by the colour network of Splatfacto-W."""
-    features: int = 4
+    features: int = 6
     """Numbers per Gaussian that the colours are made from."""
     layers: int = 2
     """Layers of the colour network, its heads counting as one."""
@@ -210,6 +210,7 @@ def _splatfacto() -> TrainingConfig:
         background=False,
         random_background=True,
         texture=False,
+        appearance=AppearanceConfig(kind="none"),
         antialiased=False,
         loss=LossConfig(suppression=0.0, floor=0.0, fill=0.0),
         rate=RateConfig(log_scales=5e-3, opacity_logits=5e-2),
@@ -279,7 +280,7 @@ Preset = Literal["nvsim", "splatfacto-i", "splatfacto-w", "3dgs"]
 def preset(name: str) -> TrainingConfig:
     """The configuration of a name.
 
-    "nvsim"         the default: the paper's method with floor texture and fill
+    "nvsim"         the default: the paper's method with floor texture, fill, and the linear form of its colours
     "splatfacto-i"  the paper: floor suppression and background floor loss, colours by camera position; no texture, no
                     fill
     "splatfacto-w"  its base: background and colours by image, robust mask, alpha loss; the floor is as everything else

@@ -115,7 +115,7 @@ class Fit:
             self.groups |= networks.groups()
             self._painter, self._colours = networks.background, networks.colours
         if networks is not None and networks.colours is not None:
-            self.groups[FEATURES] = Group.of(networks.first_features(gaussians), config.rate.features)
+            self.groups[FEATURES] = Group.of(networks.colours.first_features(gaussians), config.rate.features)
             self.per_gaussian = (*FIELDS, FEATURES)
         if texture is not None:
             self.groups["texture"] = Group.of(texture.values, config.rate.texture, texture.gradient)

@@ -51,10 +51,6 @@ class Networks:
             groups["colours"] = Group.of(self.colours.values, rate.network, self.colours.gradient)
         return groups
 
-    def first_features(self, gaussians: Gaussians) -> Float32:
-        """(N, F) the features that Gaussians start with: zero (Splatfacto-W)."""
-        return np.zeros((len(gaussians), self._config.appearance.features), np.float32)
-
     def look(self, position: NDArray[np.floating], name: str | None = None) -> None:
         """The embedding of the training view `name`, or of no training view, at `position` (3,)."""
         self._taken = self.embedding.at(position, name)

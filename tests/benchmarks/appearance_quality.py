@@ -76,7 +76,7 @@ def configured(arguments: Arguments, kind: str) -> TrainingConfig:
         base.appearance,
         kind=name,
         embedding=arguments.embedding,
-        features=int(features) if features else 32 if network else 4,
+        features=int(features) if features else 32 if network else 6,
     )
     rate = replace(base.rate, features=2e-2, features_end=1e-3) if network else base.rate
     return replace(

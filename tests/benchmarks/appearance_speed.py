@@ -23,7 +23,7 @@ from nvsim.training.appearance import LinearColours, NetworkColours
 from nvsim.training.config import AppearanceConfig
 from nvsim.training.embedding import PositionEmbedding
 
-KINDS = (("linear", 4), ("linear", 8), ("network", 32))
+KINDS = (("linear", 6), ("network", 32))
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.render.model import render_model
 from nvsim.render.workspace import Workspace
+from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training import trainer
 from nvsim.training.appearance import LinearColours, NetworkColours, mark_in_view
@@ -23,7 +24,7 @@ from nvsim.training.networks import Networks
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 
 CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
-LINEAR = AppearanceConfig(kind="linear")
+LINEAR = AppearanceConfig()
 NETWORK = AppearanceConfig(kind="network", features=6, layers=3, width=16)
 
 
@@ -41,6 +42,7 @@ def inputs(config: AppearanceConfig, count: int) -> tuple[np.ndarray, torch.Tens
 
 def test_linear_gradients_are_those_of_the_tape_in_double_precision() -> None:
     g, colours = some_gaussians(), LinearColours(LINEAR, 0)
+    colours.values[:] += 0.1 * np.random.default_rng(3).standard_normal(colours.values.shape).astype(np.float32)
     features, embedding, slopes = inputs(LINEAR, len(g))
     before = g.sh.copy()
     with colours.shown(g, features, embedding, CAMERA) as shown:
@@ -59,6 +61,15 @@ def test_linear_gradients_are_those_of_the_tape_in_double_precision() -> None:
     np.testing.assert_allclose(d_features, double[0].grad, atol=1e-5)
     np.testing.assert_allclose(embedding.grad, double[1].grad, atol=1e-3)
     np.testing.assert_allclose(colours.gradient[:, 0], weights.grad, atol=1e-3)
+
+
+def test_the_linear_form_starts_without_an_offset_and_with_the_colours_as_features() -> None:
+    g, colours = some_gaussians(), LinearColours(LINEAR, 0)
+    features = colours.first_features(g)
+    np.testing.assert_allclose(features[:, :3] * DC, g.sh[:, 0] * DC + 0.5, atol=1e-6)
+    before = g.sh.copy()
+    with colours.shown(g, features, torch.ones(LINEAR.size), CAMERA) as shown:
+        np.testing.assert_array_equal(shown.sh, before)
 
 
 def test_network_gradients_are_finite_differences_and_only_of_what_is_in_view() -> None:
@@ -139,7 +150,9 @@ def test_views_held_out_of_training_leave_no_trace_in_an_index_embedding(room: S
 
 
 def test_without_an_embedding_the_background_is_the_same_everywhere(room: SyntheticRoom) -> None:
-    networks = Networks(room.views, TrainingConfig(appearance=AppearanceConfig(embedding="none")), 0, np.full(3, 0.5))
+    networks = Networks(
+        room.views, TrainingConfig(appearance=AppearanceConfig("none", kind="none")), 0, np.full(3, 0.5)
+    )
     background = networks.exported_background()
     assert background is not None
     np.testing.assert_array_equal(background.coefficients(np.zeros(3)), background.coefficients(np.ones(3)))
