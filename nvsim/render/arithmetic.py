@@ -65,3 +65,19 @@ def exp2_below(t: Any) -> Any:
     """2^t for -126 < t < 0.5, without the sign test."""
     whole = np.int32(t - _F(0.5))
     return _scaled(whole, t - _F(whole))
+
+
+@njit(forceinline=True, fastmath=True, error_model="numpy")
+def log2(x: Any) -> Any:
+    """Logarithm to the base 2 of a normal positive number, absolute error below 4e-7 plus one rounding.
+
+    x = m 2^e with m in [sqrt(1/2), sqrt(2)); then log m = 2 artanh((m - 1) / (m + 1)), whose odd series converges fast
+    because the argument is at most 0.172.
+    """
+    bits = np.int32(_bits_of_float(x))  # type: ignore[call-arg]
+    whole = (bits - np.int32(0x3F3504F3)) >> np.int32(23)
+    m = _float_of_bits(bits - (whole << np.int32(23)))
+    s = (m - _F(1)) / (m + _F(1))
+    q = s * s
+    series = ((_F(0.41219858) * q + _F(0.57707802)) * q + _F(0.96179669)) * q + _F(2.88539008)
+    return _F(whole) + s * series

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera
-from nvsim.render.arithmetic import FLAGS, LN2, LOG2E, exp2
+from nvsim.render.arithmetic import FLAGS, LN2, LOG2E, exp2, log2
+from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
 from nvsim.render.layout import (
     BLUE,
     CONIC_A,
@@ -38,141 +37,171 @@ from nvsim.splats import harmonics
 
 _F = np.float32
 _ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
-EPS2D = 0.3
-"""Variance of the pixel's low-pass filter, pixels squared."""
-NEAR = 0.05
-"""Gaussians whose centre is nearer than this along the optical axis are not drawn, metres."""
 _MOST_REACH = _F(math.sqrt(2 * math.log(255)))  # standard deviations at which alpha 1 has fallen to 1/255
-_MARGIN = 0.15
-# The affine approximation is taken at most this share of the image size outside it, as is the custom: farther out it
-# stretches Gaussians without bound.
-
-sh_terms = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics.terms)
-
-
-def pack(camera: Camera, antialiased: bool) -> NDArray[np.float32]:
-    """The camera as the (33,) float32 row that the kernels read: rotation and translation of world to camera, focal
-    lengths, principal point, size, limits of x/z and y/z, eye, filter variance, whether opacity is compensated, nearest
-    depth, how far the slopes can stretch a Gaussian, and the first and last pixel that is wanted, of a row and of a
-    column (see `limit`)."""
-    k = camera.intrinsics
-    view = np.empty(33, np.float32)
-    view[0:9] = camera.world_to_camera[:3, :3].reshape(-1)
-    view[9:12] = camera.world_to_camera[:3, 3]
-    view[12:18] = k.fx, k.fy, k.cx, k.cy, k.width, k.height
-    view[18:20] = -(k.cx + _MARGIN * k.width) / k.fx, (k.width - k.cx + _MARGIN * k.width) / k.fx
-    view[20:22] = -(k.cy + _MARGIN * k.height) / k.fy, (k.height - k.cy + _MARGIN * k.height) / k.fy
-    view[22:25] = camera.position
-    view[25:28] = EPS2D, antialiased, NEAR
-    # Rows of the Jacobian are at most focal / z times this long.
-    view[28] = np.sqrt(1 + max(view[18] ** 2, view[19] ** 2, view[20] ** 2, view[21] ** 2))
-    view[29:33] = 0, k.width - 1, 0, k.height - 1
-    return view
-
-
-def limit(view: NDArray[np.float32], tiles: NDArray[np.bool_]) -> None:
-    """Narrows a packed camera to the bounding box of the `tiles` (lines, columns) that are wanted."""
-    lines, columns = np.flatnonzero(tiles.any(axis=1)), np.flatnonzero(tiles.any(axis=0))
-    if len(lines) == 0:
-        view[29:33] = 0, -1, 0, -1
-        return
-    view[29], view[30] = columns[0] * TILE, min(view[30], columns[-1] * TILE + TILE - 1)
-    view[31], view[32] = lines[0] * TILE, min(view[32], lines[-1] * TILE + TILE - 1)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def rotation(w: Any, x: Any, y: Any, z: Any) -> Any:
-    """The nine entries, by rows, of the rotation of a unit quaternion."""
-    return (
-        _ONE - _TWO * (y * y + z * z),
-        _TWO * (x * y - w * z),
-        _TWO * (x * z + w * y),
-        _TWO * (x * y + w * z),
-        _ONE - _TWO * (x * x + z * z),
-        _TWO * (y * z - w * x),
-        _TWO * (x * z - w * y),
-        _TWO * (y * z + w * x),
-        _ONE - _TWO * (x * x + y * y),
-    )
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def to_camera(view: Any, x: Any, y: Any, z: Any) -> Any:
-    """A direction of the world along the camera's axes."""
-    return (
-        view[0] * x + view[1] * y + view[2] * z,
-        view[3] * x + view[4] * y + view[5] * z,
-        view[6] * x + view[7] * y + view[8] * z,
-    )
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def jacobian(view: Any, x: Any, y: Any, z: Any) -> Any:
-    """Derivative of the pixel with respect to the camera-frame point: du/dx, du/dz, dv/dy, dv/dz."""
-    iz = _ONE / z
-    slope_x = min(max(x * iz, view[18]), view[19])
-    slope_y = min(max(y * iz, view[20]), view[21])
-    return view[12] * iz, -view[12] * slope_x * iz, view[13] * iz, -view[13] * slope_y * iz
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def axes_in_camera(view: Any, r: Any, s0: Any, s1: Any, s2: Any) -> Any:
-    """The three semi-axes (columns of W R S) in the camera frame, by columns."""
-    a = to_camera(view, r[0] * s0, r[3] * s0, r[6] * s0)
-    b = to_camera(view, r[1] * s1, r[4] * s1, r[7] * s1)
-    c = to_camera(view, r[2] * s2, r[5] * s2, r[8] * s2)
-    return a, b, c
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def determinant(p: Any, s: Any) -> Any:
-    """det(M M^T) of the 2x3 matrix with rows p and s, as the squared length of p x s (Cauchy-Binet): free of the
-    cancellation that A C - B^2 suffers for thin Gaussians in single precision."""
-    m0 = p[1] * s[2] - p[2] * s[1]
-    m1 = p[2] * s[0] - p[0] * s[2]
-    m2 = p[0] * s[1] - p[1] * s[0]
-    return m0 * m0 + m1 * m1 + m2 * m2
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _write_normal(row: Any, r: Any, s0: Any, s1: Any, s2: Any, dx: Any, dy: Any, dz: Any) -> None:
-    # The shortest axis, turned towards the eye; (dx, dy, dz) points from the eye to the Gaussian.
-    nx, ny, nz = r[2], r[5], r[8]
-    if s0 <= s1 and s0 <= s2:
-        nx, ny, nz = r[0], r[3], r[6]
-    elif s1 <= s2:
-        nx, ny, nz = r[1], r[4], r[7]
-    if nx * dx + ny * dy + nz * dz > _F(0):
-        nx, ny, nz = -nx, -ny, -nz
-    row[NORMAL], row[NORMAL + 1], row[NORMAL + 2] = nx, ny, nz
-
-
-@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _write_colour(row: Any, sh: Any, degree: Any, dx: Any, dy: Any, dz: Any) -> None:
+def _write_colour(row: Any, sh: Any, count: Any, planes: Any, i: Any) -> None:
     red = green = blue = _HALF
-    values = sh_terms(dx, dy, dz)
-    red += values[0] * sh[0, 0]
-    green += values[0] * sh[0, 1]
-    blue += values[0] * sh[0, 2]
-    if degree > 0:
-        for k in range(1, 4):
-            red += values[k] * sh[k, 0]
-            green += values[k] * sh[k, 1]
-            blue += values[k] * sh[k, 2]
-    if degree > 1:
-        for k in range(4, 9):
-            red += values[k] * sh[k, 0]
-            green += values[k] * sh[k, 1]
-            blue += values[k] * sh[k, 2]
-    if degree > 2:
-        for k in range(9, 16):
-            red += values[k] * sh[k, 0]
-            green += values[k] * sh[k, 1]
-            blue += values[k] * sh[k, 2]
+    for k in range(count):
+        value = planes[(_BASIS + k) * _CHUNK + i]
+        red += value * sh[k, 0]
+        green += value * sh[k, 1]
+        blue += value * sh[k, 2]
     row[RED], row[GREEN], row[BLUE] = max(red, _F(0)), max(green, _F(0)), max(blue, _F(0))
 
 
+_CHUNK = 64
+# Gaussians at a time: their planes stay in the nearest cache. The loops always run over all of them, because what LLVM
+# does after the last whole vector is rounded in another way.
+_PLANES, _BASIS = 42, 26
+# In: x, y, z in the camera's frame, whether near; log scales (3), quaternion (4), opacity logit. Out, from 12 on: u, v,
+# conic (3), log opacity, opacity, half width and height, depth, normal (3), whether drawn; from _BASIS on the harmonics
+# of the direction. One buffer at constant distances, so that LLVM sees that the planes do not overlap.
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def _gather_seen(
+    first: Any,
+    end: Any,
+    means: Any,
+    log_scales: Any,
+    quats: Any,
+    opacity_logits: Any,
+    view: Any,
+    seen: Any,
+    planes: Any,
+) -> Any:
+    """Numbers of the Gaussians of [first, end) that may be in view, into `seen`, and their parameters into `planes`.
+    Most Gaussians are out of view, which the largest scale and the greatest reach tell at little cost."""
+    for i in range(end - first):
+        g = 3 * (first + i)
+        planes[12 * _CHUNK + i], planes[13 * _CHUNK + i], planes[14 * _CHUNK + i] = means[g], means[g + 1], means[g + 2]
+        planes[15 * _CHUNK + i] = max(log_scales[g], max(log_scales[g + 1], log_scales[g + 2]))
+    for i in range(_CHUNK):
+        wx, wy, wz = planes[12 * _CHUNK + i], planes[13 * _CHUNK + i], planes[14 * _CHUNK + i]
+        x, y, z = to_camera(view, wx, wy, wz)
+        x, y, z = x + view[9], y + view[10], z + view[11]
+        iz = _ONE / z
+        u, v = view[12] * x * iz + view[14] - _HALF, view[13] * y * iz + view[15] - _HALF
+        widest = min(max(LOG2E * planes[15 * _CHUNK + i], _F(-30)), _F(30))
+        stretch = exp2(widest) * iz * max(view[12], view[13]) * view[28]
+        most = _MOST_REACH * math.sqrt(stretch * stretch + view[25])
+        across = u + most > view[29] and u - most < view[30]
+        along = v + most > view[31] and v - most < view[32]
+        planes[i], planes[_CHUNK + i], planes[2 * _CHUNK + i] = x, y, z
+        planes[3 * _CHUNK + i] = _ONE if (z > view[27] and z < _F(1e6) and across and along) else _F(0)
+    count = 0
+    for i in range(end - first):
+        if planes[3 * _CHUNK + i] != _ONE:
+            continue
+        g = first + i
+        seen[count] = g
+        # Never ahead of i, so that what is still to be read stays.
+        planes[count], planes[_CHUNK + count], planes[2 * _CHUNK + count] = (
+            planes[i],
+            planes[_CHUNK + i],
+            planes[2 * _CHUNK + i],
+        )
+        planes[4 * _CHUNK + count], planes[5 * _CHUNK + count], planes[6 * _CHUNK + count] = (
+            log_scales[3 * g],
+            log_scales[3 * g + 1],
+            log_scales[3 * g + 2],
+        )
+        planes[7 * _CHUNK + count], planes[8 * _CHUNK + count] = quats[4 * g], quats[4 * g + 1]
+        planes[9 * _CHUNK + count], planes[10 * _CHUNK + count] = quats[4 * g + 2], quats[4 * g + 3]
+        planes[11 * _CHUNK + count] = opacity_logits[g]
+        count += 1
+    return count
+
+
 # No "nnan" among the flags: comparisons must fail for a Gaussian that is not finite, so that it is skipped.
+@njit(fastmath=FLAGS, error_model="numpy")
+def _splats_of(count: Any, view: Any, planes: Any) -> None:
+    """One plain loop over planes, without branches, so that LLVM makes vectors of it."""
+    eps = view[25]
+    for i in range(_CHUNK):
+        x, y, z = planes[i], planes[_CHUNK + i], planes[2 * _CHUNK + i]
+        s0 = exp2(min(max(LOG2E * planes[4 * _CHUNK + i], _F(-30)), _F(30)))
+        s1 = exp2(min(max(LOG2E * planes[5 * _CHUNK + i], _F(-30)), _F(30)))
+        s2 = exp2(min(max(LOG2E * planes[6 * _CHUNK + i], _F(-30)), _F(30)))
+        qw, qx, qy, qz = (
+            planes[7 * _CHUNK + i],
+            planes[8 * _CHUNK + i],
+            planes[9 * _CHUNK + i],
+            planes[10 * _CHUNK + i],
+        )
+        length = qw * qw + qx * qx + qy * qy + qz * qz
+        iq = _ONE / math.sqrt(length)
+        r = rotation(qw * iq, qx * iq, qy * iq, qz * iq)
+        a, b, c = axes_in_camera(view, r, s0, s1, s2)
+        ju, juz, jv, jvz = jacobian(view, x, y, z)
+        p = (ju * a[0] + juz * a[2], ju * b[0] + juz * b[2], ju * c[0] + juz * c[2])
+        s = (jv * a[1] + jvz * a[2], jv * b[1] + jvz * b[2], jv * c[1] + jvz * c[2])
+        var_x, var_y = p[0] * p[0] + p[1] * p[1] + p[2] * p[2], s[0] * s[0] + s[1] * s[1] + s[2] * s[2]
+        cov = p[0] * s[0] + p[1] * s[1] + p[2] * s[2]
+        thin = determinant(p, s)
+        wide = thin + eps * (var_x + var_y) + eps * eps
+        sigmoid = _ONE / (_ONE + exp2(min(max(-LOG2E * planes[11 * _CHUNK + i], _F(-60)), _F(60))))
+        share = math.sqrt(thin / wide) if view[26] > _HALF else _ONE
+        opacity = sigmoid * share
+        iz = _ONE / z
+        u, v = view[12] * x * iz + view[14] - _HALF, view[13] * y * iz + view[15] - _HALF
+        log_opacity = log2(max(opacity, _F(1e-6)))
+        reach = math.sqrt(max(_TWO * LN2 * (log_opacity - LOG_CUT), _F(0)))
+        half_width, half_height = reach * math.sqrt(var_x + eps), reach * math.sqrt(var_y + eps)
+        scale = -_HALF * LOG2E / wide
+        planes[12 * _CHUNK + i], planes[13 * _CHUNK + i] = u, v
+        planes[14 * _CHUNK + i], planes[15 * _CHUNK + i], planes[16 * _CHUNK + i] = (
+            scale * (var_y + eps),
+            -_TWO * scale * cov,
+            scale * (var_x + eps),
+        )
+        planes[17 * _CHUNK + i], planes[18 * _CHUNK + i] = log_opacity, opacity
+        planes[19 * _CHUNK + i], planes[20 * _CHUNK + i], planes[21 * _CHUNK + i] = half_width, half_height, z
+        # The shortest axis, turned towards the eye.
+        first = s0 <= s1 and s0 <= s2
+        second = s1 <= s2
+        nx = r[0] if first else (r[1] if second else r[2])
+        ny = r[3] if first else (r[4] if second else r[5])
+        nz = r[6] if first else (r[7] if second else r[8])
+        cx, cy, cz = to_camera(view, nx, ny, nz)
+        sign = -_ONE if cx * x + cy * y + cz * z > _F(0) else _ONE
+        planes[22 * _CHUNK + i], planes[23 * _CHUNK + i], planes[24 * _CHUNK + i] = sign * nx, sign * ny, sign * nz
+        drawn = sigmoid * _F(255) > _ONE and opacity * _F(255) > _ONE and length > _F(1e-20) and wide < _F(1e18)
+        across = u + half_width > view[29] and u - half_width < view[30]
+        along = v + half_height > view[31] and v - half_height < view[32]
+        planes[25 * _CHUNK + i] = _ONE if (drawn and across and along) else _F(0)
+
+
+@njit(fastmath=FLAGS, error_model="numpy")
+def _harmonics_of(count: Any, view: Any, planes: Any) -> None:
+    """Likewise: the harmonics of the directions from the eye to the Gaussians."""
+    for i in range(_CHUNK):
+        x, y, z = planes[i], planes[_CHUNK + i], planes[2 * _CHUNK + i]
+        inverse = _ONE / math.sqrt(x * x + y * y + z * z)
+        dx = (view[0] * x + view[3] * y + view[6] * z) * inverse
+        dy = (view[1] * x + view[4] * y + view[7] * z) * inverse
+        dz = (view[2] * x + view[5] * y + view[8] * z) * inverse
+        values = sh_terms(dx, dy, dz)
+        planes[(_BASIS + 0) * _CHUNK + i] = values[0]
+        planes[(_BASIS + 1) * _CHUNK + i] = values[1]
+        planes[(_BASIS + 2) * _CHUNK + i] = values[2]
+        planes[(_BASIS + 3) * _CHUNK + i] = values[3]
+        planes[(_BASIS + 4) * _CHUNK + i] = values[4]
+        planes[(_BASIS + 5) * _CHUNK + i] = values[5]
+        planes[(_BASIS + 6) * _CHUNK + i] = values[6]
+        planes[(_BASIS + 7) * _CHUNK + i] = values[7]
+        planes[(_BASIS + 8) * _CHUNK + i] = values[8]
+        planes[(_BASIS + 9) * _CHUNK + i] = values[9]
+        planes[(_BASIS + 10) * _CHUNK + i] = values[10]
+        planes[(_BASIS + 11) * _CHUNK + i] = values[11]
+        planes[(_BASIS + 12) * _CHUNK + i] = values[12]
+        planes[(_BASIS + 13) * _CHUNK + i] = values[13]
+        planes[(_BASIS + 14) * _CHUNK + i] = values[14]
+        planes[(_BASIS + 15) * _CHUNK + i] = values[15]
+
+
 @njit(fastmath=FLAGS, error_model="numpy")
 def _project_part(
     block: Any,
@@ -196,84 +225,67 @@ def _project_part(
     first, end = n * block // blocks, n * (block + 1) // blocks
     counts = tile_counts[block]
     counts[:] = 0
+    seen = np.empty(_CHUNK, np.int64)
+    planes = np.empty(_PLANES * _CHUNK + 1, np.float32)
+    # Flat, so that the distance from one Gaussian to the next is a constant to LLVM.
+    flat_means, flat_scales, flat_quats = means.reshape(-1), log_scales.reshape(-1), quats.reshape(-1)
+    basis = (degree + 1) * (degree + 1)
     at = first
-    for g in range(first, end):
-        wx, wy, wz = means[g, 0], means[g, 1], means[g, 2]
-        x, y, z = to_camera(view, wx, wy, wz)
-        x, y, z = x + view[9], y + view[10], z + view[11]
-        if not (z > view[27] and z < _F(1e6)):
+    for start in range(first, end, _CHUNK):
+        stop = min(start + _CHUNK, end)
+        count = _gather_seen(start, stop, flat_means, flat_scales, flat_quats, opacity_logits, view, seen, planes)
+        if count == 0:
             continue
-        iz = _ONE / z
-        slope_x, slope_y = x * iz, y * iz
-        u, v = view[12] * slope_x + view[14] - _HALF, view[13] * slope_y + view[15] - _HALF
-        # Most Gaussians are out of view, which the largest scale and the greatest reach tell at little cost.
-        widest = max(log_scales[g, 0], max(log_scales[g, 1], log_scales[g, 2]))
-        stretch = exp2(min(max(LOG2E * widest, _F(-30)), _F(30))) * iz * max(view[12], view[13]) * view[28]
-        most = _MOST_REACH * math.sqrt(stretch * stretch + view[25])
-        if not (u + most > view[29] and u - most < view[30] and v + most > view[31] and v - most < view[32]):
-            continue
-        sigmoid = _ONE / (_ONE + exp2(min(max(-LOG2E * opacity_logits[g], _F(-60)), _F(60))))
-        if not (sigmoid * _F(255) > _ONE):
-            continue
-        s0 = exp2(min(max(LOG2E * log_scales[g, 0], _F(-30)), _F(30)))
-        s1 = exp2(min(max(LOG2E * log_scales[g, 1], _F(-30)), _F(30)))
-        s2 = exp2(min(max(LOG2E * log_scales[g, 2], _F(-30)), _F(30)))
-        qw, qx, qy, qz = quats[g, 0], quats[g, 1], quats[g, 2], quats[g, 3]
-        length = qw * qw + qx * qx + qy * qy + qz * qz
-        if not (length > _F(1e-20)):
-            continue
-        iq = _ONE / math.sqrt(length)
-        r = rotation(qw * iq, qx * iq, qy * iq, qz * iq)
-        a, b, c = axes_in_camera(view, r, s0, s1, s2)
-        ju, juz, jv, jvz = jacobian(view, x, y, z)
-        p = (ju * a[0] + juz * a[2], ju * b[0] + juz * b[2], ju * c[0] + juz * c[2])
-        s = (jv * a[1] + jvz * a[2], jv * b[1] + jvz * b[2], jv * c[1] + jvz * c[2])
-        eps = view[25]
-        var_x, var_y = p[0] * p[0] + p[1] * p[1] + p[2] * p[2], s[0] * s[0] + s[1] * s[1] + s[2] * s[2]
-        cov = p[0] * s[0] + p[1] * s[1] + p[2] * s[2]
-        thin = determinant(p, s)
-        wide = thin + eps * (var_x + var_y) + eps * eps
-        opacity = sigmoid
-        if view[26] > _HALF:
-            opacity = sigmoid * math.sqrt(thin / wide)
-        if not (opacity * _F(255) > _ONE and wide < _F(1e18)):
-            continue
-        log_opacity = math.log(opacity) * LOG2E
-        reach = math.sqrt(_TWO * LN2 * (log_opacity - LOG_CUT))
-        half_width, half_height = reach * math.sqrt(var_x + eps), reach * math.sqrt(var_y + eps)
-        if not (u + half_width > view[29] and u - half_width < view[30]):
-            continue
-        if not (v + half_height > view[31] and v - half_height < view[32]):
-            continue
-        row = splats[at]
-        row[X], row[Y] = u, v
-        scale = -_HALF * LOG2E / wide
-        row[CONIC_A] = scale * (var_y + eps)
-        row[CONIC_B] = -_TWO * scale * cov
-        row[CONIC_C] = scale * (var_x + eps)
-        row[LOG_OPACITY], row[OPACITY] = log_opacity, opacity
-        row[HALF_WIDTH], row[HALF_HEIGHT] = half_width, half_height
-        row[DEPTH] = z
-        touched = 0
-        low, high, left, right = tile_box(row, columns, lines)
-        exact = high - low > 1 and right - left > 1  # otherwise the box says it all
-        for line in range(low, high):
-            begin, stop = left, right
-            if exact:
-                begin, stop = tile_columns(row, line, left, right)
-            for tile in range(line * columns + begin, line * columns + stop):
-                if wanted[tile]:
-                    counts[tile] += 1
-                    touched += 1
-        if touched == 0:
-            continue
-        dx, dy, dz = wx - view[22], wy - view[23], wz - view[24]
-        inverse = _ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
-        dx, dy, dz = dx * inverse, dy * inverse, dz * inverse
-        _write_normal(row, r, s0, s1, s2, dx, dy, dz)
-        _write_colour(row, sh[g], degree, dx, dy, dz)
-        ids[at] = g
-        at += 1
+        _splats_of(count, view, planes)
+        if degree > 0:
+            _harmonics_of(count, view, planes)
+        else:
+            planes[_BASIS * _CHUNK : (_BASIS + 1) * _CHUNK] = _F(harmonics.DC)
+        ahead = _F(0)
+        for i in range(count):
+            # All cache lines of the coefficients at once: waited for together, not one after the other below.
+            if planes[25 * _CHUNK + i] == _ONE:
+                for k in range(0, basis, 5):
+                    ahead += sh[seen[i], k, 0]
+        planes[_PLANES * _CHUNK] = ahead  # kept, so that the loads are
+        for i in range(count):
+            if planes[25 * _CHUNK + i] != _ONE:
+                continue
+            row = splats[at]
+            row[X], row[Y] = planes[12 * _CHUNK + i], planes[13 * _CHUNK + i]
+            row[CONIC_A], row[CONIC_B], row[CONIC_C] = (
+                planes[14 * _CHUNK + i],
+                planes[15 * _CHUNK + i],
+                planes[16 * _CHUNK + i],
+            )
+            row[LOG_OPACITY], row[OPACITY] = planes[17 * _CHUNK + i], planes[18 * _CHUNK + i]
+            row[HALF_WIDTH], row[HALF_HEIGHT], row[DEPTH] = (
+                planes[19 * _CHUNK + i],
+                planes[20 * _CHUNK + i],
+                planes[21 * _CHUNK + i],
+            )
+            touched = 0
+            low, high, left, right = tile_box(row, columns, lines)
+            exact = high - low > 1 and right - left > 1  # otherwise the box says it all
+            for line in range(low, high):
+                begin, past = left, right
+                if exact:
+                    begin, past = tile_columns(row, line, left, right)
+                for tile in range(line * columns + begin, line * columns + past):
+                    if wanted[tile]:
+                        counts[tile] += 1
+                        touched += 1
+            if touched == 0:
+                continue
+            row[NORMAL], row[NORMAL + 1], row[NORMAL + 2] = (
+                planes[22 * _CHUNK + i],
+                planes[23 * _CHUNK + i],
+                planes[24 * _CHUNK + i],
+            )
+            g = seen[i]
+            _write_colour(row, sh[g], basis, planes, i)
+            ids[at] = g
+            at += 1
     visible[block] = at - first
 
 
@@ -297,7 +309,7 @@ def project(
     ones to the start of that run.
 
     means .. sh   as in splats.types.Gaussians; `degree` of sh is evaluated
-    view          see `pack` and `limit`
+    view          see view.pack and view.limit
     wanted        (tiles,) bool, the tiles that are to be drawn, rows of tiles after each other
     splats        out (N, 16), columns as in render.layout
     ids           out (N,) int32, which Gaussian a row of splats is

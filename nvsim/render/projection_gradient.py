@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
+from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
 from nvsim.render.layout import BLUE, GREEN, OPACITY, RED
-from nvsim.render.projection import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
 from nvsim.splats import harmonics
 
 _F = np.float32

@@ -26,6 +26,7 @@ from nvsim.render.layout import (
     RED,
     T_STOP,
     TILE,
+    WIDTH,
     X,
     Y,
 )
@@ -34,6 +35,7 @@ from nvsim.render.spans import pixel_rows
 _F = np.float32
 _PLANES = 8  # transmittance, red, green, blue, depth, normal (3)
 _CHECK = 8  # splats between two looks at whether the tile is finished
+AHEAD = 32  # splats that are fetched together
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
@@ -41,6 +43,16 @@ def _weight(dx: Any, a: Any, linear: Any, constant: Any, through: Any) -> Any:
     power = max(constant + dx * (linear + a * dx), _F(-100))
     alpha = min(exp2_below(power), ALPHA_MAX)
     return (alpha if power >= LOG_CUT else _F(0)) * through
+
+
+@njit(forceinline=True, error_model="numpy")
+def fetch(splats: Any, rows: Any, first: Any, end: Any, batch: Any) -> None:
+    """Copies splats[rows[first:end]] to `batch`. They lie anywhere in memory; loads that follow each other at once wait
+    for it together, where one between two computations would be waited for alone."""
+    for k in range(first, end):
+        source, target = splats[rows[k]], batch[k - first]
+        for i in range(WIDTH):
+            target[i] = source[i]
 
 
 @njit(fastmath=True, error_model="numpy")
@@ -61,6 +73,7 @@ def _draw_part(
     columns = (width + TILE - 1) // TILE
     tiles = offsets.shape[0] - 1
     planes = np.empty((TILE, _PLANES * TILE), np.float32)
+    batch = np.empty((AHEAD, WIDTH), np.float32)
     for tile in range(thread, tiles, threads):
         left, top = (tile % columns) * TILE, (tile // columns) * TILE
         for y in range(TILE):
@@ -72,7 +85,9 @@ def _draw_part(
         k = begin = offsets[tile]
         end = offsets[tile + 1]
         while k < end:
-            splat = splats[rows[k]]
+            if (k - begin) & (AHEAD - 1) == 0:
+                fetch(splats, rows, k, min(k + AHEAD, end), batch)
+            splat = batch[(k - begin) & (AHEAD - 1)]
             gx, gy = splat[X] - _F(left), splat[Y] - _F(top)
             a, b, c = splat[CONIC_A], splat[CONIC_B], splat[CONIC_C]
             log_opacity = splat[LOG_OPACITY]

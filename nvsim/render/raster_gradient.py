@@ -25,9 +25,11 @@ from nvsim.render.layout import (
     OPACITY,
     RED,
     TILE,
+    WIDTH,
     X,
     Y,
 )
+from nvsim.render.raster import AHEAD, fetch
 from nvsim.render.spans import pixel_rows
 
 _F = np.float32
@@ -38,6 +40,15 @@ _SUMS = 9
 GRADIENT_WIDTH = 12
 """Columns: red, green, blue, depth, x, y, conic a, b, c (natural units), opacity, and the sums over pixels of the
 absolute values of the x and y gradients."""
+
+
+@njit(forceinline=True, error_model="numpy")
+def _add(found: Any, rows: Any, first: Any, end: Any, out: Any) -> None:
+    # For the same reason as `fetch`: rows that lie anywhere are waited for together.
+    for k in range(first, end):
+        source, target = found[k - first], out[rows[k]]
+        for i in range(GRADIENT_WIDTH):
+            target[i] += source[i]
 
 
 @njit(fastmath=True, error_model="numpy")
@@ -65,6 +76,7 @@ def _draw_gradient_part(
         out[first : first + visible[block]] = _F(0)
     planes = np.empty((TILE, _PLANES * TILE), np.float32)
     sums = np.empty(_SUMS * TILE, np.float32)
+    batch, found = np.empty((AHEAD, WIDTH), np.float32), np.empty((AHEAD, GRADIENT_WIDTH), np.float32)
     for tile in range(thread, tiles, threads):
         left, top = (tile % columns) * TILE, (tile // columns) * TILE
         planes[:] = _F(0)
@@ -77,8 +89,12 @@ def _draw_gradient_part(
                 for channel in range(3):
                     line[(2 + channel) * TILE + x] = d_rgb[top + y, left + x, channel]
                 line[5 * TILE + x] = d_depth[top + y, left + x]
-        for k in range(last[tile] - 1, offsets[tile] - 1, -1):
-            splat = splats[rows[k]]
+        begin, end = offsets[tile], last[tile]
+        for k in range(end - 1, begin - 1, -1):
+            at = (k - begin) & (AHEAD - 1)
+            if k == end - 1 or at == AHEAD - 1:
+                fetch(splats, rows, k - at, k + 1, batch)
+            splat = batch[at]
             gx, gy = splat[X] - _F(left), splat[Y] - _F(top)
             a, b, c = splat[CONIC_A], splat[CONIC_B], splat[CONIC_C]
             log_opacity = splat[LOG_OPACITY]
@@ -131,19 +147,15 @@ def _draw_gradient_part(
                 pyy += sums[6 * TILE + x]
                 abs_x += sums[7 * TILE + x]
                 abs_y += sums[8 * TILE + x]
-            row = out[rows[k]]
-            row[0] += g_red
-            row[1] += g_green
-            row[2] += g_blue
-            row[3] += g_depth
-            row[4] -= LN2 * (_TWO * a * px + b * py)
-            row[5] -= LN2 * (_TWO * c * py + b * px)
-            row[6] -= _HALF * pxx
-            row[7] -= pxy
-            row[8] -= _HALF * pyy
-            row[9] += p / splat[OPACITY]
-            row[10] += LN2 * abs_x
-            row[11] += LN2 * abs_y
+            row = found[at]
+            row[0], row[1], row[2], row[3] = g_red, g_green, g_blue, g_depth
+            row[4] = -LN2 * (_TWO * a * px + b * py)
+            row[5] = -LN2 * (_TWO * c * py + b * px)
+            row[6], row[7], row[8] = -_HALF * pxx, -pxy, -_HALF * pyy
+            row[9] = p / splat[OPACITY]
+            row[10], row[11] = LN2 * abs_x, LN2 * abs_y
+            if at == 0:
+                _add(found, rows, k, min(k + AHEAD, end), out)
 
 
 @njit(parallel=True, cache=True, nogil=True)

@@ -28,13 +28,26 @@ _TWO = _F(2)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def _floor(x: Any) -> Any:
+    # For x >= -1; the library's is a call, a truncation one instruction.
+    return np.int64(x + _F(1)) - 1
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def _ceil(x: Any) -> Any:
+    # For x >= 0.
+    whole = np.int64(x)
+    return whole + (_F(whole) < x)
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def tile_box(splat: Any, columns: Any, lines: Any) -> Any:
     """First and past-last row of tiles, first and past-last column, with a pixel centre within the ellipse's bounding
     box; of `columns` x `lines` tiles."""
-    left = np.int64(math.ceil(max(splat[X] - splat[HALF_WIDTH], _F(0))))
-    right = np.int64(math.floor(min(splat[X] + splat[HALF_WIDTH], _F(columns * TILE - 1))))
-    top = np.int64(math.ceil(max(splat[Y] - splat[HALF_HEIGHT], _F(0))))
-    bottom = np.int64(math.floor(min(splat[Y] + splat[HALF_HEIGHT], _F(lines * TILE - 1))))
+    left = _ceil(max(splat[X] - splat[HALF_WIDTH], _F(0)))
+    right = _floor(max(min(splat[X] + splat[HALF_WIDTH], _F(columns * TILE - 1)), _F(-1)))
+    top = _ceil(max(splat[Y] - splat[HALF_HEIGHT], _F(0)))
+    bottom = _floor(max(min(splat[Y] + splat[HALF_HEIGHT], _F(lines * TILE - 1)), _F(-1)))
     if right < left or bottom < top:
         return np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     return top >> TILE_BITS, (bottom >> TILE_BITS) + 1, left >> TILE_BITS, (right >> TILE_BITS) + 1
@@ -57,8 +70,8 @@ def tile_columns(splat: Any, line: Any, left: Any, right: Any) -> Any:
     high, low = min(max(widest, top), bottom), min(max(-widest, top), bottom)
     last = splat[X] + (-b * high + math.sqrt(max(level - bend * high * high, _F(0)))) * half
     first = splat[X] + (-b * low - math.sqrt(max(level - bend * low * low, _F(0)))) * half
-    left = max(np.int64(math.ceil(max(first, _F(0)))) >> TILE_BITS, left)
-    right = min((np.int64(math.floor(max(last, _F(-1)))) >> TILE_BITS) + 1, right)
+    left = max(_ceil(max(first, _F(0))) >> TILE_BITS, left)
+    right = min((_floor(max(last, _F(-1))) >> TILE_BITS) + 1, right)
     return left, right
 
 
@@ -66,6 +79,6 @@ def tile_columns(splat: Any, line: Any, left: Any, right: Any) -> Any:
 def pixel_rows(splat: Any, top: Any) -> Any:
     """First and past-last row, counted from `top`, of a tile's rows that the ellipse touches."""
     y = splat[Y] - _F(top)
-    low = np.int64(math.ceil(max(y - splat[HALF_HEIGHT], _F(0))))
-    high = np.int64(math.floor(min(y + splat[HALF_HEIGHT], _F(TILE - 1))))
+    low = _ceil(max(y - splat[HALF_HEIGHT], _F(0)))
+    high = _floor(max(min(y + splat[HALF_HEIGHT], _F(TILE - 1)), _F(-1)))
     return low, high + 1

@@ -43,15 +43,14 @@ def _scatter_part(
     cursors: Any,
     columns: Any,
     lines: Any,
-    keys: Any,
-    rows: Any,
+    entries: Any,
 ) -> None:
     blocks = visible.shape[0]
     first = n * block // blocks
     cursor = cursors[block]
     for i in range(first, first + visible[block]):
         splat = splats[i]
-        key = depth_key(splat[DEPTH])
+        entry = (np.uint64(depth_key(splat[DEPTH])) << np.uint64(32)) | np.uint64(i)
         low, high, left, right = tile_box(splat, columns, lines)
         exact = high - low > 1 and right - left > 1
         for line in range(low, high):
@@ -62,89 +61,78 @@ def _scatter_part(
                 if not wanted[tile]:
                     continue
                 at = cursor[tile]
-                keys[at] = key
-                rows[at] = i
+                entries[at] = entry
                 cursor[tile] = at + 1
 
 
 @njit(parallel=True, cache=True, nogil=True)
 def scatter(
-    splats: Any, n: Any, visible: Any, wanted: Any, cursors: Any, columns: Any, lines: Any, keys: Any, rows: Any
+    splats: Any, n: Any, visible: Any, wanted: Any, cursors: Any, columns: Any, lines: Any, entries: Any
 ) -> None:
-    """Writes (depth key, row) of every wanted tile and splat that meet; block b uses its own cursors, so that the
-    order is that of the rows whatever the number of threads."""
+    """Writes an entry, depth key above and row below, for every wanted tile and splat that meet; block b uses its own
+    cursors, so that the order is that of the rows whatever the number of threads."""
     blocks = visible.shape[0]
     for block in prange(blocks):
-        _scatter_part(block, splats, n, visible, wanted, cursors, columns, lines, keys, rows)
+        _scatter_part(block, splats, n, visible, wanted, cursors, columns, lines, entries)
 
 
 @njit(forceinline=True)
-def _insertion_sort(keys: Any, rows: Any, start: Any, end: Any) -> None:
+def _insertion_sort(entries: Any, start: Any, end: Any) -> None:
     for i in range(start + 1, end):
-        key, row = keys[i], rows[i]
+        entry = entries[i]
         j = i - 1
-        while j >= start and keys[j] > key:
-            keys[j + 1], rows[j + 1] = keys[j], rows[j]
+        while j >= start and entries[j] > entry:
+            entries[j + 1] = entries[j]
             j -= 1
-        keys[j + 1], rows[j + 1] = key, row
+        entries[j + 1] = entry
 
 
 @njit(forceinline=True)
-def _pass(
-    source: Any,
-    source_rows: Any,
-    s: Any,
-    target: Any,
-    target_rows: Any,
-    t: Any,
-    n: Any,
-    low: Any,
-    shift: Any,
-    count: Any,
-) -> None:
+def _pass(source: Any, s: Any, target: Any, t: Any, n: Any, low: Any, shift: Any, count: Any) -> None:
     for d in range(257):
         count[d] = 0
     for i in range(n):
-        count[(((source[s + i] - low) >> shift) & np.uint32(255)) + 1] += 1
+        count[(((source[s + i] - low) >> shift) & np.uint64(255)) + np.uint64(1)] += 1
     for d in range(256):
         count[d + 1] += count[d]
     for i in range(n):
-        d = ((source[s + i] - low) >> shift) & np.uint32(255)
-        at = t + count[d]
+        d = ((source[s + i] - low) >> shift) & np.uint64(255)
+        target[t + count[d]] = source[s + i]
         count[d] += 1
-        target[at] = source[s + i]
-        target_rows[at] = source_rows[s + i]
 
 
 @njit(error_model="numpy")
-def _sort_part(
-    thread: Any, keys: Any, rows: Any, offsets: Any, longest: Any, threads: Any, spare_keys: Any, spare_rows: Any
-) -> None:
+def _sort_part(thread: Any, entries: Any, offsets: Any, threads: Any, spare: Any, rows: Any) -> None:
     tiles = offsets.shape[0] - 1
     count = np.empty(257, np.int64)
-    other, other_rows = spare_keys[thread], spare_rows[thread]
+    other = spare[thread]
+    below = np.uint64(0xFFFFFFFF)
     for tile in range(thread, tiles, threads):
         start, end = offsets[tile], offsets[tile + 1]
         n = end - start
         if n < _SHORT:
-            _insertion_sort(keys, rows, start, end)
+            _insertion_sort(entries, start, end)
+            for i in range(start, end):
+                rows[i] = np.int32(entries[i] & below)
             continue
-        low = high = keys[start]
+        low = high = entries[start]
         for i in range(start + 1, end):
-            low, high = min(low, keys[i]), max(high, keys[i])
-        shift = np.uint32(0)
-        while (high - low) >> shift >= np.uint32(1 << 24):
-            shift += np.uint32(1)
-        _pass(keys, rows, start, other, other_rows, 0, n, low, shift, count)
-        _pass(other, other_rows, 0, keys, rows, start, n, low, shift + np.uint32(8), count)
-        _pass(keys, rows, start, other, other_rows, 0, n, low, shift + np.uint32(16), count)
+            low, high = min(low, entries[i]), max(high, entries[i])
+        low = low & ~below
+        shift = np.uint64(32)
+        while (high - low) >> shift >= np.uint64(1 << 24):
+            shift += np.uint64(1)
+        _pass(entries, start, other, 0, n, low, shift, count)
+        _pass(other, 0, entries, start, n, low, shift + np.uint64(8), count)
+        _pass(entries, start, other, 0, n, low, shift + np.uint64(16), count)
         for i in range(n):
-            rows[start + i] = other_rows[i]
+            rows[start + i] = np.int32(other[i] & below)
 
 
 @njit(parallel=True, cache=True, nogil=True)
-def sort(keys: Any, rows: Any, offsets: Any, longest: Any, threads: Any, spare_keys: Any, spare_rows: Any) -> None:
-    """Sorts every tile's entries by key, in place. `spare_*` are (threads, longest). Keys are compared by the upper
-    24 bits of their range within the tile: a relative depth of one millionth."""
+def sort(entries: Any, offsets: Any, threads: Any, spare: Any, rows: Any) -> None:
+    """Sorts every tile's entries by their key, in place and with `spare` (threads, longest tile), and writes their rows
+    in that order to `rows`, int32. Keys are compared by the upper 24 bits of their range within the tile: a relative
+    depth of one millionth; equal ones keep the order of the rows."""
     for thread in prange(threads):
-        _sort_part(thread, keys, rows, offsets, longest, threads, spare_keys, spare_rows)
+        _sort_part(thread, entries, offsets, threads, spare, rows)

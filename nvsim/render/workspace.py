@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render import layout
-from nvsim.render.projection import limit, pack, project
+from nvsim.render.projection import project
 from nvsim.render.projection_gradient import project_gradient
 from nvsim.render.raster import draw
 from nvsim.render.raster_gradient import GRADIENT_WIDTH, draw_gradient
 from nvsim.render.tiles import scatter, sort, starts
+from nvsim.render.view import limit, pack
 from nvsim.splats.types import Gaussians
 
 Float32 = NDArray[np.float32]
@@ -60,10 +61,9 @@ class Workspace:
         self._rows = np.empty((0, layout.WIDTH), np.float32)
         self._ids = np.empty(0, np.int32)
         self._entries = 0
-        self._keys = np.empty(0, np.uint32)
+        self._pairs = np.empty(0, np.uint64)
         self._order = np.empty(0, np.int32)
-        self._spare_keys = np.empty((0, 0), np.uint32)
-        self._spare_rows = np.empty((0, 0), np.int32)
+        self._spare = np.empty((0, 0), np.uint64)
         self._gradients = np.empty((0, 0, GRADIENT_WIDTH), np.float32)
         self._cursors = np.empty((0, 0), np.int32)
         self._offsets = np.empty(0, np.int64)
@@ -150,12 +150,11 @@ class Workspace:
         """The order in which each tile draws the splats."""
         total, longest = starts(self._cursors, self._offsets)
         self._entries = int(total)
-        if len(self._keys) < total:
-            self._keys = np.empty(_grown(total), np.uint32)
+        if len(self._pairs) < total:
+            self._pairs = np.empty(_grown(total), np.uint64)
             self._order = np.empty(_grown(total), np.int32)
-        if self._spare_keys.shape[0] != self.threads or self._spare_keys.shape[1] < longest:
-            self._spare_keys = np.empty((self.threads, _grown(longest)), np.uint32)
-            self._spare_rows = np.empty((self.threads, _grown(longest)), np.int32)
+        if self._spare.shape[0] != self.threads or self._spare.shape[1] < longest:
+            self._spare = np.empty((self.threads, _grown(longest)), np.uint64)
         rows = self._rows[: self.count]
         scatter(
             rows,
@@ -165,10 +164,9 @@ class Workspace:
             self._cursors,
             self._columns,
             self._lines,
-            self._keys,
-            self._order,
+            self._pairs,
         )
-        sort(self._keys, self._order, self._offsets, longest, self.threads, self._spare_keys, self._spare_rows)
+        sort(self._pairs, self._offsets, self.threads, self._spare, self._order)
 
     def draw(self, height: int, width: int, geometry: bool) -> tuple[Float32, Float32, Float32, Float32]:
         """rgb (H, W, 3), transmittance (H, W), and with `geometry` the weighted sums of depth (H, W) and of world

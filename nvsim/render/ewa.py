@@ -1,0 +1,71 @@
+"""The local affine projection of one Gaussian (Zwicker et al. 2001), in scalars: compiled into the kernels of both
+directions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from nvsim.render.arithmetic import FLAGS
+from nvsim.splats import harmonics
+
+_F = np.float32
+_ONE, _TWO = _F(1), _F(2)
+
+sh_terms = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics.terms)
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def rotation(w: Any, x: Any, y: Any, z: Any) -> Any:
+    """The nine entries, by rows, of the rotation of a unit quaternion."""
+    return (
+        _ONE - _TWO * (y * y + z * z),
+        _TWO * (x * y - w * z),
+        _TWO * (x * z + w * y),
+        _TWO * (x * y + w * z),
+        _ONE - _TWO * (x * x + z * z),
+        _TWO * (y * z - w * x),
+        _TWO * (x * z - w * y),
+        _TWO * (y * z + w * x),
+        _ONE - _TWO * (x * x + y * y),
+    )
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def to_camera(view: Any, x: Any, y: Any, z: Any) -> Any:
+    """A direction of the world along the camera's axes."""
+    return (
+        view[0] * x + view[1] * y + view[2] * z,
+        view[3] * x + view[4] * y + view[5] * z,
+        view[6] * x + view[7] * y + view[8] * z,
+    )
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def jacobian(view: Any, x: Any, y: Any, z: Any) -> Any:
+    """Derivative of the pixel with respect to the camera-frame point: du/dx, du/dz, dv/dy, dv/dz."""
+    iz = _ONE / z
+    slope_x = min(max(x * iz, view[18]), view[19])
+    slope_y = min(max(y * iz, view[20]), view[21])
+    return view[12] * iz, -view[12] * slope_x * iz, view[13] * iz, -view[13] * slope_y * iz
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def axes_in_camera(view: Any, r: Any, s0: Any, s1: Any, s2: Any) -> Any:
+    """The three semi-axes (columns of W R S) in the camera frame, by columns."""
+    a = to_camera(view, r[0] * s0, r[3] * s0, r[6] * s0)
+    b = to_camera(view, r[1] * s1, r[4] * s1, r[7] * s1)
+    c = to_camera(view, r[2] * s2, r[5] * s2, r[8] * s2)
+    return a, b, c
+
+
+@njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
+def determinant(p: Any, s: Any) -> Any:
+    """det(M M^T) of the 2x3 matrix with rows p and s, as the squared length of p x s (Cauchy-Binet): free of the
+    cancellation that A C - B^2 suffers for thin Gaussians in single precision."""
+    m0 = p[1] * s[2] - p[2] * s[1]
+    m1 = p[2] * s[0] - p[0] * s[2]
+    m2 = p[0] * s[1] - p[1] * s[0]
+    return m0 * m0 + m1 * m1 + m2 * m2
