@@ -3,9 +3,9 @@
 python tests/benchmarks/speed_table.py [--shared FOLDER] [--rounds R] [--quick]
 
 FOLDER holds bench/scene.py (random rooms, seed 7) and prototypes/numba_rasterizer.py; by default it is the folder
-`shared` beside the repository. Milliseconds are medians; ratios are of medians from the same minutes of the same machine, so only they
-carry over to another. Forward is projection, sorting and drawing; backward ends at the splats' 2D parameters, where the
-prototype's ends. Ours is antialiased; the prototype is not, and draws no depth and no normals.
+`shared` beside the repository. Milliseconds are medians; ratios are of medians from the same minutes of the same
+machine, so only they carry over to another. Forward is projection, sorting and drawing; backward ends at the splats' 2D
+parameters, where the prototype's ends. Ours is antialiased; the prototype is not, and draws no depth and no normals.
 """
 
 from __future__ import annotations
