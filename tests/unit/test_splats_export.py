@@ -42,7 +42,9 @@ def test_turned_gaussians_look_the_same_to_a_camera_that_turned_with_them(degree
     pose[:3, :3] = rotation @ CAMERA.rotation
     pose[:3, 3] = 2.5 * rotation @ CAMERA.position
     moved = render_gaussians(turned(gaussians, rotation, 2.5), Camera(CAMERA.intrinsics, pose))
-    np.testing.assert_allclose(moved.rgb, render_gaussians(gaussians, CAMERA).rgb, atol=1e-4)
+    difference = np.abs(moved.rgb - render_gaussians(gaussians, CAMERA).rgb)
+    # A pixel at the border of a Gaussian may fall on either side of the cut at an alpha of 1/255.
+    assert difference.max() < 5e-3 and np.quantile(difference, 0.999) < 5e-5
 
 
 def test_half_a_turn_about_x_is_the_change_of_axes_of_spz():
