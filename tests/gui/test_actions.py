@@ -10,11 +10,11 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette
 from pytestqt.qtbot import QtBot
 
-from app.actions import ACTIONS
 from app.document import Document
 from app.icons import icon
 from app.loading import Contents
 from app.navigation import _KEYS
+from app.parts import ACTIONS
 from app.window import MainWindow
 
 
@@ -50,10 +50,9 @@ def test_actions_follow_the_document(window: MainWindow, document: Document) -> 
 
 
 def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot: QtBot, monkeypatch) -> None:
-    monkeypatch.setattr(window, "_choose_project", lambda: None)
-    monkeypatch.setattr("app.window.QFileDialog.getExistingDirectory", lambda *a: "")
-    monkeypatch.setattr("app.window.QFileDialog.getSaveFileName", lambda *a: ("", ""))
-    monkeypatch.setattr("app.window.QFileDialog.getOpenFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.parts.files.QFileDialog.getExistingDirectory", lambda *a: "")
+    monkeypatch.setattr("app.parts.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.parts.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
     document.select(viewpoint=document.graph_arrays.ids[0])
     for entry in ACTIONS:
         if entry.id in ("quit", "fullscreen", "turn_up"):  # the last is for splat files

@@ -21,9 +21,9 @@ from nvsim.occupancy.types import OCCUPIED
 
 @pytest.fixture
 def plan(window: MainWindow) -> MapView:
-    window.map.frame_everything()
+    window.panels["map"].frame_everything()
     QApplication.processEvents()
-    return window.map
+    return window.panels["map"]
 
 
 def place_of(plan: MapView, x: float, y: float):

@@ -176,7 +176,7 @@ def test_remarks_of_the_process_reach_the_window(qtbot: QtBot, tmp_path: Path) -
 
 def test_a_remark_goes_to_the_log_and_a_warning_is_shown(window: MainWindow) -> None:
     window.scene.link.remarked.emit(Remark("The CPU draws: 3 ms."))
-    assert "The CPU draws: 3 ms." in window.log.toPlainText() and not window.notice_area.texts
+    assert "The CPU draws: 3 ms." in window.panels["log"].toPlainText() and not window.notice_area.texts
     window.scene.link.remarked.emit(Remark("OpenGL failed.", "trace", warning=True))
     assert window.notice_area.texts == ["OpenGL failed."]
 

@@ -10,8 +10,8 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
-from app.actions import with_graph, with_scene, with_splat_file
 from app.document import Document
+from app.reasons import with_graph, with_scene, with_splat_file
 from app.session import Session
 from app.splat_file import SplatFile, outline_of
 from nvsim.errors import InputError

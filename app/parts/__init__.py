@@ -1,0 +1,27 @@
+"""The parts of the window, in the order they are made. A new capability is a module here and a line in PARTS; the
+window itself knows none of them."""
+
+from __future__ import annotations
+
+from app.actions import Action
+from app.parts.camera import CameraPart
+from app.parts.files import FilePart
+from app.parts.look import LookPart
+from app.parts.panels import DetailsPart, FramePart, JobPart, LogPart, MapPart, SubmapPart
+from app.parts.part import Part
+from app.parts.view import ViewPart
+
+PARTS: tuple[type[Part], ...] = (
+    FilePart,
+    CameraPart,
+    ViewPart,
+    SubmapPart,
+    FramePart,
+    MapPart,
+    DetailsPart,
+    JobPart,
+    LogPart,
+    LookPart,
+)
+
+ACTIONS: tuple[Action, ...] = tuple(action for part in PARTS for action in part.ACTIONS)

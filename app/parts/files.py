@@ -1,0 +1,84 @@
+"""Opening projects and splat files, reading again, saving a picture of the view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from PySide6.QtWidgets import QFileDialog
+
+from app.actions import Action
+from app.parts.part import Part
+from app.reasons import with_project
+from nvsim.splats.formats.choice import READABLE
+
+
+class FilePart(Part):
+    ACTIONS = (
+        Action(
+            "open",
+            "&Open project…",
+            "Open another project folder",
+            "&File",
+            shortcut="Ctrl+O",
+            icon="open",
+            toolbar=True,
+        ),
+        Action(
+            "open_splats",
+            "Open s&plats…",
+            "Open a splat file of any program: PLY, compressed PLY, SPZ, SOG, .splat",
+            "&File",
+            shortcut="Ctrl+Shift+O",
+        ),
+        Action(
+            "refresh",
+            "&Refresh",
+            "Read the project again now",
+            "&File",
+            shortcut="F5",
+            icon="refresh",
+            enabled=with_project,
+        ),
+        Action(
+            "screenshot",
+            "&Save picture of the view…",
+            "Save what the 3D view shows as a PNG file",
+            "&File",
+            1,
+            "Ctrl+Shift+S",
+            "camera",
+        ),
+        Action("quit", "&Quit", "Close the window; running jobs go on", "&File", 2, "Ctrl+Q", "quit"),
+    )
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        window = self.workspace.window
+        return {
+            "open": self.choose_project,
+            "open_splats": self.choose_splats,
+            "refresh": window.refreshWanted.emit,
+            "screenshot": self.choose_picture,
+            "quit": window.close,
+        }
+
+    def choose_project(self) -> None:
+        folder = QFileDialog.getExistingDirectory(self.workspace.window, "Open a project", self._start())
+        if folder:
+            self.workspace.window.projectChosen.emit(Path(folder))
+
+    def choose_splats(self) -> None:
+        pattern = " ".join(f"*{suffix}" for suffix in READABLE)
+        window = self.workspace.window
+        name, _ = QFileDialog.getOpenFileName(window, "Open a splat file", self._start(), f"Splats ({pattern})")
+        if name:
+            window.projectChosen.emit(Path(name))
+
+    def choose_picture(self) -> None:
+        window = self.workspace.window
+        name, _ = QFileDialog.getSaveFileName(window, "Save picture", "view.png", "PNG (*.png)")
+        if name:
+            window.save_picture(Path(name), self.workspace.scene)
+
+    def _start(self) -> str:
+        return str(self.workspace.document.path or Path.home())

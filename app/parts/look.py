@@ -1,0 +1,64 @@
+"""The look of the window: theme, full screen, layout; and the help beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
+
+from app import theme
+from app.actions import Action
+from app.panels.help import HelpWindow
+from app.parts.part import Part
+
+
+class LookPart(Part):
+    ACTIONS = (
+        Action(
+            "dark",
+            "Dar&k theme",
+            "Switch between dark and light",
+            "&Window",
+            shortcut="Ctrl+T",
+            icon="theme",
+            check="on",
+        ),
+        Action(
+            "fullscreen",
+            "F&ull screen",
+            "Use the whole screen",
+            "&Window",
+            shortcut="F11",
+            icon="fullscreen",
+            check="off",
+        ),
+        Action(
+            "reset_layout", "&Reset layout", "Put all panels back where they were at first", "&Window", icon="layout"
+        ),
+        Action(
+            "help", "&Keys and mouse", "How to move around and what the keys do", "&Help", shortcut="F1", icon="help"
+        ),
+    )
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        window = self.workspace.window
+        return {
+            "dark": self._set_dark,
+            "fullscreen": lambda on: window.showFullScreen() if on else window.showNormal(),
+            "reset_layout": window.reset_layout,
+            "help": lambda: HelpWindow("keys", window).show(),
+        }
+
+    def restore(self, settings: QSettings) -> None:
+        dark = self.workspace.window.actions_table["dark"]
+        dark.blockSignals(True)
+        dark.setChecked(theme.is_dark(self.workspace.window.palette()))
+        dark.blockSignals(False)
+
+    def _set_dark(self, dark: bool) -> None:
+        name = "dark" if dark else "light"
+        self.workspace.settings.setValue("theme", name)
+        app = QApplication.instance()
+        assert isinstance(app, QApplication)
+        theme.apply(app, name)

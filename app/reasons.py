@@ -1,0 +1,46 @@
+"""Why a command cannot run now, each reason a function of the document that is None when it can."""
+
+from __future__ import annotations
+
+from app.document import Document
+
+Reason = str | None  # why a command cannot run, None when it can
+
+
+UNDECIDED = "a splat file is open, which has no walk and no graph"
+
+
+def always(document: Document) -> Reason:
+    return None
+
+
+def with_project(document: Document) -> Reason:
+    return None if document.path else "no project is open"
+
+
+def with_positions(document: Document) -> Reason:
+    return None if len(document.extent) else "the project has neither a trajectory nor a graph yet"
+
+
+def with_scene(document: Document) -> Reason:
+    return None if document.contents.scene_stamp is not None else "no submap is trained yet"
+
+
+def with_graph(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return None if document.contents.graph is not None else "no navigation graph is built yet"
+
+
+def with_trajectory(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return None if len(document.trajectory.positions) else "the project has no capture yet"
+
+
+def with_splat_file(document: Document) -> Reason:
+    return None if document.contents.outline is not None else "only a splat file may lie on its side"
+
+
+def with_selection(document: Document) -> Reason:
+    return None if document.selection else "nothing is selected"
