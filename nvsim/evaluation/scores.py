@@ -4,6 +4,8 @@ are not floor, and over the floor; and how opaque the Gaussians are there.
 PSNR      of the mean squared error over the pixels of the region
 SSIM      Wang et al. 2004 (11x11 Gaussian window of sigma 1.5): its map is made of whole pictures and averaged over the
           region, so that the border of a mask is no edge in either picture
+corrected PSNR after the render's colours were fitted to the frame's over the pixels that count, by the one affine map
+          (3 x 4) of least squares: what is left when a camera that meters as it goes is forgiven
 LPIPS     of whole pictures; outside the region the render is replaced by the frame itself, so that it differs nowhere
           else. The network averages over all pixels: the figure of a region falls with its share of the picture
 """
@@ -37,16 +39,18 @@ def score(
     alpha             (H, W) of the Gaussians
     floor, valid      (H, W): the true floor, and the pixels that count
 
-    psnr, ssim, lpips, each also with _nonfloor and _floor; psnr_floor_constant, what a floor of its one best colour
-    would get; alpha_floor and alpha_nonfloor, mean alpha.
+    psnr, psnr_corrected, ssim, lpips, each also with _nonfloor and _floor; psnr_floor_constant, what a floor of its one
+    best colour would get; alpha_floor and alpha_nonfloor, mean alpha.
     """
     rendered = np.clip(rendered, 0, 1)
     error = ((image - rendered) ** 2).mean(axis=2)
     similar = ssim_map(image, rendered)
+    corrected = ((image - color_corrected(rendered, image, valid)) ** 2).mean(axis=2)
     result: Scores = {}
     for suffix, region in (("", valid), ("_nonfloor", valid & ~floor), ("_floor", valid & floor)):
         enough = int(region.sum()) >= (LEAST_PIXELS if suffix == "_floor" else 1)
         result["psnr" + suffix] = psnr(float(error[region].mean())) if enough else np.nan
+        result["psnr_corrected" + suffix] = psnr(float(corrected[region].mean())) if enough else np.nan
         result["ssim" + suffix] = float(similar[region].mean()) if enough else np.nan
         result["lpips" + suffix] = np.nan
         if distance is not None and enough:
@@ -57,6 +61,18 @@ def score(
             spread = ((image[region] - image[region].mean(axis=0)) ** 2).mean() if enough else np.nan
             result["psnr_floor_constant"] = psnr(float(spread))
     return result
+
+
+def color_corrected(rendered: Image, image: Image, valid: Mask) -> Image:
+    """(H, W, 3) `rendered` under the affine map of colours that brings its valid pixels nearest to `image`; as it is
+    when no pixel is valid."""
+    if not valid.any():
+        return rendered
+    source = np.concatenate([rendered, np.ones_like(rendered[..., :1])], axis=2)
+    known = source[valid].astype(np.float64)
+    # The normal equations are 4 x 4; lstsq forgives a picture of one colour.
+    map, *_ = np.linalg.lstsq(known.T @ known, known.T @ image[valid].astype(np.float64), rcond=None)
+    return np.asarray(np.clip(source @ map.astype(np.float32), 0, 1), np.float32)
 
 
 def psnr(mean_square: float) -> float:

@@ -28,6 +28,7 @@ class Column:
 def _picture_columns(suffix: str, group: str) -> tuple[Column, ...]:
     return (
         Column("psnr" + suffix, "PSNR", group, 2, "high"),
+        Column("psnr_corrected" + suffix, "corr.", group, 2, "high"),
         Column("ssim" + suffix, "SSIM", group, 3, "high"),
         Column("lpips" + suffix, "LPIPS", group, 3, "low"),
     )

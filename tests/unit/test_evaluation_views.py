@@ -69,6 +69,17 @@ def test_a_frame_without_floor_has_no_floor_figures_and_does_not_count_in_their_
     }  # fmt: skip
 
 
+def test_corrected_psnr_forgives_exposure_and_white_balance_but_no_detail() -> None:
+    p = Picture()
+    p.valid[:] = True
+    blur = cv2.GaussianBlur(p.image, (0, 0), 2.0)
+    warm = (blur @ np.diag([0.9, 0.8, 0.6]) + 0.05).astype(np.float32)
+    plain_score, warm_score = (score(p.image, r, p.alpha, p.floor, p.valid) for r in (blur, warm))
+    assert warm_score["psnr"] < plain_score["psnr"] - 1
+    assert warm_score["psnr_corrected"] == pytest.approx(plain_score["psnr_corrected"], abs=0.01)
+    assert plain_score["psnr"] - 0.01 <= plain_score["psnr_corrected"] < 40
+
+
 def slow_ssim(a: NDArray[np.float64], b: NDArray[np.float64], y: int, x: int) -> float:
     """One channel at one pixel, written out from Wang et al. 2004."""
     taps = np.exp(-((np.arange(11) - 5.0) ** 2) / (2 * 1.5**2))
