@@ -1,20 +1,22 @@
-"""Graph and trajectory as flat arrays, made once per change, for views that draw thousands of them."""
+"""Graph and trajectory as flat arrays for views that draw thousands of them; an edit changes few rows of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Capture
+from nvsim.graph.difference import Difference
 from nvsim.graph.types import NavGraph
 from nvsim.submaps.types import Submap
 
 
 @dataclass(frozen=True, eq=False)
 class GraphArrays:
-    """ids        in file order
+    """ids        in file order when made at once; what was added by an edit stands at the end
     positions  (N, 3) metres, world, of the camera
     feet       (N, 3) metres, world, on the floor beneath; where the graph is drawn, because seen from a viewpoint all
                others stand on the horizon
@@ -22,6 +24,8 @@ class GraphArrays:
     submaps    (N,) submap index, -1 for none
     included   (N,) bool
     index      id -> row
+
+    A value: an update shares nothing that it changes.
     """
 
     ids: tuple[str, ...] = ()
@@ -51,6 +55,88 @@ class GraphArrays:
             np.array([v.included for v in values], bool),
             index,
         )
+
+    def updated(self, graph: NavGraph, change: Difference) -> GraphArrays:
+        """The arrays of `graph`, which differs by `change` from the graph that these are of."""
+        small = len(self.ids) // 4 + 16
+        if len(change.added_viewpoints) + len(change.removed_viewpoints) + len(change.changed_viewpoints) > small:
+            return GraphArrays.of(graph)
+        edges = self._without(self.edges, change.removed_edges)
+        arrays = self
+        if change.removed_viewpoints:
+            arrays, edges = self._shrunk(change.removed_viewpoints, edges)
+        if change.added_viewpoints:
+            added = GraphArrays.of(NavGraph("", {id: graph.viewpoints[id] for id in change.added_viewpoints}))
+            count = len(arrays.ids)
+            arrays = GraphArrays(
+                arrays.ids + added.ids,
+                np.concatenate([arrays.positions, added.positions]),
+                np.concatenate([arrays.feet, added.feet]),
+                edges,
+                np.concatenate([arrays.submaps, added.submaps]),
+                np.concatenate([arrays.included, added.included]),
+                arrays.index | {id: count + i for i, id in enumerate(added.ids)},
+            )
+        if change.added_edges:
+            rows = [(arrays.index[a], arrays.index[b]) for a, b in change.added_edges]
+            edges = np.concatenate([edges, np.array(rows, np.int64)])
+        if change.changed_viewpoints:
+            arrays = arrays._changed(graph, change.changed_viewpoints)
+        return replace(arrays, edges=edges)
+
+    def edge_rows(self, keys: Iterable[tuple[str, str]]) -> NDArray[np.int64]:
+        """(K,) the rows of `edges` that are among `keys`."""
+        known = [(self.index[a], self.index[b]) for a, b in keys if a in self.index and b in self.index]
+        if not known or not len(self.edges):
+            return np.zeros(0, np.int64)
+        if len(known) == 1:
+            a, b = known[0]
+            return np.flatnonzero((self.edges[:, 0] == a) & (self.edges[:, 1] == b))
+        wanted = np.array(known, np.int64)
+        count = len(self.ids)
+        return np.flatnonzero(np.isin(self.edges @ [count, 1], wanted @ [count, 1]))
+
+    def edge_key(self, row: int) -> tuple[str, str]:
+        """The key of the edge in `row`."""
+        a, b = self.edges[row]
+        return self.ids[a], self.ids[b]
+
+    def viewpoint_rows(self, ids: Iterable[str]) -> NDArray[np.int64]:
+        """(K,) the rows of those of `ids` that are here."""
+        return np.array([self.index[id] for id in ids if id in self.index], np.int64)
+
+    def _without(self, edges: NDArray[np.int64], keys: tuple[tuple[str, str], ...]) -> NDArray[np.int64]:
+        return np.delete(edges, self.edge_rows(keys), axis=0) if keys else edges
+
+    def _shrunk(self, gone: tuple[str, ...], edges: NDArray[np.int64]) -> tuple[GraphArrays, NDArray[np.int64]]:
+        keep = np.ones(len(self.ids), bool)
+        keep[self.viewpoint_rows(gone)] = False
+        moved_to = np.cumsum(keep) - 1
+        left = set(gone)
+        ids = tuple(id for id in self.ids if id not in left)
+        arrays = GraphArrays(
+            ids,
+            self.positions[keep],
+            self.feet[keep],
+            edges,
+            self.submaps[keep],
+            self.included[keep],
+            {id: i for i, id in enumerate(ids)},
+        )
+        return arrays, moved_to[edges]
+
+    def _changed(self, graph: NavGraph, ids: tuple[str, ...]) -> GraphArrays:
+        rows = [self.index[id] for id in ids]
+        fresh = GraphArrays.of(NavGraph("", {id: graph.viewpoints[id] for id in ids}))
+        positions, feet = self.positions.copy(), self.feet.copy()
+        submaps, included = self.submaps.copy(), self.included.copy()
+        positions[rows], feet[rows], submaps[rows], included[rows] = (
+            fresh.positions,
+            fresh.feet,
+            fresh.submaps,
+            fresh.included,
+        )
+        return replace(self, positions=positions, feet=feet, submaps=submaps, included=included)
 
 
 @dataclass(frozen=True, eq=False)

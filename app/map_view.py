@@ -128,6 +128,25 @@ class MapView(QWidget):
         self.camera.show()
         self.camera.show_pose(pose)
 
+    @property
+    def canvas(self) -> QWidget:
+        """Where the mouse is heard; the pixels of `to_pixels` and `to_world` are its own."""
+        return self.plot.viewport()
+
+    def to_pixels(self, xy: np.ndarray) -> np.ndarray:
+        """(N, 2) pixels of world x, y (N, 2)."""
+        zero = self._exact(0.0, 0.0)
+        return zero + xy[:, :1] * (self._exact(1.0, 0.0) - zero) + xy[:, 1:2] * (self._exact(0.0, 1.0) - zero)
+
+    def to_world(self, point: QPointF) -> tuple[float, float]:
+        """World x, y in metres under a pixel."""
+        place = self.plot.getViewBox().mapSceneToView(self.plot.viewportTransform().inverted()[0].map(point))
+        return place.x(), place.y()
+
+    def _exact(self, x: float, y: float) -> np.ndarray:
+        pixel = self.plot.viewportTransform().map(self.plot.getViewBox().mapViewToScene(QPointF(x, y)))
+        return np.array([pixel.x(), pixel.y()])
+
     def frame_everything(self) -> None:
         """Zooms so that trajectory and graph are in view."""
         extent = self._document.extent

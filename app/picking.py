@@ -50,3 +50,31 @@ def projected_segments(
     top, bottom = np.minimum(lines[:, 1], lines[:, 3]), np.maximum(lines[:, 1], lines[:, 3])
     seen = (right >= 0) & (left <= k.width) & (bottom >= 0) & (top <= k.height)
     return lines[seen], index[seen], np.minimum(p[:, 2], q[:, 2])[seen]
+
+
+def nearest_segment(
+    lines: NDArray[np.floating], depths: NDArray[np.floating], cursor: tuple[float, float], tolerance: float
+) -> int | None:
+    """Index of the line of `lines` (N, 4), x1 y1 x2 y2, within `tolerance` pixels of the cursor; of several the nearest
+    to the cursor, and among equals the nearest to the eye."""
+    if len(lines) == 0:
+        return None
+    start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
+    to_cursor = np.array(cursor) - start
+    share = np.clip((to_cursor * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), 1e-12), 0, 1)
+    distance = np.linalg.norm(to_cursor - share[:, None] * way, axis=1)
+    hit = np.flatnonzero(distance <= tolerance)
+    if len(hit) == 0:
+        return None
+    return int(hit[np.argmin(distance[hit] + 1e-3 * depths[hit])])
+
+
+def within_polygon(points: NDArray[np.floating], polygon: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """(N,) which of `points` (N, 2) lie inside `polygon` (K, 2), by the even-odd rule."""
+    inside = np.zeros(len(points), bool)
+    x, y = points[:, 0], points[:, 1]
+    for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y1 != y2:
+            crosses = (y1 > y) != (y2 > y)
+            inside ^= crosses & (x < (x2 - x1) * (y - y1) / (y2 - y1) + x1)
+    return inside
