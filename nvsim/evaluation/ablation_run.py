@@ -81,8 +81,10 @@ def finished(project: Project, run: Run, views: Views, listen: Listener) -> Subm
     """
     if run.is_done:
         return load_model(run.model_folder)
+    from nvsim.training.compilation import compile_ahead
     from nvsim.training.trainer import train_submap
 
+    compile_ahead(listen)
     surface = project.surface(run.submap.index)
     if surface is None:
         raise InputError(f"{project.layout.surface(run.submap.index)} is missing; run `nvsim floors --project` again.")

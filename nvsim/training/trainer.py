@@ -56,8 +56,9 @@ def train_submap(
     submap      goes into the events
     preview     a picture file that is rewritten now and then, see `training.preview`
 
-    The result depends on the inputs, `seed` and the number of threads alone, interrupted or not; a run that goes on
-    with another number of threads differs by the rounding of sums. Raises InputError when there are no views, or when
+    The result depends on the inputs, `seed` and the number of threads alone, interrupted or not, once the kernels are
+    compiled (`compilation.compile_ahead`); a run that goes on with another number of threads differs by the rounding of
+    sums. Raises InputError when there are no views, or when
     the disk refuses a file.
     """
     if not views:

@@ -67,8 +67,6 @@ def run_killed(argv: list[str], seconds: dict[str, float], rng: random.Random, k
 
 def measure(capture: Path, work: Path, kills: int, seed: int, steps: int, submaps: int = 2) -> dict[str, object]:
     """Whether the graph of the killed run is the graph of the quiet one, and where the kills fell."""
-    # A kernel that was just compiled may round the last bit otherwise than the same kernel read from the cache.
-    run_watched(command(capture, work / "warm" / "house.nvsim", 4, submaps))
     quiet = work / "house.nvsim"
     _, seconds = run_watched(command(capture, quiet, steps, submaps))
     # The scan id comes from the project's name, and viewpoint ids from the scan id: both projects get one name.

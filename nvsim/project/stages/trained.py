@@ -49,6 +49,10 @@ def run(
             merged.finished(submap.index)
         else:
             left.append(submap)
+    if left:
+        from nvsim.training.compilation import compile_ahead
+
+        compile_ahead(listen)
     cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
     tasks = training_pool.plan([s.index for s in chosen], cores, at_once or cores)
     together = min(at_once or cores, _fitting(project, left, config)) if left else 1

@@ -1,0 +1,55 @@
+"""Kernels are compiled ahead once, and a machine where that fails trains all the same."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from nvsim.events import Event, Log, Warning
+from nvsim.training import compilation
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(compilation, "_cache_folder", lambda module: tmp_path)
+    return tmp_path
+
+
+def program(folder: Path, text: str) -> str:
+    path = folder / "python"
+    path.write_text(f"#!{sys.executable}\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+def test_the_kernels_are_compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", program(cache, "import sys; assert sys.argv[1:] == ['-m', "
+                                                          "'nvsim.training.compilation']"))  # fmt: skip
+    heard: list[Event] = []
+    compilation.compile_ahead(heard.append)
+    compilation.compile_ahead(heard.append)
+    assert [type(e) for e in heard] == [Log]
+
+
+def test_a_machine_that_cannot_compile_ahead_hears_why_and_tries_again(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", program(cache, "raise SystemExit('no room on the disk')"))
+    heard: list[Event] = []
+    compilation.compile_ahead(heard.append)
+    compilation.compile_ahead(heard.append)
+    warnings = [e for e in heard if isinstance(e, Warning)]
+    assert len(warnings) == 2 and "no room on the disk" in warnings[0].text
+
+
+def test_other_sources_are_compiled_again(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "nvsim"
+    (package / "render").mkdir(parents=True)
+    (package / "render" / "kernel.py").write_text("a = 1")
+    monkeypatch.setattr(compilation.nvsim, "__file__", str(package / "__init__.py"))
+    first = compilation._stamp()
+    assert compilation._stamp() == first
+    (package / "render" / "kernel.py").write_text("a = 2")
+    assert compilation._stamp() != first
