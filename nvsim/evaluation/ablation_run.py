@@ -22,6 +22,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.project import ledger
 from nvsim.project.config import held_out
+from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.imported import capture_config
@@ -65,7 +66,8 @@ def run_of(project: Project, submap: Submap, config: TrainingConfig, seed: int) 
     """The run of a configuration. Neither its name nor how it is computed (threads, checkpoints) counts."""
     plain = dataclasses.replace(config, name="", threads=0, checkpoint_seconds=0.0)
     program = (__version__, _VERSION)
-    key = ledger.key_of("ablation", program, floors_key(project), submap.index, submap.frames, plain, seed)
+    corrected = corrections_key(project, submap.frames)
+    key = ledger.key_of("ablation", program, floors_key(project), submap.index, submap.frames, plain, seed, *corrected)
     return Run(runs_folder(project) / key, submap, config, seed)
 
 

@@ -131,7 +131,7 @@ def read_held_out(project: Project, folder: Path | None, index: int) -> HeldOut:
         frame.name,
         frame.camera,
         image,
-        read_mask(floor or project.layout.mask(index), k.width, k.height),
+        read_mask(floor or project.mask_path(index), k.width, k.height),
         ~read_mask(transient, k.width, k.height) if transient else np.ones((k.height, k.width), bool),
     )
 

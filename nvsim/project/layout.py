@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,16 @@ class Layout:
         return self.root / "masks"
 
     @property
+    def corrections(self) -> Path:
+        """Floor masks as a person corrected them; finding the floors again leaves them alone."""
+        return self.root / "corrections"
+
+    @property
+    def cache(self) -> Path:
+        """What can be made again at any time: thumbnails, candidate masks, coverage."""
+        return self.root / "cache"
+
+    @property
     def floor(self) -> Path:
         return self.root / "floor"
 
@@ -70,6 +81,10 @@ class Layout:
 
     def mask(self, frame: int) -> Path:
         return self.masks / f"{frame:06d}.png"
+
+    def correction(self, frame_name: str) -> Path:
+        """Slashes of the name are written as %2F, so that every name is one file."""
+        return self.corrections / f"{quote(frame_name, safe=' ')}.png"
 
     def surface(self, submap: int) -> Path:
         return self.floor / f"surface_{submap:03d}.npz"

@@ -16,6 +16,7 @@ from nvsim.atomic import make_folder
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.project import database, graph_table
+from nvsim.project.corrections import mask_in_use
 from nvsim.project.jobs import JobRecord, read_jobs
 from nvsim.project.layout import Layout
 from nvsim.project.writer import WriterLock
@@ -225,7 +226,8 @@ class Project:
         return {n: json.loads(f) for n, f in self.connection.execute("SELECT name, figures FROM results ORDER BY name")}
 
     def mask_path(self, frame: int) -> Path:
-        return self.layout.mask(frame)
+        """The floor mask of a frame that counts: a person's correction, else what the floors stage found."""
+        return mask_in_use(self.layout, self.need_capture().frames[frame], frame)
 
     def meta(self, key: str) -> str | None:
         row = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()

@@ -11,10 +11,11 @@ from nvsim.project.stages import floors
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
-    pass
+    discard_corrections: bool = False
+    """Throw away the masks that were corrected by hand; without this they are kept and take precedence."""
 
 
 def run(arguments: Arguments) -> int:
     with working(arguments.project, "floors", arguments.json) as (project, listen):
-        floors.run(project, listen)
+        floors.run(project, listen, arguments.discard_corrections)
     return 0

@@ -12,21 +12,27 @@ from nvsim.events import Done, Listener, Log, Progress
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, held_out
+from nvsim.project.corrections import corrected_frames, corrections_key, discard_corrections
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key
 
 STAGE = "floors"
+_SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
 
 
-def run(project: Project, listen: Listener) -> None:
-    """Masks of all frames; frames that are held out of training do not count as support."""
+def run(project: Project, listen: Listener, discard: bool = False) -> None:
+    """Masks of all frames; frames that are held out of training do not count as support. Masks that a person corrected
+    stay, unless they are to be discarded, and count in place of the machine's."""
     config = capture_config(project)
+    if discard:
+        listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     key = ledger.key_of(STAGE, submaps_key(project), config, _VERSION)
     if ledger.is_current(project, STAGE, key):
         listen(Log("The floor masks are up to date.", STAGE))
+        refresh_support(project, listen)
         return
     from nvsim.perception.segment import segment_capture
 
@@ -44,10 +50,32 @@ def run(project: Project, listen: Listener) -> None:
         for frame in submap.core:
             surface_of[frame] = surface
     segment_capture(capture, surface_of.__getitem__, layout.masks, listen=listen)
-    coverage = _support(project, config)
+    support_key = _support_key(project, key)
+    coverage = _support(project)
     summary = {"frames": len(capture.frames), "supported_m2": round(coverage, 1)}
     ledger.finish(project, STAGE, time.monotonic() - started, summary)
-    listen(Done(STAGE, f"floor masks of {len(capture.frames)} frames, {coverage:.0f} m² of supported floor", summary))
+    ledger.begin(project, STAGE, support_key, _SUPPORT)
+    ledger.finish(project, STAGE, 0.0, {}, _SUPPORT)
+    corrected = len(corrected_frames(layout, capture.frames))
+    words = f"floor masks of {len(capture.frames)} frames" + (f", {corrected} of them corrected" if corrected else "")
+    listen(Done(STAGE, f"{words}, {coverage:.0f} m² of supported floor", summary))
+
+
+def refresh_support(project: Project, listen: Listener) -> None:
+    """Makes the supported floor again when masks were corrected since."""
+    masks_key, found = floors_key(project), ledger.record(project, STAGE, _SUPPORT)
+    if not masks_key:
+        return
+    key = _support_key(project, masks_key)
+    # Projects of before masks could be corrected have no row of their own for it.
+    made_with = masks_key if found is None else found.key if found.state == "done" else ""
+    if made_with == key:
+        return
+    started = time.monotonic()
+    ledger.begin(project, STAGE, key, _SUPPORT)
+    coverage = _support(project)
+    ledger.finish(project, STAGE, time.monotonic() - started, {}, _SUPPORT)
+    listen(Log(f"With the corrected masks {coverage:.0f} m² of floor are supported.", STAGE))
 
 
 def _surface(project: Project, submap: int, positions: np.ndarray, config: CaptureConfig) -> FloorSurface:
@@ -62,17 +90,29 @@ def _surface(project: Project, submap: int, positions: np.ndarray, config: Captu
     return surface
 
 
-def _support(project: Project, config: CaptureConfig) -> float:
+def supporting_frames(project: Project) -> list[int]:
+    """Indices of the frames whose masks count as support: those not held out."""
+    count = len(project.need_capture().frames)
+    kept_out = held_out(count, capture_config(project).hold_out)
+    return [i for i in range(count) if i not in kept_out]
+
+
+def _support_key(project: Project, masks_key: str) -> str:
+    """What the supported floor depends on. Asked for before the masks are read, so that what a person corrects in the
+    meantime counts as not in it yet."""
+    corrected = corrections_key(project, supporting_frames(project))
+    return ledger.key_of(masks_key, *corrected) if corrected else masks_key
+
+
+def _support(project: Project) -> float:
     """Commits the supported floor; returns its area in square metres."""
     from nvsim.perception.segment import read_mask
     from nvsim.perception.support import observe
 
-    capture = project.need_capture()
-    kept_out = held_out(len(capture.frames), config.hold_out)
-    frames = [i for i in range(len(capture.frames)) if i not in kept_out]
+    capture, frames = project.need_capture(), supporting_frames(project)
     support = observe(
         [capture.frames[i].camera for i in frames],
-        (read_mask(project.layout.mask(i)) for i in frames),
+        (read_mask(project.mask_path(i)) for i in frames),
         floor_of(project),
         capture.cloud,
     ).trodden(capture.positions[frames])

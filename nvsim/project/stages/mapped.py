@@ -15,8 +15,10 @@ from nvsim.geometry.camera import Camera
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.mapping.config import MappingConfig
 from nvsim.project import ledger
+from nvsim.project.corrections import corrections_key
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
+from nvsim.project.stages.floors import refresh_support, supporting_frames
 from nvsim.render.backends import Backend
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
@@ -59,6 +61,7 @@ def run(
     if ledger.is_current(project, STAGE, key):
         listen(Log("The navigation graph is up to date.", STAGE))
         return
+    refresh_support(project, listen)
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
@@ -92,9 +95,10 @@ def run(
 
 
 def map_key(project: Project, config: MappingConfig) -> str:
-    """What the graph depends on: every trained submap and the thresholds."""
+    """What the graph depends on: every trained submap, the floor that corrected masks support, and the thresholds."""
     trained = [ledger.record(project, "train", s.index) for s in project.need_submaps()]
-    return ledger.key_of(STAGE, [t.key if t and t.state == "done" else "" for t in trained], config)
+    corrected = corrections_key(project, supporting_frames(project))
+    return ledger.key_of(STAGE, [t.key if t and t.state == "done" else "" for t in trained], config, *corrected)
 
 
 def scan_name(project: Project) -> str:

@@ -72,7 +72,7 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
         frame = capture.frames[index]
         size = frame.intrinsics.within(config.image_size)
         camera = frame.camera.scaled(size.width, size.height)
-        mask = read_mask(project.layout.mask(index), size.width, size.height)
+        mask = read_mask(project.mask_path(index), size.width, size.height)
         return TrainingView(frame.name, camera, read_image(frame, size), mask)
 
     with ThreadPoolExecutor(2) as pool:

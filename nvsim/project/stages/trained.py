@@ -12,6 +12,7 @@ import psutil
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress
 from nvsim.project import ledger
+from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
@@ -80,7 +81,8 @@ def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     """What the model of a submap depends on: neither the number of threads nor how often it is saved."""
     default = TrainingConfig()
     same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
-    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, same)
+    corrected = corrections_key(project, training_frames(project, submap.index))
+    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, same, *corrected)
 
 
 def _finish(project: Project, index: int, seconds: float, figures: dict[str, Any], listen: Listener) -> None:
