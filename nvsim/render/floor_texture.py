@@ -22,9 +22,9 @@ from nvsim.splats.types import FloorTexture
 
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
-_FLATTEST = _F(-0.02)  # as FloorSurface.meet
-_ITERATIONS = 4
-_CLOSE = _F(1e-5)  # metres; further rounds change nothing
+FLATTEST = _F(-0.02)  # as FloorSurface.meet
+ITERATIONS = 4
+CLOSE = _F(1e-5)  # metres; further rounds change nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +102,14 @@ def height_at(heights: Any, grid: Any, x: Any, y: Any) -> Any:
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def distance_to_floor(heights: Any, grid: Any, ex: Any, ey: Any, ez: Any, dx: Any, dy: Any, dz: Any) -> Any:
     """FloorSurface.meet: metres along the unit direction from the eye, -1 where the ray does not meet the floor."""
-    if not dz < _FLATTEST:
+    if not dz < FLATTEST:
         return -_ONE
     distance = (height_at(heights, grid, ex, ey) - ez) / dz
     if heights.size > 1:
-        for _ in range(_ITERATIONS):
+        for _ in range(ITERATIONS):
             before = distance
             distance = (height_at(heights, grid, ex + distance * dx, ey + distance * dy) - ez) / dz
-            if abs(distance - before) < _CLOSE:
+            if abs(distance - before) < CLOSE:
                 break
     return distance if distance > _ZERO else -_ONE
 

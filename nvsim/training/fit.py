@@ -24,12 +24,13 @@ from nvsim.training.alpha_loss import alpha_loss
 from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.config import RateConfig, TrainingConfig
 from nvsim.training.exposure import Exposure
+from nvsim.training.floor_rays import meet_floor
 from nvsim.training.losses import FloorAwareLoss, LossValues
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
 from nvsim.training.stopwatch import Stopwatch
 from nvsim.training.strategies.types import Refinement
-from nvsim.training.texture import LearnedTexture, meet_floor
+from nvsim.training.texture import LearnedTexture
 from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]

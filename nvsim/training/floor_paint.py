@@ -15,8 +15,10 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.training.backdrop import pack_camera
 from nvsim.training.config import TrainingConfig
+from nvsim.training.floor_rays import meet_floor
 from nvsim.training.networks import Networks
-from nvsim.training.texture import LearnedTexture, meet_floor, scatter_texture
+from nvsim.training.texture import LearnedTexture
+from nvsim.training.texture_samples import scatter_texture
 from nvsim.training.views import TrainingView
 
 MARGIN = 0.5

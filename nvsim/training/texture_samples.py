@@ -1,0 +1,215 @@
+"""Bilinear samples of the floor texture at every pixel of a view, and their adjoint.
+
+A segment of pixels is first turned into texel numbers and shares, in vectors over pixels; then each pixel's four texels
+are taken as short vectors over colours. Written in scalars the same costs three times as much.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, prange, types
+from numba.extending import intrinsic
+
+from nvsim.render.arithmetic import FLAGS
+from nvsim.render.floor_texture import level_weight
+
+_F = np.float32
+_ZERO, _HALF = _F(0), _F(0.5)
+_SEGMENT = 64
+# Planes of a segment: world x, y and footprint; then the parts of the right and the upper texels, and the weight.
+_X, _Y, _WEIGHT, _PLANES = 3 * _SEGMENT, 4 * _SEGMENT, 5 * _SEGMENT, 6 * _SEGMENT
+
+
+def _lanes(count: int) -> ir.VectorType:
+    return ir.VectorType(ir.FloatType(), count)
+
+
+def _vector(builder: Any, scalars: list[Any]) -> Any:
+    made = ir.Constant(_lanes(len(scalars)), ir.Undefined)
+    for i, scalar in enumerate(scalars):
+        made = builder.insert_element(made, scalar, ir.Constant(ir.IntType(32), i))
+    return made
+
+
+def _chosen(builder: Any, vector: Any, lanes: list[int]) -> Any:
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
+    return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
+
+
+class _Row:
+    """Two texels beside each other, six floats: nothing is read or written outside of them."""
+
+    def __init__(self, context: Any, builder: Any, array_type: Any, array: Any, texel: Any) -> None:
+        self._builder = builder
+        data = context.make_array(array_type)(context, builder, array).data
+        self._at = builder.mul(texel, ir.Constant(texel.type, 3))
+        self._data = data
+
+    def pointer(self, offset: int, count: int) -> Any:
+        b = self._builder
+        place = b.gep(self._data, [b.add(self._at, ir.Constant(self._at.type, offset))])
+        return b.bitcast(place, _lanes(count).as_pointer())
+
+    def load(self, offset: int, count: int) -> Any:
+        return self._builder.load(self.pointer(offset, count), align=4)
+
+    def add(self, offset: int, value: Any) -> None:
+        count = value.type.count
+        total = self._builder.fadd(self.load(offset, count), value, flags=("contract",))
+        self._builder.store(total, self.pointer(offset, count), align=4)
+
+
+@intrinsic
+def _gather(typing_context: Any, texels: Any, low: Any, high: Any, w00: Any, w01: Any, w10: Any, w11: Any) -> Any:
+    """The colour w00 texel(low) + w01 texel(low + 1) + w10 texel(high) + w11 texel(high + 1); `texels` flat."""
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, at_low, at_high, *shares = arguments
+        rows = [_Row(context, builder, signature.args[0], array, at) for at in (at_low, at_high)]
+        flags = ("contract", "reassoc")
+        left = right = None
+        for row, (ours, next_) in zip(rows, (shares[:2], shares[2:]), strict=True):
+            # The right texel is the last three lanes from its predecessor's blue on.
+            a = builder.fmul(row.load(0, 4), _vector(builder, [ours] * 4), flags=flags)
+            b = builder.fmul(row.load(2, 4), _vector(builder, [next_] * 4), flags=flags)
+            left = a if left is None else builder.fadd(left, a, flags=flags)
+            right = b if right is None else builder.fadd(right, b, flags=flags)
+        total = builder.fadd(left, _chosen(builder, right, [1, 2, 3, 3]), flags=flags)
+        colours = [builder.extract_element(total, ir.Constant(ir.IntType(32), i)) for i in range(3)]
+        return context.make_tuple(builder, signature.return_type, colours)
+
+    return types.UniTuple(types.float32, 3)(texels, low, high, w00, w01, w10, w11), build
+
+
+@intrinsic
+def _spread(typing_context: Any, texels: Any, low: Any, left: Any, right: Any, red: Any, green: Any, blue: Any) -> Any:
+    """texel(low) += left (red, green, blue), texel(low + 1) += right (red, green, blue); `texels` flat."""
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array, at, ours, next_, *colour = arguments
+        row = _Row(context, builder, signature.args[0], array, at)
+        r, g, b = colour
+        # Four and two floats that do not overlap: what the next pixel adds to the same texels need not wait for the
+        # cache.
+        first = builder.fmul(_vector(builder, [r, g, b, r]), _vector(builder, [ours, ours, ours, next_]))
+        row.add(0, first)
+        row.add(4, builder.fmul(_vector(builder, [g, b]), _vector(builder, [next_, next_])))
+        return context.get_dummy_value()
+
+    return types.void(texels, low, left, right, red, green, blue), build
+
+
+@njit(fastmath=FLAGS, error_model="numpy")
+def _load(hits: Any, row: Any, x0: Any, count: Any, plane: Any) -> Any:
+    """World x, y and footprint of up to a segment of pixels, into `plane`; whether any of them meets the floor."""
+    met = False
+    for i in range(count):
+        plane[i] = hits[0, row, x0 + i]
+    for i in range(count):
+        plane[_SEGMENT + i] = hits[1, row, x0 + i]
+    for i in range(count):
+        footprint = hits[2, row, x0 + i]
+        plane[2 * _SEGMENT + i] = footprint
+        met |= footprint >= _ZERO
+    return met
+
+
+@njit(fastmath=FLAGS, error_model="numpy")
+def _prepare(level: Any, size: Any, bounds: Any, plane: Any, texels: Any) -> None:
+    """The lower left of the four texels, the shares of the right and the upper ones, and the weight, of a segment."""
+    rows, columns = np.int32(level[1]), np.int32(level[2])
+    low_x, low_y = bounds[0], bounds[1]
+    across, along = _F(columns) / (bounds[2] - low_x), _F(rows) / (bounds[3] - low_y)
+    last_column, last_row = _F(columns - np.int32(1)), _F(rows - np.int32(1))
+    # On the border the second texel is the one that counts: there are two in every case.
+    first, before_column, before_row = np.int32(level[0]), columns - np.int32(2), rows - np.int32(2)
+    for i in range(_SEGMENT):
+        c = min(max((plane[i] - low_x) * across - _HALF, _ZERO), last_column)
+        r = min(max((plane[_SEGMENT + i] - low_y) * along - _HALF, _ZERO), last_row)
+        c0, r0 = min(np.int32(c), before_column), min(np.int32(r), before_row)
+        footprint = plane[2 * _SEGMENT + i]
+        plane[_X + i], plane[_Y + i] = c - _F(c0), r - _F(r0)
+        plane[_WEIGHT + i] = level_weight(footprint, size) if footprint >= _ZERO else _ZERO
+        texels[i] = first + r0 * columns + c0
+
+
+@njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
+def add_texture(hits: Any, table: Any, sizes: Any, bounds: Any, texels: Any, background: Any) -> None:
+    """Adds the texture to `background` (3, H, W) where `hits` says so.
+
+    hits     `floor_rays.meet_floor`
+    table    (levels, 3) int64: first texel, rows, columns, both of them at least 2
+    sizes    (levels,) texel size, metres
+    bounds   (4,) low x, y, high x, y
+    texels   (n, 3)
+    """
+    _, height, width = hits.shape
+    flat = texels.reshape(-1)
+    for row in prange(height):
+        places, plane = np.empty(_SEGMENT, np.int32), np.zeros(_PLANES, np.float32)
+        for x0 in range(0, width, _SEGMENT):
+            count = min(_SEGMENT, width - x0)
+            past = x0 + count
+            if not _load(hits, row, x0, count, plane):
+                continue
+            reds, greens, blues = background[0, row, x0:past], background[1, row, x0:past], background[2, row, x0:past]
+            for level in range(table.shape[0]):
+                _prepare(table[level], sizes[level], bounds, plane, places)
+                columns = np.uintp(table[level, 2])
+                for i in range(count):
+                    weight = plane[_WEIGHT + i]
+                    if weight <= _ZERO:
+                        continue
+                    fc, upper = plane[_X + i], weight * plane[_Y + i]
+                    lower, w11 = weight - upper, upper * fc
+                    w01 = lower * fc
+                    at = np.uintp(places[i])
+                    colour = _gather(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[call-arg, var-annotated]
+                    reds[i] += colour[0]
+                    greens[i] += colour[1]
+                    blues[i] += colour[2]
+
+
+@njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
+def scatter_texture(
+    hits: Any, floor: Any, table: Any, sizes: Any, bounds: Any, values: Any, texels: Any, weights: Any
+) -> None:
+    """The adjoint of `add_texture` within `floor` (H, W): adds `values` (3, H, W) into `texels` (n, 3), and the weight
+    with which each texel was touched into `weights` (n,) where that is not empty. A task per level: no two write to
+    the same texel, and the sums do not depend on the number of threads."""
+    _, height, width = hits.shape
+    flat = texels.reshape(-1)
+    for level in prange(table.shape[0]):
+        places, plane = np.empty(_SEGMENT, np.int32), np.zeros(_PLANES, np.float32)
+        columns = np.uintp(table[level, 2])
+        for row in range(height):
+            for x0 in range(0, width, _SEGMENT):
+                count = min(_SEGMENT, width - x0)
+                past = x0 + count
+                mask = floor[row, x0:past]
+                wanted = False
+                for i in range(count):
+                    wanted |= mask[i]
+                if not wanted or not _load(hits, row, x0, count, plane):
+                    continue
+                _prepare(table[level], sizes[level], bounds, plane, places)
+                reds, greens, blues = values[0, row, x0:past], values[1, row, x0:past], values[2, row, x0:past]
+                for i in range(count):
+                    weight = plane[_WEIGHT + i]
+                    if weight <= _ZERO or not mask[i]:
+                        continue
+                    fc, upper = plane[_X + i], weight * plane[_Y + i]
+                    lower, w11 = weight - upper, upper * fc
+                    w01 = lower * fc
+                    at = np.uintp(places[i])
+                    red, green, blue = reds[i], greens[i], blues[i]
+                    _spread(flat, at, lower - w01, w01, red, green, blue)  # type: ignore[call-arg]
+                    _spread(flat, at + columns, upper - w11, w11, red, green, blue)
+                    if weights.size > 0:
+                        weights[at] += lower - w01
+                        weights[at + np.uintp(1)] += w01
+                        weights[at + columns] += upper - w11
+                        weights[at + columns + np.uintp(1)] += w11
