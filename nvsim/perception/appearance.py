@@ -110,6 +110,14 @@ class FloorAppearance:
         usual: Mask = regions if regions.sum() < self.config.most * view.floor.sum() else np.zeros_like(regions)
         return usual
 
+    def likeness(self, view: Glimpse) -> Float32:
+        """(h, w) float32, 0 to 1: how much every pixel looks like the floor known where its ray meets the ground,
+        whatever stands before it; 0.5 where it begins to be strange, 0 where no floor is known."""
+        expected, known = self.expected(view)
+        score = self._score(view, expected, known, view.floor & known)
+        like: Float32 = np.where(known, 0.5 ** ((score / self.config.different) ** 2), 0).astype(np.float32)
+        return like
+
     def shining_through(self, view: Glimpse, hidden: Mask) -> Mask:
         """(h, w) bool: the regions of `hidden`, floor with something before it, that show the floor's own pattern all
         the same: what stands before them is glass. The pattern decides (normalised correlation of what is left when

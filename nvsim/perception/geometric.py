@@ -119,6 +119,15 @@ class GeometricFloor:
         mask = refine(floor, seen.scale, image, self.config.refine)
         return FloorMask(mask, mask)
 
+    def likeness(self, camera: Camera, image: Image) -> Float32:
+        """(h, w) float32 at the working size, 0 to 1: how much `image` (H, W, 3) looks like floor, by the colours that
+        `learn` has seen; without them, by the colours around the floor that geometry shows in the image itself."""
+        seen = self.project(camera)
+        view = self._glimpse(seen, image)
+        if self._appearance is None:
+            return grow(seen.floor, seen.floor | seen.unsure | seen.hidden, view.image).astype(np.float32)
+        return np.where(seen.distance > 0, self._appearance.likeness(view), 0).astype(np.float32)
+
     def _glimpse(self, seen: Projection, image: Image) -> Glimpse:
         import cv2
 

@@ -33,6 +33,26 @@ class HybridConfig:
     prompts: int = 3
 
 
+@dataclass(frozen=True, eq=False)
+class HybridSteps:
+    """The masks that the hybrid segmentation passes through, each (H, W) bool.
+
+    semantic    M_sem, what looks like floor
+    horizontal  M_norm, what lies flat
+    candidates  M_cand, both, without small regions
+    points      (K, 2) float32, pixels x, y: the prompts taken from M_cand
+    prompted    M_final, the region of the normal map that holds the points
+    normals     (H, W, 3) float32, world
+    """
+
+    semantic: Mask
+    horizontal: Mask
+    candidates: Mask
+    points: Float32
+    prompted: Mask
+    normals: Float32
+
+
 @dataclass(frozen=True)
 class HybridFloor:
     """M_final = prompted(normal map, K points of M_cand), M_cand = M_sem AND M_norm without small regions.
@@ -47,13 +67,20 @@ class HybridFloor:
 
     def segment(self, camera: Camera, image: Image) -> FloorMask:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
+        steps = self.steps(camera, image)
+        return FloorMask(steps.prompted, steps.candidates, steps.normals)
+
+    def steps(self, camera: Camera, image: Image) -> HybridSteps:
+        """How the floor of an image (H, W, 3) uint8 RGB comes about."""
         normals = self.surface_normals.normals(image, camera)
         looks = self.semantic.floor_probability(image, camera) >= self.config.probability
-        candidates = large_regions(looks & (normals[..., 2] >= self.config.upward), self.config.area)
-        if not candidates.any():
-            return FloorMask(candidates, candidates, normals)
+        flat = normals[..., 2] >= self.config.upward
+        candidates = large_regions(looks & flat, self.config.area)
         points = spread_points(candidates, self.config.prompts)
-        return FloorMask(self.prompted.mask(normal_picture(normals), points, camera), candidates, normals)
+        prompted = candidates
+        if candidates.any():
+            prompted = self.prompted.mask(normal_picture(normals), points, camera)
+        return HybridSteps(looks, flat, candidates, points, prompted, normals)
 
 
 def large_regions(mask: Mask, area: float) -> Mask:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -74,10 +73,6 @@ def segment_capture(
         intrinsics = frame.intrinsics.within(config.longest_side)
         return frame.camera.scaled(intrinsics.width, intrinsics.height), intrinsics
 
-    def read_small(indices: list[int], k: int) -> Image:
-        frame = capture.frames[indices[k]]
-        return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
-
     # The looks are learnt from the whole walk, whatever is left to do, so that a resumed run ends with the same masks.
     surfaces = [surfaces_of(i) for i in range(len(capture.frames))]
     walks: dict[int, list[int]] = {}
@@ -85,9 +80,7 @@ def segment_capture(
         walks.setdefault(id(surface), []).append(i)
     providers: dict[int, GeometricFloor] = {}
     for key in dict.fromkeys(id(surfaces[i]) for i in missing):
-        providers[key] = GeometricFloor(capture.cloud, surfaces[walks[key][0]], config.geometric)
-        near = _around(capture.positions, walks[key], surfaces[walks[key][0]])
-        providers[key].learn([view(i)[0] for i in near], partial(read_small, near))
+        providers[key] = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
 
     def one(index: int) -> int:
         camera, intrinsics = view(index)
@@ -107,6 +100,25 @@ def segment_capture(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def learnt_floor(capture: Capture, members: list[int], surface: FloorSurface, config: SegmentConfig) -> GeometricFloor:
+    """The provider for the frames `members` that share a floor surface, having seen what their floor looks like.
+    Raises InputError for an image that cannot be read."""
+    near = _around(capture.positions, members, surface)
+
+    def camera(index: int) -> Camera:
+        frame = capture.frames[index]
+        intrinsics = frame.intrinsics.within(config.longest_side)
+        return frame.camera.scaled(intrinsics.width, intrinsics.height)
+
+    def read_small(k: int) -> Image:
+        frame = capture.frames[near[k]]
+        return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
+
+    floor = GeometricFloor(capture.cloud, surface, config.geometric)
+    floor.learn([camera(i) for i in near], read_small)
+    return floor
 
 
 def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:

@@ -1,0 +1,75 @@
+"""The semantic and the normal role without networks: what looks like the floor that the walk has seen at a place, and
+how the cloud's surfaces lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from nvsim.capture.types import Cloud
+from nvsim.geometry.camera import Camera
+from nvsim.perception.geometric import GeometricFloor
+from nvsim.perception.roles import Float32, Image
+
+_NEIGHBOURS = 14
+
+
+@dataclass(frozen=True)
+class FloorLooks:
+    """A SemanticFloor: how much a pixel looks like the floor known where its ray meets the ground. `floor` has learnt
+    its looks."""
+
+    floor: GeometricFloor
+
+    def floor_probability(self, image: Image, camera: Camera) -> Float32:
+        return _resized(self.floor.likeness(camera, image), image)
+
+
+@dataclass(frozen=True)
+class CloudNormals:
+    """SurfaceNormals: the plane through the cloud's points around what a pixel sees; straight up on the floor; zero
+    where the cloud shows nothing."""
+
+    floor: GeometricFloor
+    cloud: Cloud | None
+    _tree: dict[str, cKDTree] = field(default_factory=dict)
+
+    def normals(self, image: Image, camera: Camera) -> Float32:
+        seen = self.floor.project(camera)
+        height, width = seen.floor.shape
+        small = camera.scaled(width, height)
+        rays = small.rays()
+        normals = np.zeros((height, width, 3), np.float32)
+        ground = seen.floor | seen.unsure
+        normals[ground] = (0, 0, 1)
+        rows, columns = np.nonzero(np.isfinite(seen.before) & ~ground)
+        if self.cloud is not None and len(rows) and len(self.cloud.points) >= _NEIGHBOURS:
+            toward = rays[rows, columns]
+            hits = small.position + seen.before[rows, columns, None] * toward
+            normals[rows, columns] = self._planes(self.cloud, hits, toward)
+        resized = _resized(normals, image)
+        length = np.linalg.norm(resized, axis=-1, keepdims=True)
+        return np.where(length > 0.5, resized / np.maximum(length, 1e-6), 0).astype(np.float32)
+
+    def _planes(self, cloud: Cloud, places: NDArray[np.floating], toward: Float32) -> Float32:
+        """(N, 3) unit normals of the planes through the cloud around `places` (N, 3), against the rays `toward`."""
+        if "cloud" not in self._tree:
+            self._tree["cloud"] = cKDTree(cloud.points)
+        _, index = self._tree["cloud"].query(places, k=_NEIGHBOURS, workers=1)
+        around = cloud.points[index].astype(np.float64)
+        around -= around.mean(axis=1, keepdims=True)
+        _, axes = np.linalg.eigh(around.transpose(0, 2, 1) @ around)
+        planes = axes[..., 0]
+        planes *= -np.sign(np.sum(planes * toward, axis=-1, keepdims=True))
+        return planes.astype(np.float32)
+
+
+def _resized(values: Float32, image: Image) -> Float32:
+    """`values` (h, w) or (h, w, C) at the size of `image`."""
+    import cv2
+
+    size = (image.shape[1], image.shape[0])
+    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_LINEAR), np.float32)

@@ -1,0 +1,96 @@
+"""The masks that the hybrid floor segmentation passes through, for one frame of a project at a time: to look at, and to
+correct a mask with. Nothing of the pipeline depends on them."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nvsim.atomic import replacing
+from nvsim.errors import InputError
+from nvsim.perception.hybrid import HybridFloor, HybridSteps
+from nvsim.project.project import Project
+from nvsim.project.stages.floors import floors_key
+
+_VERSION = 1  # raised when the same inputs give something else
+_MASKS = ("semantic", "horizontal", "candidates", "prompted")
+
+
+def candidates_path(project: Project, index: int) -> Path:
+    """Where the candidates of a frame lie once they were made; the name holds what they depend on."""
+    return project.layout.cache / "candidates" / f"{index:06d}-{floors_key(project)[:12]}-{_VERSION}.npz"
+
+
+def read_candidates(path: Path) -> HybridSteps | None:
+    """What `CandidateMaker` stored, None when it is missing or not readable: it can be made again."""
+    try:
+        with np.load(path) as data:
+            shape = tuple(data["shape"])
+            masks: dict[str, Any] = {
+                name: np.unpackbits(data[name])[: shape[0] * shape[1]].reshape(shape).astype(bool) for name in _MASKS
+            }
+            normals = data["normals"].astype(np.float32) / 127.0
+            return HybridSteps(points=data["points"], normals=normals, **masks)
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+class CandidateMaker:
+    """Makes candidates; keeps what it learnt about the floor of a submap for its next frame."""
+
+    def __init__(self, project: Project) -> None:
+        self._project = project
+        self._hybrids: dict[int, HybridFloor] = {}
+
+    def make(self, index: int) -> Path:
+        """The file with the candidates of a frame, made where it is not there. Raises InputError while the floors were
+        not found, and for an image that cannot be read."""
+        project = self._project
+        if not floors_key(project):
+            raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
+        path = candidates_path(project, index)
+        if path.is_file():
+            return path
+        from nvsim.capture.images import read_image
+        from nvsim.perception.segment import SegmentConfig
+
+        frame = project.need_capture().frames[index]
+        size = frame.intrinsics.within(SegmentConfig().longest_side)
+        camera = frame.camera.scaled(size.width, size.height)
+        _write(path, self._hybrid(index).steps(camera, read_image(frame, size)))
+        return path
+
+    def _hybrid(self, index: int) -> HybridFloor:
+        from nvsim.perception.geometric_roles import CloudNormals, FloorLooks
+        from nvsim.perception.regions import RegionGrowing
+        from nvsim.perception.segment import SegmentConfig, learnt_floor
+
+        project = self._project
+        capture = project.need_capture()
+        submap = next(s for s in project.need_submaps() if index in s.core)
+        if submap.index not in self._hybrids:
+            surface = project.surface(submap.index)
+            if surface is None:
+                raise InputError(
+                    f"{project.layout.surface(submap.index)} is missing; run `nvsim floors --project` again."
+                )
+            floor = learnt_floor(capture, list(submap.core), surface, SegmentConfig())
+            self._hybrids[submap.index] = HybridFloor(
+                FloorLooks(floor), CloudNormals(floor, capture.cloud), RegionGrowing()
+            )
+        return self._hybrids[submap.index]
+
+
+def _write(path: Path, steps: HybridSteps) -> None:
+    masks: dict[str, Any] = {name: np.packbits(getattr(steps, name)) for name in _MASKS}
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(
+            file,
+            shape=np.array(steps.semantic.shape),
+            points=steps.points,
+            normals=np.round(steps.normals * 127).astype(np.int8),
+            **masks,
+        )
