@@ -50,6 +50,11 @@ class Document(QObject):
         return self._contents.path
 
     @property
+    def project(self) -> Path | None:
+        """The folder of the open project; None for a splat file."""
+        return None if self._contents.outline is not None or (self.path and self.path.is_file()) else self.path
+
+    @property
     def selection(self) -> Selection:
         return self._selection
 

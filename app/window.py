@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QStackedWidget, 
 
 from app.actions import ActionTable
 from app.document import Document
+from app.jobs.queue import JobQueue
 from app.notices import NoticeArea, Notices
 from app.painter import Remark
 from app.panels.empty import EmptyState
@@ -47,7 +48,9 @@ class MainWindow(QMainWindow):
         self.centre.addWidget(self.empty)
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
-        workspace = Workspace(document, settings, notices, self.scene, self)
+        self.jobs = JobQueue(self)
+        document.projectChanged.connect(lambda: self.jobs.follow(document.project))
+        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self)
         self.parts = [part(workspace) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
         self.panels = {dock.name: dock.widget for dock in docks}
@@ -194,5 +197,6 @@ class MainWindow(QMainWindow):
         self.settings.setValue("state", self.saveState(LAYOUT_VERSION))
         for part in self.parts:
             part.store(self.settings)
+        self.jobs.stop()
         self.scene.release()
         super().closeEvent(event)

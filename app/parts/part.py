@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QWidget
 
 from app.actions import Action
 from app.document import Document
+from app.jobs.queue import JobQueue
 from app.notices import Notices
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class Workspace:
     settings: QSettings
     notices: Notices
     scene: SceneView
+    jobs: JobQueue  # what runs long goes through it
     window: MainWindow  # parent of dialogs, and the way to the other parts' panels
 
 

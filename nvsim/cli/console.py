@@ -9,17 +9,40 @@ from contextlib import contextmanager
 
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
 
+_heard_by: Listener | None = None
+
+
+@contextmanager
+def heard_by(listen: Listener) -> Iterator[None]:
+    """Every command that runs meanwhile in this process tells `listen`, in place of the terminal or stdout."""
+    global _heard_by
+    _heard_by = listen
+    try:
+        yield
+    finally:
+        _heard_by = None
+
 
 @contextmanager
 def listening(as_json: bool) -> Iterator[Listener]:
     """A listener for the time of a command."""
-    if as_json:
+    if _heard_by is not None:
+        yield _heard_by
+    elif as_json:
         yield _print_json
     elif sys.stderr.isatty():
         with _Terminal() as terminal:
             yield terminal
     else:
         yield _Plain()
+
+
+def tell_failure(event: Failed, as_json: bool) -> None:
+    """Says how a command ended, where a program listens."""
+    if _heard_by is not None:
+        _heard_by(event)
+    elif as_json:
+        _print_json(event)
 
 
 def _print_json(event: Event) -> None:

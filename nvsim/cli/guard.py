@@ -12,8 +12,9 @@ import traceback
 from pathlib import Path
 from types import FrameType, ModuleType
 
+from nvsim.cli.console import tell_failure
 from nvsim.errors import InputError
-from nvsim.events import Failed, to_json
+from nvsim.events import Failed
 
 
 class Stopped(BaseException):
@@ -55,8 +56,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
-    if as_json:
-        print(to_json(Failed(verb.split()[0], sentence, code)), flush=True)
+    tell_failure(Failed(verb.split()[0], sentence, code), as_json)
     print(f"nvsim {verb}: {sentence}", file=sys.stderr)
     return code
 

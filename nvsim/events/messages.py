@@ -90,12 +90,16 @@ def to_json(event: Event) -> str:
 
 def from_json(line: str) -> Event:
     """The event of one line. Raises ValueError when the line is not an event."""
-    data = json.loads(line)
+    return from_data(json.loads(line))
+
+
+def from_data(data: Any) -> Event:
+    """The event of a parsed line. Raises ValueError when it is none."""
     if not isinstance(data, dict) or data.get("event") not in _KINDS:
-        raise ValueError(f"not an event: {line[:80]!r}")
-    kind = _KINDS[data.pop("event")]
+        raise ValueError(f"not an event: {str(data)[:80]!r}")
+    kind = _KINDS[data["event"]]
     try:
-        event: Event = kind(**data)
+        event: Event = kind(**{k: v for k, v in data.items() if k != "event"})
     except TypeError as error:
         raise ValueError(f"not an event: {error}") from error
     return event

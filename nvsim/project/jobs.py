@@ -18,7 +18,7 @@ _BEAT = 1.0  # seconds between updates of a job's row
 @dataclass(frozen=True)
 class JobRecord:
     """stage: the command's verb. state: "running", "done", "failed", "stopped", or "interrupted" (its process is gone).
-    progress: 0 to 1. started, finished: seconds since the epoch."""
+    progress: 0 to 1. started, finished: seconds since the epoch. pid: of the process that runs or ran it."""
 
     id: int
     stage: str
@@ -27,6 +27,7 @@ class JobRecord:
     started: float
     finished: float | None
     message: str
+    pid: int = 0
 
 
 def read_jobs(connection: sqlite3.Connection) -> list[JobRecord]:
@@ -39,14 +40,15 @@ def read_jobs(connection: sqlite3.Connection) -> list[JobRecord]:
         if state == "running" and not _alive(pid, started):
             state = "interrupted"
         share = 1.0 if state == "done" else (done / total if total else 0.0)
-        result.append(JobRecord(id, stage, state, share, started, finished, message))
+        result.append(JobRecord(id, stage, state, share, started, finished, message, pid))
     return result
 
 
 def _alive(pid: int, started: float) -> bool:
     try:
         # A process that began after the job has only inherited the number.
-        return bool(psutil.Process(pid).create_time() <= started + 1.0)
+        process = psutil.Process(pid)
+        return bool(process.create_time() <= started + 1.0 and process.status() != psutil.STATUS_ZOMBIE)
     except psutil.Error:
         return False
 

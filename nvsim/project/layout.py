@@ -75,6 +75,11 @@ class Layout:
         return self.root / "logs"
 
     @property
+    def jobs(self) -> Path:
+        """A folder for each job that was ordered, see `joblist`."""
+        return self.logs / "jobs"
+
+    @property
     def partial_map(self) -> Path:
         """What a map building that was cut off had measured."""
         return self.checkpoints / "map.partial"

@@ -1,0 +1,112 @@
+"""What a job has told so far, gathered from its events for tables and plots. Knows no Qt."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from nvsim.events import Done, Event, Failed, Log, Metric, Preview, Progress, Warning
+
+WINDOW = 30.0  # seconds over which the rate is taken
+MOST_POINTS = 2000  # of a series; beyond, every other one is left out
+MOST_LINES = 2000  # of the log
+
+
+@dataclass
+class Series:
+    """A metric over the steps."""
+
+    steps: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    _stride: int = 1
+    _seen: int = 0
+
+    def add(self, step: float, value: float) -> None:
+        if self.steps and step <= self.steps[-1]:  # it went on from a checkpoint: what came after it never was
+            keep = next(i for i, s in enumerate(self.steps) if s >= step)
+            del self.steps[keep:], self.values[keep:]
+        self._seen += 1
+        if self._seen % self._stride:
+            return
+        self.steps.append(step)
+        self.values.append(value)
+        if len(self.steps) > MOST_POINTS:
+            del self.steps[::2], self.values[::2]
+            self._stride *= 2
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the log: seconds since the epoch, "log", "warning", "error" or "done", one sentence."""
+
+    at: float
+    kind: str
+    text: str
+
+
+class History:
+    """Grows with `hear`; everything else reads."""
+
+    def __init__(self) -> None:
+        self.progress: Progress | None = None
+        self.series: dict[str, dict[int, Series]] = {}  # metric -> submap -> series
+        self.previews: dict[str, Preview] = {}  # path -> latest
+        self.latest_preview: Preview | None = None
+        self.lines: deque[Line] = deque(maxlen=MOST_LINES)
+        self.told = 0  # rises with every line
+        self.results: dict[str, dict[str, object]] = {}  # stage -> figures of its last end
+        self.failure = ""
+        self._marks: deque[tuple[float, int]] = deque()
+
+    def hear(self, at: float, event: Event) -> None:
+        if isinstance(event, Progress):
+            self._on_progress(at, event)
+        elif isinstance(event, Metric):
+            self.series.setdefault(event.name, {}).setdefault(event.submap, Series()).add(event.step, event.value)
+        elif isinstance(event, Preview):
+            self.previews[event.path] = self.latest_preview = event
+        elif isinstance(event, Done):
+            self.results[event.stage] = event.results
+            self._say(at, "done", event.stage, event.summary)
+        elif isinstance(event, Failed):
+            self.failure = event.message
+            self._say(at, "error", event.stage, event.message)
+        elif isinstance(event, Warning):
+            self._say(at, "warning", event.stage, event.text)
+        elif isinstance(event, Log):
+            if not event.stage:  # the worker begins, perhaps once more
+                self._marks.clear()
+                self.failure = ""
+            self._say(at, "log", event.stage, event.text)
+
+    def _say(self, at: float, kind: str, stage: str, text: str) -> None:
+        self.told += 1
+        self.lines.append(Line(at, kind, f"{stage}: {text}" if stage else text))
+
+    def _on_progress(self, at: float, event: Progress) -> None:
+        former, self.progress = self.progress, event
+        if former is None or (former.stage, former.total) != (event.stage, event.total) or event.done < former.done:
+            self._marks.clear()
+        self._marks.append((at, event.done))
+        while len(self._marks) > 2 and at - self._marks[1][0] > WINDOW:
+            self._marks.popleft()
+
+    @property
+    def share(self) -> float:
+        """0 to 1 of the stage in hand."""
+        p = self.progress
+        return 0.0 if p is None or p.total <= 0 else min(max(p.done / p.total, 0.0), 1.0)
+
+    @property
+    def rate(self) -> float | None:
+        """Units per second over the last half minute; None while it is not known."""
+        if len(self._marks) < 2:
+            return None
+        (begin, first), (end, last) = self._marks[0], self._marks[-1]
+        return (last - first) / (end - begin) if end - begin > 0.5 and last > first else None
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Of the stage in hand, at that rate."""
+        p, rate = self.progress, self.rate
+        return None if p is None or rate is None else max(0.0, (p.total - p.done) / rate)

@@ -1,0 +1,93 @@
+"""Runs one job of a project's list and then hands on to the next: `python -m nvsim.cli.worker PROJECT [NUMBER]`.
+
+In a session of its own and at low priority, so that it neither dies with the window that started it nor slows it down.
+Its events go to the job's folder line by line.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from nvsim.events import Done, Event, Failed, Log
+from nvsim.project.job_events import event_line
+from nvsim.project.joblist import Job, JobList
+
+NICE = 10
+LIGHT_NICE = 5
+_started: list[subprocess.Popen[bytes]] = []
+
+
+def start_worker(root: Path, number: int | None = None) -> None:
+    """Starts a process for the job, or for the next that waits; it ends by itself when there is none."""
+    _started[:] = [p for p in _started if p.poll() is None]  # lets the ended ones go
+    command = [sys.executable, "-P", "-m", "nvsim.cli.worker", str(root), *([] if number is None else [str(number)])]
+    null = subprocess.DEVNULL
+    _started.append(subprocess.Popen(command, start_new_session=True, stdin=null, stdout=null, stderr=null))
+
+
+def main(arguments: list[str]) -> int:
+    """The exit code of the job, 0 where there was nothing to do."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # the worker that started this one had it ignored
+    jobs = JobList(Path(arguments[0]))
+    job = jobs.claim(int(arguments[1]) if len(arguments) > 1 else None)
+    if job is None:
+        return 0
+    if hasattr(os, "nice"):
+        os.nice(NICE if job.order.heavy else LIGHT_NICE)
+    code, message = _run(job)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the work is over; only its end is to be written down
+    standing = jobs.finish(job, code, message)
+    # What waits behind a failure most often builds on it, and waits for the person.
+    if job.order.heavy and standing.state in ("done", "cancelled"):
+        start_worker(jobs.root)
+    return code
+
+
+def _run(job: Job) -> tuple[int, str]:
+    """The exit code, and one sentence about the end."""
+    from nvsim.cli.console import heard_by
+    from nvsim.cli.main import main as command
+
+    _redirect(1, job.output)
+    _redirect(2, job.messages)
+    message = ""
+
+    with open(job.events, "a", buffering=1) as file:
+
+        def write(event: Event) -> None:
+            file.write(event_line(event, time.time()))
+
+        def hear(event: Event) -> None:
+            nonlocal message
+            if isinstance(event, Failed):
+                message = event.message
+            elif isinstance(event, Done):
+                message = event.summary
+            write(event)
+
+        hear(Log("Started." if job.standing.worked == 0 else "Goes on."))
+        try:
+            with heard_by(hear):
+                code = command([*job.order.verb.split(), *job.order.arguments])
+        except SystemExit as stop:  # a wrong option; the parser has said so on stderr
+            code = stop.code if isinstance(stop.code, int) else 2
+            if code:
+                write(Failed(job.order.verb, "an option is wrong; its messages say which", code))
+                message = "An option is wrong; the log says which."
+    return code, message
+
+
+def _redirect(descriptor: int, path: Path) -> None:
+    """The process and all its children print into the file from now on."""
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    os.dup2(file, descriptor)
+    os.close(file)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

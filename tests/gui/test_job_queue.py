@@ -1,0 +1,146 @@
+"""The queue runs the real command line in processes of its own, which outlive it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import demo_project
+import pytest
+from pytestqt.qtbot import QtBot
+
+from app.jobs.history import MOST_POINTS, History, Series
+from app.jobs.queue import JobHandle, JobQueue
+from nvsim.events import Failed, Log, Metric, Progress
+from nvsim.project import ledger
+from nvsim.project.joblist import JobList, alive
+from nvsim.project.project import Project
+
+SECONDS = 60_000
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    path = demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=1)
+    with Project.open(path, writable=True) as made:
+        ledger.begin(made, "import", "a key")
+        ledger.finish(made, "import", 0.0, {})
+    return path
+
+
+@pytest.fixture
+def queue(qtbot: QtBot, project: Path) -> JobQueue:
+    made = JobQueue()
+    made.follow(project)
+    return made
+
+
+def until(qtbot: QtBot, handle: JobHandle, *states: str) -> None:
+    qtbot.waitUntil(lambda: handle.state in states, timeout=SECONDS)
+
+
+def test_a_job_runs_and_tells_how_it_ended(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
+    handle = queue.start("submaps", ["--project", str(project), "--count", "2"], project, "Cut into submaps")
+    with qtbot.waitSignal(queue.ended, timeout=SECONDS):
+        until(qtbot, handle, "done", "failed")
+    assert handle.state == "done", handle.message
+    assert "2 submaps" in handle.message
+    assert handle.history.lines[0].text == "Started."
+
+
+def test_a_mistake_is_told_in_one_sentence(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
+    wrong = queue.start("submaps", ["--project", str(project), "--count", "0"], project, "Cut into submaps")
+    until(qtbot, wrong, "failed")
+    assert "give at least 1" in wrong.message and wrong.job.standing.code == 2
+    unknown = queue.start("submaps", ["--project", str(project), "--colour", "red"], project, "Cut into submaps")
+    until(qtbot, unknown, "failed")
+    assert "option is wrong" in unknown.message
+    assert "--colour" in unknown.job.messages.read_text()
+
+
+def test_heavy_jobs_wait_for_each_other_and_the_worker_hands_on_by_itself(
+    qtbot: QtBot, queue: JobQueue, project: Path
+) -> None:
+    first = queue.start("submaps", ["--project", str(project), "--count", "3"], project, "one")
+    second = queue.start("submaps", ["--project", str(project), "--count", "2"], project, "two")
+    most = 0
+    with qtbot.waitSignal(queue.ended, timeout=SECONDS):
+        pass
+    queue.stop()  # nobody looks any more, and still the second one comes
+    jobs = JobList(project)
+
+    def both_done() -> bool:
+        nonlocal most
+        states = [j.standing.state for j in jobs.jobs()]
+        most = max(most, states.count("running"))
+        return states == ["done", "done"]
+
+    qtbot.waitUntil(both_done, timeout=SECONDS)
+    assert most <= 1 and first.number < second.number
+
+
+def test_a_job_outlives_the_process_that_ordered_it(qtbot: QtBot, project: Path) -> None:
+    program = (
+        "import sys\nfrom app.jobs.queue import JobQueue\nfrom PySide6.QtCore import QCoreApplication\n"
+        "from pathlib import Path\napp = QCoreApplication([])\nqueue = JobQueue()\nproject = Path(sys.argv[1])\n"
+        "queue.follow(project)\n"
+        "queue.start('submaps', ['--project', str(project), '--count', '2'], project, 'Cut')\n"
+        "import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program, str(project)], check=False, capture_output=True)
+    assert ended.returncode == -9, ended.stderr
+    queue = JobQueue()
+    queue.follow(project)
+    assert queue.handles[0].state in ("queued", "running")
+    until(qtbot, queue.handles[0], "done")
+
+
+def test_a_cancelled_job_leaves_no_process(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
+    handle = queue.start("floors", ["--project", str(project)], project, "Find the floor")
+    until(qtbot, handle, "running")
+    standing = handle.job.standing
+    queue.cancel(handle)
+    until(qtbot, handle, "cancelled", "failed")
+    qtbot.waitUntil(lambda: not alive(standing.pid, standing.born), timeout=SECONDS)
+
+
+def test_what_waits_for_a_person_is_found_when_the_project_opens(qtbot: QtBot, project: Path) -> None:
+    job = JobList(project).add("submaps", ["--project", str(project), "--count", "2"], "Cut")
+    queue = JobQueue()
+    with qtbot.waitSignal(queue.found) as found:
+        queue.follow(project)
+    assert [h.number for h in found.args[0]] == [job.number]
+    queue.begin_waiting()
+    until(qtbot, queue.handles[0], "done")
+
+
+def test_rate_and_time_left_come_from_the_last_half_minute() -> None:
+    history = History()
+    history.hear(0.0, Log("Started."))
+    for second in range(100):
+        history.hear(second, Progress("train", (5 if second < 50 else 10) * second, 2000))
+    assert history.rate == pytest.approx(10)
+    assert history.seconds_left == pytest.approx((2000 - 990) / 10)
+    history.hear(100.0, Progress("map", 0, 10))
+    assert history.rate is None and history.share == 0
+
+
+def test_a_series_goes_back_with_the_checkpoint_and_never_grows_without_end() -> None:
+    series = Series()
+    for step in range(100):
+        series.add(step, step)
+    series.add(50, -1.0)
+    assert series.steps == list(range(50)) + [50] and series.values[-1] == -1.0
+    for step in range(51, 20 * MOST_POINTS):
+        series.add(step, step)
+    assert len(series.steps) <= MOST_POINTS and series.steps == sorted(set(series.steps))
+
+
+def test_metrics_of_submaps_stay_apart_and_a_failure_is_kept() -> None:
+    history = History()
+    history.hear(0.0, Metric("train", "psnr", 20.0, 10, 0))
+    history.hear(0.0, Metric("train", "psnr", 22.0, 10, 1))
+    history.hear(1.0, Failed("train", "the disk is full", 2))
+    assert [s.values for s in history.series["psnr"].values()] == [[20.0], [22.0]]
+    assert history.failure == "the disk is full"
