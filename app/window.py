@@ -49,7 +49,7 @@ class MainWindow(QMainWindow):
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
         self.jobs = JobQueue(self)
-        document.projectChanged.connect(lambda: self.jobs.follow(document.project))
+        document.projectChanged.connect(self._on_project)
         workspace = Workspace(document, settings, notices, self.scene, self.jobs, self)
         self.parts = [part(workspace) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
@@ -127,6 +127,9 @@ class MainWindow(QMainWindow):
     def show_source(self, source: RenderSource | None) -> None:
         """Draws this reconstruction in the centre."""
         self.scene.show_source(source)
+
+    def _on_project(self) -> None:
+        self.jobs.follow(self.document.project)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if parts == {"jobs"}:
