@@ -36,13 +36,20 @@ from nvsim.render.spans import tile_box, tile_columns
 from nvsim.splats import harmonics
 
 _F = np.float32
-_ONE, _HALF = _F(1), _F(0.5)
+_ZERO, _ONE, _HALF, _DC = _F(0), _F(1), _F(0.5), _F(harmonics.DC)
 _MOST_REACH = _F(math.sqrt(2 * math.log(255)))  # standard deviations at which alpha 1 has fallen to 1/255
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _write_colour(row: Any, sh: Any, count: Any, planes: Any, i: Any) -> None:
-    red = green = blue = _HALF
+def _write_colour(row: Any, sh: Any, count: Any, planes: Any, i: Any, g: Any, features: Any, matrix: Any) -> None:
+    red = green = blue = _ZERO
+    if features.shape[0] > 0:
+        for f in range(features.shape[1]):
+            value = features[g, f]
+            red += value * matrix[0, f]
+            green += value * matrix[1, f]
+            blue += value * matrix[2, f]
+    red, green, blue = _HALF + _DC * red, _HALF + _DC * green, _HALF + _DC * blue
     for k in range(count):
         value = planes[(BASIS + k) * CHUNK + i]
         red += value * sh[k, 0]
@@ -114,6 +121,8 @@ def _project_part(
     quats: Any,
     opacity_logits: Any,
     sh: Any,
+    features: Any,
+    matrix: Any,
     degree: Any,
     view: Any,
     wanted: Any,
@@ -187,7 +196,7 @@ def _project_part(
                 planes[24 * CHUNK + i],
             )
             g = seen[i]
-            _write_colour(row, sh[g], basis, planes, i)
+            _write_colour(row, sh[g], basis, planes, i, g, features, matrix)
             ids[at] = g
             at += 1
     visible[block] = at - first
@@ -200,6 +209,8 @@ def project(
     quats: Any,
     opacity_logits: Any,
     sh: Any,
+    features: Any,
+    matrix: Any,
     degree: Any,
     view: Any,
     wanted: Any,
@@ -213,6 +224,7 @@ def project(
     ones to the start of that run.
 
     means .. sh   as in splats.types.Gaussians; `degree` of sh is evaluated
+    features      (N, F) of which matrix (3, F) makes what is added to coefficient 0 of sh, or (0, F)
     view          see view.pack and view.limit
     wanted        (tiles,) bool, the tiles that are to be drawn, rows of tiles after each other
     splats        out (N, 16), columns as in render.layout
@@ -228,6 +240,8 @@ def project(
             quats,
             opacity_logits,
             sh,
+            features,
+            matrix,
             degree,
             view,
             wanted,

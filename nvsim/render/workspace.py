@@ -25,6 +25,10 @@ LOCK = threading.RLock()
 """Held while kernels run: they use every core, and not every threading layer of numba allows two callers at once. The
 kernels let go of the interpreter, so that a window stays alive meanwhile."""
 
+Tint = tuple[Float32, Float32]
+"""Features (N, F) and a matrix (3, F): their product is added to SH coefficient 0 while a view is projected. With
+features (0, F) nothing is."""
+NO_TINT: Tint = np.empty((0, 1), np.float32), np.empty((3, 1), np.float32)
 _NO_DEPTH, _NO_NORMAL = np.empty((0, 0), np.float32), np.empty((0, 0, 3), np.float32)
 
 
@@ -96,6 +100,11 @@ class Workspace:
         Both are overwritten by the next `project`."""
         return self._rows[: self.count], self._visible
 
+    @property
+    def drawn(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Which Gaussians the last view draws: ids (N,), and of each block b of B how many from N * b // B on count."""
+        return self._ids[: self.count], self._visible
+
     def project(
         self,
         gaussians: Gaussians,
@@ -103,9 +112,10 @@ class Workspace:
         antialiased: bool,
         sh_degree: int | None = None,
         tiles: NDArray[np.bool_] | None = None,
+        tint: Tint = NO_TINT,
     ) -> None:
         """Splats of the Gaussians (arrays as from `ready`). `sh_degree` limits the degree that is evaluated; `tiles`
-        (lines, columns) are those to be drawn, all when left out."""
+        (lines, columns) are those to be drawn, all when left out; `tint` changes the colours."""
         k = camera.intrinsics
         n, self.threads = len(gaussians), numba.get_num_threads()
         self._columns, self._lines = -(-k.width // layout.TILE), -(-k.height // layout.TILE)
@@ -136,6 +146,7 @@ class Workspace:
             g.quats,
             g.opacity_logits,
             g.sh,
+            *tint,
             self._degree,
             self._view,
             self._wanted,

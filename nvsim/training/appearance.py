@@ -1,23 +1,22 @@
 """Colours that depend on the embedding, while they are learned (see `nvsim.splats.appearance`), and the way back.
 
-`shown` lends the Gaussians as a view sees them; `collect` takes the gradient by their coefficients and fills those of
+`shown` gives the Gaussians as a view sees them; `collect` takes the gradient by their coefficients and fills those of
 the features, of the weights and of the embedding.
 """
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import numba
 import numpy as np
 import torch
 from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.render.arithmetic import FLAGS
+from nvsim.render.workspace import NO_TINT, Tint
 from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
 from nvsim.splats.embedding import Embedding
 from nvsim.splats.harmonics import DC
@@ -32,36 +31,26 @@ _FILTER = _F(2.0)  # that many pixels of it come from the pixel's low-pass filte
 COLOUR = 3
 """Features of the linear form that start as the colour."""
 Float32 = NDArray[np.float32]
+Drawn = tuple[NDArray[np.int32], NDArray[np.int32]]
+"""`Workspace.drawn`."""
 
 
-@njit(parallel=True, cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
-def add_offsets(features: Any, matrix: Any, threads: Any, sh: Any, saved: Any) -> None:
-    """sh[:, 0] += W features, with what stood there in `saved` (N, 3). features (N, F), matrix W (3, F)."""
+@njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS)
+def collect_offsets(
+    d_sh: Any, features: Any, matrix: Any, ids: Any, visible: Any, d_features: Any, d_matrix: Any
+) -> None:
+    """The way back from sh[:, 0] += W features of the Gaussians that were drawn (`Workspace.drawn`): d_features (N, F)
+    is written, d_matrix (blocks, 3, F) gets each block's part of the sum."""
     n, width = features.shape
-    for thread in prange(threads):
-        for g in range(n * thread // threads, n * (thread + 1) // threads):
-            red, green, blue = sh[g, 0, 0], sh[g, 0, 1], sh[g, 0, 2]
-            saved[g, 0], saved[g, 1], saved[g, 2] = red, green, blue
-            for f in range(width):
-                value = features[g, f]
-                red += matrix[0, f] * value
-                green += matrix[1, f] * value
-                blue += matrix[2, f] * value
-            sh[g, 0, 0], sh[g, 0, 1], sh[g, 0, 2] = red, green, blue
-
-
-@njit(parallel=True, cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
-def collect_offsets(d_sh: Any, features: Any, matrix: Any, threads: Any, d_features: Any, d_matrix: Any) -> None:
-    """The way back: d_features (N, F) is written, d_matrix (threads, 3, F) gets each thread's part of the sum."""
-    n, width = features.shape
-    for thread in prange(threads):
-        total = d_matrix[thread]
+    blocks = visible.shape[0]
+    for block in prange(blocks):
+        first, end = n * block // blocks, n * (block + 1) // blocks
+        total = d_matrix[block]
         total[:] = _F(0)
-        for g in range(n * thread // threads, n * (thread + 1) // threads):
+        d_features[first:end] = _F(0)
+        for at in range(first, first + visible[block]):
+            g = ids[at]
             red, green, blue = d_sh[g, 0, 0], d_sh[g, 0, 1], d_sh[g, 0, 2]
-            if red == _F(0) and green == _F(0) and blue == _F(0):
-                d_features[g, :] = _F(0)
-                continue
             for f in range(width):
                 value = features[g, f]
                 d_features[g, f] = matrix[0, f] * red + matrix[1, f] * green + matrix[2, f] * blue
@@ -112,29 +101,21 @@ class LinearColours:
                 rows = self._parameters.tensors[f"matrix.{kind}"].view(3, config.features, -1)
                 rows[:, :COLOUR] = 0
         self._matrix = torch.zeros(self._shape)
-        self._saved = np.empty((0, 3), np.float32)
+        self._numbers = np.empty(self._shape, np.float32)
 
-    @contextlib.contextmanager
     def shown(
         self, gaussians: Gaussians, features: Float32, embedding: torch.Tensor, camera: Camera
-    ) -> Iterator[Gaussians]:
-        """The Gaussians as `camera` sees them. Their coefficients are changed in place, and as before afterwards."""
+    ) -> tuple[Gaussians, Tint]:
+        """The Gaussians as `camera` sees them, and how they are tinted."""
         self._matrix = self._parameters.linear("matrix", embedding).view(self._shape)
-        if self._saved.shape[0] != len(gaussians):
-            self._saved = np.empty((len(gaussians), 3), np.float32)
-        matrix = np.ascontiguousarray(self._matrix.detach().numpy())
-        add_offsets(features, matrix, numba.get_num_threads(), gaussians.sh, self._saved)
-        try:
-            yield gaussians
-        finally:
-            gaussians.sh[:, 0] = self._saved
+        self._numbers = np.ascontiguousarray(self._matrix.detach().numpy())
+        return gaussians, (features, self._numbers)
 
-    def collect(self, d_sh: Float32, features: Float32, d_features: Float32) -> None:
-        """From the gradient by the coefficients (N, K, 3) that the last `shown` lent."""
-        threads = numba.get_num_threads()
-        parts = np.empty((threads, *self._shape), np.float32)
-        matrix = np.ascontiguousarray(self._matrix.detach().numpy())
-        collect_offsets(d_sh, features, matrix, threads, d_features, parts)
+    def collect(self, d_sh: Float32, features: Float32, d_features: Float32, drawn: Drawn) -> None:
+        """From the gradient by the coefficients (N, K, 3) of what the last `shown` gave; `drawn` by the workspace."""
+        ids, visible = drawn
+        parts = np.empty((len(visible), *self._shape), np.float32)
+        collect_offsets(d_sh, features, self._numbers, ids, visible, d_features, parts)
         self._matrix.backward(torch.from_numpy(parts.sum(axis=0)))
 
     def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> LinearAppearance:
@@ -167,10 +148,9 @@ class NetworkColours:
         self._rows = np.empty(0, np.int64)
         self._features = self._sh = torch.zeros(0)
 
-    @contextlib.contextmanager
     def shown(
         self, gaussians: Gaussians, features: Float32, embedding: torch.Tensor, camera: Camera
-    ) -> Iterator[Gaussians]:
+    ) -> tuple[Gaussians, Tint]:
         """The Gaussians as `camera` sees them: the coefficients of those in view are overwritten."""
         k = camera.intrinsics
         if len(self._seen) != len(gaussians):
@@ -181,7 +161,7 @@ class NetworkColours:
         self._features = torch.from_numpy(features[self._rows]).requires_grad_()
         self._sh = self.evaluate(embedding, self._features)
         gaussians.sh[self._rows] = self._sh.detach().numpy().reshape(len(self._rows), -1, 3)
-        yield gaussians
+        return gaussians, NO_TINT
 
     def evaluate(self, embedding: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
         """(V, 3 K) coefficients of `features` (V, F)."""
@@ -195,8 +175,8 @@ class NetworkColours:
         heads = [p.linear(name, h) for name in ("base", "rest") if f"{name}.weight" in p.tensors]
         return torch.cat(heads, dim=1)
 
-    def collect(self, d_sh: Float32, features: Float32, d_features: Float32) -> None:
-        """From the gradient by the coefficients (N, K, 3) that the last `shown` lent."""
+    def collect(self, d_sh: Float32, features: Float32, d_features: Float32, drawn: Drawn) -> None:
+        """From the gradient by the coefficients (N, K, 3) of what the last `shown` gave."""
         self._sh.backward(torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
         d_features[:] = 0
         if self._features.grad is not None:

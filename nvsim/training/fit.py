@@ -6,7 +6,6 @@ a step costs what its kernels cost.
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.render.sky import ROW
-from nvsim.render.workspace import LOCK, Workspace
+from nvsim.render.workspace import LOCK, NO_TINT, Tint, Workspace
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.alpha_loss import alpha_loss
 from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
@@ -162,9 +161,9 @@ class Fit:
     def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
         """Colour of the Gaussians (H, W, 3) and transmittance (H, W) of the view last looked at."""
         k = camera.intrinsics
-        with self._shown(camera) as shown:
-            self._watch.lap("appearance")
-            self.workspace.project(shown, camera, self.config.antialiased, sh_degree)
+        shown, tint = self._shown(camera)
+        self._watch.lap("appearance")
+        self.workspace.project(shown, camera, self.config.antialiased, sh_degree, tint=tint)
         self._watch.lap("project")
         self.workspace.bin()
         self._watch.lap("sort")
@@ -172,10 +171,9 @@ class Fit:
         self._watch.lap("raster")
         return rgb, transmittance
 
-    def _shown(self, camera: Camera) -> contextlib.AbstractContextManager[Gaussians]:
-        # Lent until they are projected: the way back looks at the coefficients only from degree 1 on.
+    def _shown(self, camera: Camera) -> tuple[Gaussians, Tint]:
         if self.networks is None or self._colours is None:
-            return contextlib.nullcontext(self.gaussians)
+            return self.gaussians, NO_TINT
         return self._colours.shown(self.gaussians, self.groups[FEATURES].values, self.networks.seen, camera)
 
     def composite(self, camera: Camera) -> tuple[Float32, Float32]:
@@ -222,7 +220,9 @@ class Fit:
             watch.lap("project_backward")
             if self._colours is not None:
                 features = self.groups[FEATURES]
-                self._colours.collect(self.groups["sh"].gradient, features.values, features.gradient)
+                self._colours.collect(
+                    self.groups["sh"].gradient, features.values, features.gradient, self.workspace.drawn
+                )
             watch.lap("appearance_backward")
             if self.networks is not None and self._painter is not None:
                 self.networks.backdrop_gradient(evaluate_gradient(camera, loss.d_background, canvas.rows))

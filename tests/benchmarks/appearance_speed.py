@@ -42,6 +42,8 @@ def main() -> None:
     gaussians = Gaussians(means, np.full((n, 3), -4, np.float32), quats, np.zeros(n, np.float32), sh)
     camera = Camera(Intrinsics.from_fov(640, 480, 1.4), look(np.array([3, 2.2, 1.2]), 0.3, -0.1))
     slopes = rng.normal(size=sh.shape).astype(np.float32)
+    blocks = np.array([n * (b + 1) // 2 - n * b // 2 for b in range(2)], np.int32)
+    everything = np.arange(n, dtype=np.int32), blocks
     for kind, width in KINDS:
         config = AppearanceConfig(kind=kind, features=width)
         network = kind == "network"
@@ -53,9 +55,9 @@ def main() -> None:
         appearance = colours.exported(PositionEmbedding(config, 0).exported(), features, np.zeros(3))
         for repeat in range(arguments.repeats + 2):
             times = [time.perf_counter()]
-            with colours.shown(gaussians, features, torch.randn(config.size, requires_grad=True), camera):
-                times.append(time.perf_counter())
-            colours.collect(slopes, features, d_features)
+            colours.shown(gaussians, features, torch.randn(config.size, requires_grad=True), camera)
+            times.append(time.perf_counter())
+            colours.collect(slopes, features, d_features, everything)
             times.append(time.perf_counter())
             appearance.coloured(gaussians, np.array([repeat, 0.0, 0.0]))
             times.append(time.perf_counter())

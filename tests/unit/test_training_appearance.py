@@ -11,7 +11,7 @@ import torch
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.render.model import render_model
-from nvsim.render.workspace import Workspace
+from nvsim.render.workspace import NO_TINT, Workspace
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training import trainer
@@ -40,23 +40,25 @@ def inputs(config: AppearanceConfig, count: int) -> tuple[np.ndarray, torch.Tens
     return features, torch.from_numpy(rng.normal(size=config.size).astype(np.float32)).requires_grad_(), slopes
 
 
+def everything(count: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.arange(count, dtype=np.int32), np.array([count], np.int32)
+
+
 def test_linear_gradients_are_those_of_the_tape_in_double_precision() -> None:
     g, colours = some_gaussians(), LinearColours(LINEAR, 0)
     colours.values[:] += 0.1 * np.random.default_rng(3).standard_normal(colours.values.shape).astype(np.float32)
     features, embedding, slopes = inputs(LINEAR, len(g))
-    before = g.sh.copy()
-    with colours.shown(g, features, embedding, CAMERA) as shown:
-        ours = shown.sh.copy()
-    np.testing.assert_array_equal(g.sh, before)
+    shown, tint = colours.shown(g, features, embedding, CAMERA)
+    assert shown is g
     d_features = np.empty_like(features)
-    colours.collect(slopes, features, d_features)
+    colours.collect(slopes, features, d_features, everything(len(g)))
 
     double = [torch.tensor(a, dtype=torch.float64, requires_grad=True) for a in (features, embedding.tolist())]
     weights = torch.tensor(colours.values[:, 0], dtype=torch.float64, requires_grad=True)
     matrix, bias = weights[: -3 * LINEAR.features].view(-1, LINEAR.size), weights[-3 * LINEAR.features :]
     w = (matrix @ double[1] + bias).view(3, -1)
     offset = double[0] @ w.T
-    np.testing.assert_allclose(ours[:, 0], before[:, 0] + offset.detach().numpy(), atol=1e-5)
+    np.testing.assert_allclose(tint[0] @ tint[1].T, offset.detach().numpy(), atol=1e-5)
     (offset * torch.from_numpy(slopes[:, 0]).double()).sum().backward()
     np.testing.assert_allclose(d_features, double[0].grad, atol=1e-5)
     np.testing.assert_allclose(embedding.grad, double[1].grad, atol=1e-3)
@@ -67,9 +69,36 @@ def test_the_linear_form_starts_without_an_offset_and_with_the_colours_as_featur
     g, colours = some_gaussians(), LinearColours(LINEAR, 0)
     features = colours.first_features(g)
     np.testing.assert_allclose(features[:, :3] * DC, g.sh[:, 0] * DC + 0.5, atol=1e-6)
-    before = g.sh.copy()
-    with colours.shown(g, features, torch.ones(LINEAR.size), CAMERA) as shown:
-        np.testing.assert_array_equal(shown.sh, before)
+    tint = colours.shown(g, features, torch.ones(LINEAR.size), CAMERA)[1]
+    np.testing.assert_array_equal(tint[0] @ tint[1].T, 0)
+
+
+def test_a_tint_is_an_offset_of_the_first_coefficient() -> None:
+    g, rng = some_gaussians(), np.random.default_rng(5)
+    tint = rng.normal(size=(len(g), 4)).astype(np.float32), rng.normal(size=(3, 4)).astype(np.float32)
+    offset = replace(g, sh=g.sh.copy())
+    offset.sh[:, 0] += tint[0] @ tint[1].T
+    pictures = []
+    for gaussians, given in ((g, tint), (offset, NO_TINT)):
+        workspace = Workspace()
+        workspace.project(gaussians, CAMERA, True, tint=given)
+        workspace.bin()
+        k = CAMERA.intrinsics
+        pictures.append(workspace.draw(k.height, k.width, False)[0])
+    assert pictures[0].max() > 0.1
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=1e-5)
+
+
+def test_gaussians_that_are_not_drawn_teach_no_features() -> None:
+    g, colours = some_gaussians(), LinearColours(LINEAR, 0)
+    colours.values[:] += 1
+    features, embedding, slopes = inputs(LINEAR, len(g))
+    colours.shown(g, features, embedding, CAMERA)
+    d_features = np.full_like(features, 7)
+    ids, half = np.arange(len(g), dtype=np.int32), len(g) // 2
+    colours.collect(slopes, features, d_features, (ids + 1, np.array([half - 2, 0], np.int32)))
+    drawn = d_features.any(axis=1)
+    np.testing.assert_array_equal(np.flatnonzero(drawn), np.arange(1, half - 1))
 
 
 def test_network_gradients_are_finite_differences_and_only_of_what_is_in_view() -> None:
@@ -77,15 +106,14 @@ def test_network_gradients_are_finite_differences_and_only_of_what_is_in_view() 
     colours.values[:] += 0.1 * np.random.default_rng(3).standard_normal(colours.values.shape).astype(np.float32)
     features, embedding, slopes = inputs(NETWORK, len(g))
     d_features = np.empty_like(features)
-    with colours.shown(g, features, embedding, CAMERA):
-        pass
-    colours.collect(slopes, features, d_features)
+    colours.shown(g, features, embedding, CAMERA)
+    colours.collect(slopes, features, d_features, everything(len(g)))
     seen = np.flatnonzero(d_features.any(axis=1))
     assert 20 < len(seen) < len(g)
 
     def value() -> float:
-        with colours.shown(g, features, embedding.detach(), CAMERA) as shown:
-            return float((shown.sh[seen].astype(np.float64) * slopes[seen]).sum())
+        shown, _ = colours.shown(g, features, embedding.detach(), CAMERA)
+        return float((shown.sh[seen].astype(np.float64) * slopes[seen]).sum())
 
     def difference(array: np.ndarray, at: tuple[int, ...]) -> float:
         before, h = array[at], np.float32(1e-2)
