@@ -25,34 +25,20 @@ from nvsim.training.ssim import RADIUS, SEGMENT, STRIP, planes, ssim_forward, ss
 _F = np.float32
 _BYTE = _F(1 / 255)
 SMOOTH = _F(1e-4)
-# The planes of a segment; the prediction's error takes the place of its colour, and its gradient that of the error.
-_TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _D_ALPHA, _PLANES = 0, 3, 6, 9, 10, 11, 12, 15, 16
+# The planes of a segment; the prediction's error takes the place of its colour.
+_TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _PLANES = 0, 3, 6, 9, 10, 11, 12, 15
+# And on the way back: gradients by the colour, by the background and by alpha.
+_ERROR, _BY_COLOUR, _BY_GROUND, _BY_ALPHA = 0, 3, 12, 15
 
 Float32 = NDArray[np.float32]
 
 
 @njit(fastmath=True)
 def _load(
-    rgb: Any,
-    transmittance: Any,
-    background: Any,
-    image: Any,
-    floor: Any,
-    inlier: Any,
-    aware: Any,
-    y: Any,
-    x0: Any,
-    count: Any,
-    work: Any,
+    transmittance: Any, background: Any, floor: Any, inlier: Any, aware: Any, y: Any, x0: Any, count: Any, work: Any
 ) -> None:
     # A segment of a row as planes of 128 numbers one after the other, which stay in the nearest cache: each loop here
     # touches few arrays, and what is computed from the planes touches one. Compilers vectorise nothing else.
-    for i in range(count):
-        for c in range(3):
-            work[(_TRUE + c) * SEGMENT + i] = _F(image[y, x0 + i, c]) * _BYTE
-    for i in range(count):
-        for c in range(3):
-            work[(_OFF + c) * SEGMENT + i] = rgb[y, x0 + i, c]
     for c in range(3):
         for i in range(count):
             work[(_GROUND + c) * SEGMENT + i] = background[c, y, x0 + i]
@@ -66,10 +52,25 @@ def _load(
         work[_THROUGH * SEGMENT + i] = _F(0)
         work[_MASKED * SEGMENT + i] = _F(0)
         work[_INSIDE * SEGMENT + i] = _F(0)
+
+
+@njit(fastmath=True)
+def _load_colours(rgb: Any, image: Any, first: Any, count: Any, work: Any) -> None:
+    # The true colours and the errors of `count` pixels; rgb and image are flat, so that the distance from one pixel to
+    # the next is known when this is compiled.
+    drawn, true = rgb[3 * first : 3 * (first + count)], image[3 * first : 3 * (first + count)]
+    for i in range(count):
+        work[_TRUE * SEGMENT + i] = _F(true[3 * i]) * _BYTE
+        work[(_TRUE + 1) * SEGMENT + i] = _F(true[3 * i + 1]) * _BYTE
+        work[(_TRUE + 2) * SEGMENT + i] = _F(true[3 * i + 2]) * _BYTE
+    for i in range(count):
+        work[_OFF * SEGMENT + i] = drawn[3 * i]
+        work[(_OFF + 1) * SEGMENT + i] = drawn[3 * i + 1]
+        work[(_OFF + 2) * SEGMENT + i] = drawn[3 * i + 2]
     for c in range(3):
         for i in range(SEGMENT):
-            drawn = work[(_OFF + c) * SEGMENT + i] + work[_THROUGH * SEGMENT + i] * work[(_GROUND + c) * SEGMENT + i]
-            work[(_OFF + c) * SEGMENT + i] = drawn - work[(_TRUE + c) * SEGMENT + i]
+            colour = work[(_OFF + c) * SEGMENT + i] + work[_THROUGH * SEGMENT + i] * work[(_GROUND + c) * SEGMENT + i]
+            work[(_OFF + c) * SEGMENT + i] = colour - work[(_TRUE + c) * SEGMENT + i]
 
 
 @njit(parallel=True, cache=True, fastmath=True)
@@ -91,6 +92,7 @@ def _compose(
     # background where the mask says floor), and the sums of every other term. aware: 1 where the mask counts, else 0.
     height, width = transmittance.shape
     strips, segments = lit.shape
+    flat_rgb, flat_image = rgb.reshape(-1), image.reshape(-1)
     for thread in prange(threads):
         work = np.zeros(_PLANES * SEGMENT, np.float32)
         for strip in range(thread, strips, threads):
@@ -100,7 +102,8 @@ def _compose(
                 for segment in range(segments):
                     x0, at = segment * SEGMENT, (y + RADIUS) * SEGMENT
                     count = min(SEGMENT, width - x0)
-                    _load(rgb, transmittance, background, image, floor, inlier, aware, y, x0, count, work)
+                    _load(transmittance, background, floor, inlier, aware, y, x0, count, work)
+                    _load_colours(flat_rgb, flat_image, y * width + x0, count, work)
                     total, squares, floor_sum = _F(0), _F(0), _F(0)
                     for c in range(3):
                         to_sum = images[0, c, segment, at : at + SEGMENT]
@@ -135,10 +138,8 @@ def _compose(
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _differentiate(
-    rgb: Any,
     transmittance: Any,
     background: Any,
-    image: Any,
     floor: Any,
     inlier: Any,
     aware: Any,
@@ -146,17 +147,20 @@ def _differentiate(
     images: Any,
     slopes: Any,
     lit: Any,
+    error: Any,
     weights: Any,
     d_rgb: Any,
     d_alpha: Any,
     d_background: Any,
 ) -> None:
-    # weights: of L1, SSIM, suppression, floor, fill, each already divided by what its mean counts.
+    # weights: of L1, SSIM, suppression, floor, fill, each already divided by what its mean counts. A pixel is either
+    # reconstructed or floor, and `error` holds what that asks for: colours need not be looked at again.
     height, width = transmittance.shape
     strips, segments = lit.shape
     l1, structure, suppression, floor_weight, fill = weights[0], weights[1], weights[2], weights[3], weights[4]
+    flat_rgb = d_rgb.reshape(-1)
     for thread in prange(threads):
-        work = np.zeros(_PLANES * SEGMENT, np.float32)
+        work = np.zeros((_BY_ALPHA + 1) * SEGMENT, np.float32)
         lines = np.zeros((3, STRIP, segments * SEGMENT + 2 * RADIUS), np.float32)
         blurred = np.empty((3, SEGMENT), np.float32)
         similar = np.zeros((3, STRIP, segments * SEGMENT), np.float32)
@@ -169,31 +173,36 @@ def _differentiate(
                 for segment in range(segments):
                     x0 = segment * SEGMENT
                     count = min(SEGMENT, width - x0)
-                    _load(rgb, transmittance, background, image, floor, inlier, aware, y, x0, count, work)
+                    _load(transmittance, background, floor, inlier, aware, y, x0, count, work)
+                    for c in range(3):
+                        for i in range(count):
+                            work[(_ERROR + c) * SEGMENT + i] = error[c, y, x0 + i]
                     for i in range(SEGMENT):
                         masked = work[_MASKED * SEGMENT + i]
                         w = (_F(1) - masked) * work[_INSIDE * SEGMENT + i]
-                        work[_D_ALPHA * SEGMENT + i] = masked * suppression - w * fill
+                        work[_BY_ALPHA * SEGMENT + i] = masked * suppression - w * fill
                     for c in range(3):
                         alike = similar[c, y - strip * STRIP, x0 : x0 + SEGMENT]
                         for i in range(SEGMENT):
                             masked, inside = work[_MASKED * SEGMENT + i], work[_INSIDE * SEGMENT + i]
-                            difference = work[(_OFF + c) * SEGMENT + i]
-                            ground = work[(_GROUND + c) * SEGMENT + i]
-                            off = ground - work[(_TRUE + c) * SEGMENT + i]
-                            sign = _F(1) if difference > 0 else (_F(-1) if difference < 0 else _F(0))
+                            off = work[(_ERROR + c) * SEGMENT + i]
+                            sign = _F(1) if off > 0 else (_F(-1) if off < 0 else _F(0))
                             d = (inside - masked * inside) * (l1 * sign - structure * alike[i])
                             painted = masked * inside * floor_weight * off / np.sqrt(off * off + SMOOTH)
-                            work[(_OFF + c) * SEGMENT + i] = d
-                            work[_D_ALPHA * SEGMENT + i] -= d * ground
-                            work[(_OUT + c) * SEGMENT + i] = work[_THROUGH * SEGMENT + i] * d + painted
+                            work[(_BY_COLOUR + c) * SEGMENT + i] = d
+                            work[_BY_ALPHA * SEGMENT + i] -= d * work[(_GROUND + c) * SEGMENT + i]
+                            work[(_BY_GROUND + c) * SEGMENT + i] = work[_THROUGH * SEGMENT + i] * d + painted
+                    for c in range(3):
                         for i in range(count):
-                            d_background[c, y, x0 + i] = work[(_OUT + c) * SEGMENT + i]
+                            d_background[c, y, x0 + i] = work[(_BY_GROUND + c) * SEGMENT + i]
+                    at = 3 * (y * width + x0)
+                    to = flat_rgb[at : at + 3 * count]
                     for i in range(count):
-                        for c in range(3):
-                            d_rgb[y, x0 + i, c] = work[(_OFF + c) * SEGMENT + i]
+                        to[3 * i] = work[_BY_COLOUR * SEGMENT + i]
+                        to[3 * i + 1] = work[(_BY_COLOUR + 1) * SEGMENT + i]
+                        to[3 * i + 2] = work[(_BY_COLOUR + 2) * SEGMENT + i]
                     for i in range(count):
-                        d_alpha[y, x0 + i] = work[_D_ALPHA * SEGMENT + i]
+                        d_alpha[y, x0 + i] = work[_BY_ALPHA * SEGMENT + i]
 
 
 @dataclass(frozen=True)
@@ -248,8 +257,9 @@ class FloorAwareLoss:
         `inlier` (H, W)."""
         c, threads = self._config, numba.get_num_threads()
         pixels = transmittance.size
-        given = (rgb, transmittance, background, image, floor, inlier, self._aware, threads)
-        _compose(*given, self._images, self._lit, self.error, self._sums)
+        rest = (floor, inlier, self._aware, threads)
+        colours = np.ascontiguousarray(rgb), transmittance, background, np.ascontiguousarray(image)
+        _compose(*colours, *rest, self._images, self._lit, self.error, self._sums)
         structure = 1.0
         if c.ssim > 0:
             height, width = transmittance.shape
@@ -259,7 +269,8 @@ class FloorAwareLoss:
         factors = (1 - c.ssim, c.ssim, c.suppression, c.floor, c.fill)
         weights = np.array([f * s for f, s in zip(factors, shares, strict=True)], np.float32)
         gradients = (self.d_rgb, self.d_alpha, self.d_background)
-        _differentiate(*given, self._images, self._slopes, self._lit, weights, *gradients)
+        known = (self._images, self._slopes, self._lit, self.error)
+        _differentiate(transmittance, background, *rest, *known, weights, *gradients)
         absolute, squares, counted, suppression, floor_sum, fill = self._sums.sum(axis=1).tolist()
         terms = (absolute * shares[0], structure, suppression / pixels, floor_sum * shares[3], fill / pixels)
         total = float(sum(f * t for f, t in zip(factors, terms, strict=True)))
