@@ -15,16 +15,17 @@ OPEN = "open"
 
 def decide(evidence: Evidence, config: MappingConfig) -> str:
     """ "open", or the first criterion that fails: "alpha", "normal" (paper Algorithm 1, line 6), "unknown"."""
-    rows, cells = _robot(evidence, config)
-    alpha = evidence.alpha[rows, cells] / 255.0
-    up = evidence.up[rows, cells] / 255.0
-    if alpha.mean() >= config.tau_alpha:
+    rows, cells = corridor_of(evidence, config)
+    # Means of the bytes, so that sums which were kept give the same answer to the last bit.
+    alpha, up = evidence.alpha[rows, cells], evidence.up[rows, cells]
+    if alpha.mean() / 255 >= config.tau_alpha:
         return "alpha"
-    if config.rule == "worst" and (alpha.mean(axis=1).max() >= config.row_alpha or alpha.max() >= config.cell_alpha):
+    worst = config.rule == "worst"
+    if worst and (alpha.mean(axis=1).max() / 255 >= config.row_alpha or alpha.max() / 255 >= config.cell_alpha):
         return "alpha"
-    if up.mean() <= config.tau_normal:
+    if up.mean() / 255 <= config.tau_normal:
         return "normal"
-    if config.rule == "worst" and up.mean(axis=1).min() <= config.row_normal:
+    if worst and up.mean(axis=1).min() / 255 <= config.row_normal:
         return "normal"
     if evidence.support[rows, cells].mean(axis=1).min() < config.support:
         return "unknown"
@@ -36,14 +37,27 @@ def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
     was measured, under the rule's limit for the mean of a row."""
     alpha, support = [], []
     for evidence in around:
-        along, across = _centres(evidence)
-        near = np.hypot(along[:, None], across[None, :]) <= config.half_width
-        alpha.append(evidence.alpha[near] / 255.0)
+        near = under(evidence, config)
+        alpha.append(evidence.alpha[near])
         support.append(evidence.support[near])
     if not alpha:
         return False
-    limit = config.row_alpha if config.rule == "worst" else config.tau_alpha
-    return bool(np.concatenate(alpha).mean() < limit and np.concatenate(support).mean() >= config.support)
+    return bool(
+        np.concatenate(alpha).mean() / 255 < standing_limit(config) and np.concatenate(support).mean() >= config.support
+    )
+
+
+def standing_limit(config: MappingConfig) -> float:
+    """What the mean alpha of the floor under a viewpoint must stay below."""
+    return config.row_alpha if config.rule == "worst" else config.tau_alpha
+
+
+def under(evidence: Evidence, config: MappingConfig) -> NDArray[np.bool_]:
+    """(rows, cells) the cells within the robot's radius of the viewpoint; a point-like robot stands on the first ones
+    as well."""
+    along, across = _centres(evidence)
+    reach = max(config.half_width, evidence.near + evidence.depth)
+    return np.asarray(np.hypot(along[:, None], across[None, :]) <= reach)
 
 
 def answers(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
@@ -57,17 +71,17 @@ def answers(evidence: Evidence, length: float, heading: float, config: MappingCo
     )
 
 
-def _centres(evidence: Evidence) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """(rows,) metres ahead and (cells,) metres to the right of the cell centres."""
-    rows, cells = evidence.alpha.shape
-    along = evidence.near + (np.arange(rows) + 0.5) * evidence.depth
-    return along, ((np.arange(cells) + 0.5) / cells - 0.5) * evidence.width
-
-
-def _robot(evidence: Evidence, config: MappingConfig) -> tuple[slice, slice]:
+def corridor_of(evidence: Evidence, config: MappingConfig) -> tuple[slice, slice]:
     """The rows up to the end of the step and the robot's radius beyond, the cells within its radius of the middle; at
     least one of each, so that a point-like robot has a corridor as well."""
     along, across = _centres(evidence)
     rows = max(1, int((along - evidence.depth / 2 < evidence.length + config.half_width - 1e-9).sum()))
     inside = np.flatnonzero(np.abs(across) <= max(config.half_width, evidence.width / evidence.alpha.shape[1]) + 1e-9)
     return slice(0, rows), slice(int(inside[0]), int(inside[-1]) + 1)
+
+
+def _centres(evidence: Evidence) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """(rows,) metres ahead and (cells,) metres to the right of the cell centres."""
+    rows, cells = evidence.alpha.shape
+    along = evidence.near + (np.arange(rows) + 0.5) * evidence.depth
+    return along, ((np.arange(cells) + 0.5) / cells - 0.5) * evidence.width
