@@ -6,8 +6,9 @@ from __future__ import annotations
 from app.actions import Action
 from app.parts.camera import CameraPart
 from app.parts.files import FilePart
+from app.parts.frames import FramePart
 from app.parts.look import LookPart
-from app.parts.panels import DetailsPart, FramePart, JobPart, LogPart, MapPart, SubmapPart
+from app.parts.panels import DetailsPart, JobPart, LogPart, MapPart, SubmapPart
 from app.parts.part import Part
 from app.parts.view import ViewPart
 

@@ -1,4 +1,4 @@
-"""The panels that only show the document: submaps, frames, map, details, jobs, log."""
+"""The panels that only show the document: submaps, map, details, jobs, log."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from app.map_view import MapView
 from app.panels.details import DetailsPanel
-from app.panels.frames import FramePanel
 from app.panels.jobs import JobPanel
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapPanel
@@ -20,17 +19,6 @@ class SubmapPart(Part):
         panel = SubmapPanel(self.workspace.document)
         panel.table.doubleClicked.connect(lambda _: self.workspace.scene.focus_on_selection())
         return (Dock("submaps", "Submaps", panel, "left"),)
-
-
-class FramePart(Part):
-    def docks(self) -> tuple[Dock, ...]:
-        panel = FramePanel(self.workspace.document)
-        panel.opened.connect(self._open)
-        return (Dock("frames", "Frames", panel, "left"),)
-
-    def _open(self, frame: int) -> None:
-        self.workspace.document.select(frame=frame)
-        self.workspace.scene.snap_to_frame(frame)
 
 
 class MapPart(Part):

@@ -43,7 +43,7 @@ class CandidateMaker:
 
     def __init__(self, project: Project) -> None:
         self._project = project
-        self._hybrids: dict[int, HybridFloor] = {}
+        self._hybrids: dict[tuple[str, int], HybridFloor] = {}
 
     def make(self, index: int) -> Path:
         """The file with the candidates of a frame, made where it is not there. Raises InputError while the floors were
@@ -71,17 +71,18 @@ class CandidateMaker:
         project = self._project
         capture = project.need_capture()
         submap = next(s for s in project.need_submaps() if index in s.core)
-        if submap.index not in self._hybrids:
+        key = floors_key(project), submap.index
+        if key not in self._hybrids:
             surface = project.surface(submap.index)
             if surface is None:
                 raise InputError(
                     f"{project.layout.surface(submap.index)} is missing; run `nvsim floors --project` again."
                 )
             floor = learnt_floor(capture, list(submap.core), surface, SegmentConfig())
-            self._hybrids[submap.index] = HybridFloor(
+            self._hybrids[key] = HybridFloor(
                 FloorLooks(floor), CloudNormals(floor, capture.cloud), RegionGrowing()
             )
-        return self._hybrids[submap.index]
+        return self._hybrids[key]
 
 
 def _write(path: Path, steps: HybridSteps) -> None:

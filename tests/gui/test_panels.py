@@ -17,13 +17,12 @@ from app.loading import Contents
 from app.notices import Notices
 from app.panels.details import DetailsPanel
 from app.panels.empty import EmptyState
-from app.panels.frames import FrameModel, FramePanel
 from app.panels.jobs import JobModel, JobPanel, duration
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapModel, SubmapPanel
 
 
-@pytest.mark.parametrize("kind", [SubmapModel, JobModel, FrameModel])
+@pytest.mark.parametrize("kind", [SubmapModel, JobModel])
 def test_models_keep_qts_rules_while_the_document_changes(kind, qtmodeltester, document: Document) -> None:
     model = kind(document)
     qtmodeltester.check(model)
@@ -49,22 +48,6 @@ def test_a_submap_is_selected_in_both_directions(document: Document, qtbot: QtBo
     assert panel.table.selectionModel().selectedRows()[0].row() == 0
     document.select(frame=5)
     assert not panel.table.selectionModel().selectedRows()
-
-
-def test_a_frame_is_found_by_name_and_opened_by_double_click(document: Document, qtbot: QtBot) -> None:
-    panel = FramePanel(document)
-    qtbot.addWidget(panel)
-    panel.resize(300, 400)
-    panel.show()
-    qtbot.keyClicks(panel.search, "00042")
-    assert panel.list.model().rowCount() == 1
-    index = panel.list.model().index(0, 0)
-    with qtbot.waitSignal(panel.opened) as opened:
-        place = panel.list.visualRect(index).center()
-        qtbot.mouseClick(panel.list.viewport(), Qt.MouseButton.LeftButton, pos=place)
-        qtbot.mouseDClick(panel.list.viewport(), Qt.MouseButton.LeftButton, pos=place)
-    assert opened.args == [42] and document.selection.frame == 42
-    panel.close()
 
 
 def test_jobs_are_renewed_in_place_while_they_run(document: Document, qtbot: QtBot) -> None:

@@ -1,0 +1,195 @@
+"""The floor mask of one frame while a person corrects it: what is painted, grown and undone. Knows no Qt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.frames.brush import Box, Mask, Point, changed, paint
+from nvsim.perception.regions import RegionConfig, grow_region
+
+_MOST = 200  # steps kept
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A point (x, y) in shares of the image, and whether floor is there."""
+
+    x: float
+    y: float
+    floor: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Prompts:
+    """Points that act together, and the mask (H, W) without them."""
+
+    points: tuple[Prompt, ...] = ()
+    base: Mask | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What a step changed: the box, its pixels before and after (bits), and the prompts before and after."""
+
+    text: str
+    box: Box
+    before: NDArray[np.uint8]
+    after: NDArray[np.uint8]
+    prompts_before: Prompts
+    prompts_after: Prompts
+
+
+class Correction:
+    """mask      (H, W) bool, the floor as it is now; changed in place
+    machine   (H, W) bool, what the machine found
+    """
+
+    def __init__(self, mask: Mask, machine: Mask) -> None:
+        """Raises ValueError when the masks have different sizes."""
+        if mask.shape != machine.shape:
+            raise ValueError("the mask and the machine's mask differ in size")
+        self.mask, self.machine = mask.copy(), machine
+        self._prompts = Prompts()
+        self._steps: list[Step] = []
+        self._index = 0
+        self._start: Mask | None = None  # of the stroke under way
+        self._box: Box | None = None
+
+    # Asking -----------------------------------------------------------------------------------------------------
+
+    @property
+    def is_corrected(self) -> bool:
+        return not np.array_equal(self.mask, self.machine)
+
+    @property
+    def prompts(self) -> tuple[Prompt, ...]:
+        """The points set since the last stroke."""
+        return self._prompts.points
+
+    @property
+    def coverage(self) -> float:
+        """Share of the pixels that are floor."""
+        return float(self.mask.mean())
+
+    @property
+    def undo_text(self) -> str:
+        """What undo would take back, "" for nothing."""
+        return self._steps[self._index - 1].text if self._index else ""
+
+    @property
+    def redo_text(self) -> str:
+        return self._steps[self._index].text if self._index < len(self._steps) else ""
+
+    # Painting ---------------------------------------------------------------------------------------------------
+
+    @property
+    def painting(self) -> bool:
+        return self._start is not None
+
+    def begin(self) -> None:
+        """A stroke begins."""
+        self._start, self._box = self.mask.copy(), None
+
+    def paint(self, start: Point, end: Point, radius: float, floor: bool) -> Box | None:
+        """A part of the stroke, in pixels; returns the box it changed."""
+        box = paint(self.mask, start, end, radius, floor)
+        if box is not None:
+            self._box = box if self._box is None else self._box | box
+        return box
+
+    def end(self, text: str) -> bool:
+        """The stroke is one step, unless it changed nothing."""
+        start, box, self._start = self._start, self._box, None
+        if start is None or box is None:
+            return False
+        return self._record(text, start, box, Prompts())
+
+    # Whole changes ----------------------------------------------------------------------------------------------
+
+    def replace(self, mask: Mask, text: str) -> Box | None:
+        """Takes another mask (H, W); returns the box in which it differs."""
+        before, box = self.mask.copy(), changed(self.mask, mask)
+        if box is None:
+            return None
+        self.mask[box.slices] = mask[box.slices]
+        self._record(text, before, box, Prompts())
+        return box
+
+    def revert(self) -> Box | None:
+        """Back to what the machine found; can be undone like everything else."""
+        return self.replace(self.machine, "Revert to the machine's mask")
+
+    def prompt(
+        self,
+        prompt: Prompt,
+        normals: NDArray[np.float32],
+        image: NDArray[np.uint8],
+        config: RegionConfig | None = None,
+    ) -> Box | None:
+        """Sets a point: with all those since the last stroke it says which surfaces are floor and which are not.
+
+        `normals` (h, w, 3) and `image` (h, w, 3) may be smaller than the mask. Returns the box that changed.
+        """
+        base = self._prompts.base if self._prompts.base is not None else self.mask.copy()
+        prompts = (*self.prompts, prompt)
+        height, width = image.shape[:2]
+        points = np.array([(p.x * width, p.y * height) for p in prompts])
+        floor = np.array([p.floor for p in prompts])
+        grown = base.copy()
+        if floor.any():
+            grown |= _enlarged(grow_region(normals, image, points, floor, config), self.mask.shape)
+        if not floor.all():
+            grown &= ~_enlarged(grow_region(normals, image, points, ~floor, config), self.mask.shape)
+        before, box = self.mask.copy(), changed(self.mask, grown) or Box(0, 0, 0, 0)
+        self.mask[box.slices] = grown[box.slices]
+        text = "Add the surface at a point" if prompt.floor else "Take away the surface at a point"
+        self._record(text, before, box, Prompts(prompts, base))
+        return box
+
+    # History ----------------------------------------------------------------------------------------------------
+
+    def undo(self) -> Box | None:
+        """Returns the box that changed, None when there is nothing to undo."""
+        if not self._index:
+            return None
+        self._index -= 1
+        step = self._steps[self._index]
+        return self._show(step.box, step.before, step.prompts_before)
+
+    def redo(self) -> Box | None:
+        if self._index == len(self._steps):
+            return None
+        step = self._steps[self._index]
+        self._index += 1
+        return self._show(step.box, step.after, step.prompts_after)
+
+    def _show(self, box: Box, bits: NDArray[np.uint8], prompts: Prompts) -> Box:
+        part = self.mask[box.slices]
+        part[...] = np.unpackbits(bits, count=part.size).reshape(part.shape).astype(bool)
+        self._prompts = prompts
+        return box
+
+    def _record(self, text: str, before: Mask, box: Box, prompts: Prompts) -> bool:
+        old, new = before[box.slices], self.mask[box.slices]
+        if np.array_equal(old, new) and prompts.points == self.prompts:
+            return False
+        del self._steps[self._index :]
+        self._steps.append(Step(text, box, np.packbits(old), np.packbits(new), self._prompts, prompts))
+        del self._steps[: max(0, len(self._steps) - _MOST)]
+        self._index = len(self._steps)
+        self._prompts = prompts
+        return True
+
+
+def _enlarged(mask: Mask, shape: tuple[int, ...]) -> Mask:
+    """`mask` (h, w) at another size, its border smooth."""
+    import cv2
+
+    if mask.shape == shape:
+        return mask
+    size = (shape[1], shape[0])
+    larger: Mask = np.asarray(cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)) > 0.5
+    return larger

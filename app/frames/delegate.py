@@ -1,0 +1,84 @@
+"""A row of the frame list: thumbnail, name, submap, and a bar for how much floor the mask shows."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QModelIndex, QObject, QPersistentModelIndex, QRect, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFontMetrics, QPainter, QPalette, QPixmap
+from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
+
+from app import colors
+from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, SUBMAP_ROLE
+
+PICTURE = QSize(84, 63)
+_MARGIN = 4
+FLOOR = "#2ec4b6"
+
+
+class FrameDelegate(QStyledItemDelegate):
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+
+    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
+        return QSize(PICTURE.width() + 100, PICTURE.height() + 2 * _MARGIN)
+
+    def paint(
+        self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex
+    ) -> None:
+        painter.save()
+        rect: QRect = option.rect  # type: ignore[attr-defined]
+        palette: QPalette = option.palette  # type: ignore[attr-defined]
+        state: QStyle.StateFlag = option.state  # type: ignore[attr-defined]
+        selected = bool(state & QStyle.StateFlag.State_Selected)
+        if selected:
+            painter.fillRect(rect, palette.highlight())
+        elif state & QStyle.StateFlag.State_MouseOver:
+            painter.fillRect(rect, palette.midlight())
+        picture = QRect(rect.left() + _MARGIN, rect.top() + _MARGIN, PICTURE.width(), PICTURE.height())
+        _paint_picture(painter, picture, index.data(Qt.ItemDataRole.DecorationRole), palette)
+        strip = QRect(picture.left(), picture.top(), 4, picture.height())
+        painter.fillRect(strip, QColor(colors.submap_color(int(index.data(SUBMAP_ROLE)))))
+
+        text_role = QPalette.ColorRole.HighlightedText if selected else QPalette.ColorRole.Text
+        quiet = palette.color(text_role)
+        quiet.setAlpha(170)
+        metrics: QFontMetrics = option.fontMetrics  # type: ignore[attr-defined]
+        left, right = picture.right() + 10, rect.right() - 8
+        line = metrics.height() + 2
+        top = rect.center().y() - (2 * line + 8) // 2
+        painter.setPen(palette.color(text_role))
+        name = metrics.elidedText(str(index.data()), Qt.TextElideMode.ElideMiddle, right - left)
+        painter.drawText(QRect(left, top, right - left, line), Qt.AlignmentFlag.AlignVCenter, name)
+        share = float(index.data(COVERAGE_ROLE))
+        painter.setPen(quiet)
+        words = "no mask yet" if share < 0 else f"{100 * share:.0f} % floor"
+        if index.data(CORRECTED_ROLE):
+            words += " · corrected"
+        words = metrics.elidedText(words, Qt.TextElideMode.ElideRight, right - left)
+        painter.drawText(QRect(left, top + line, right - left, line), Qt.AlignmentFlag.AlignVCenter, words)
+        _paint_bar(painter, QRectF(left, top + 2 * line + 3, right - left, 5), share, palette, selected)
+        painter.restore()
+
+
+def _paint_picture(painter: QPainter, place: QRect, pixmap: object, palette: QPalette) -> None:
+    if not isinstance(pixmap, QPixmap):
+        painter.fillRect(place, palette.alternateBase())
+        return
+    # Fills the place; what is too long is cut on both sides alike.
+    scale = max(place.width() / pixmap.width(), place.height() / pixmap.height())
+    width, height = place.width() / scale, place.height() / scale
+    source = QRectF((pixmap.width() - width) / 2, (pixmap.height() - height) / 2, width, height)
+    painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+    painter.drawPixmap(QRectF(place), pixmap, source)
+
+
+def _paint_bar(painter: QPainter, place: QRectF, share: float, palette: QPalette, selected: bool) -> None:
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.setPen(Qt.PenStyle.NoPen)
+    groove = palette.color(QPalette.ColorRole.HighlightedText if selected else QPalette.ColorRole.Text)
+    groove.setAlpha(40)
+    painter.setBrush(groove)
+    painter.drawRoundedRect(place, 2.5, 2.5)
+    if share > 0:
+        painter.setBrush(palette.highlightedText() if selected else QColor(FLOOR))
+        filled = QRectF(place.left(), place.top(), max(place.height(), place.width() * min(share, 1)), place.height())
+        painter.drawRoundedRect(filled, 2.5, 2.5)

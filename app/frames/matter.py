@@ -1,0 +1,140 @@
+"""What there is to look at of one frame: its image, its masks, its candidates. Read and written in a thread, so that
+the window never waits for a disk. Everything but the signals knows no Qt."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QObject, Signal
+
+from nvsim.capture.types import Frame
+from nvsim.errors import InputError
+from nvsim.perception.hybrid import HybridSteps
+from nvsim.project.layout import Layout
+
+LARGEST = 2048  # pixels: a mask is not painted finer than this
+
+
+@dataclass(frozen=True, eq=False)
+class Matter:
+    """image    (H, W, 3) uint8 RGB, undistorted
+    mask     (H, W) bool, the floor that counts, or None before the floors were found
+    machine  (H, W) bool, the floor that the machine found, or None
+    """
+
+    index: int
+    frame: Frame
+    image: NDArray[np.uint8]
+    mask: NDArray[np.bool_] | None
+    machine: NDArray[np.bool_] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Failure:
+    """A sentence for the person about a frame."""
+
+    index: int
+    sentence: str
+
+
+def read_matter(layout: Layout, frame: Frame, index: int) -> Matter:
+    """Raises InputError for an image that cannot be read; a mask that cannot be is None."""
+    from nvsim.capture.images import read_image
+    from nvsim.perception.segment import read_mask
+    from nvsim.project.corrections import mask_in_use
+
+    size = frame.intrinsics.within(LARGEST)
+    image = read_image(frame, size)
+    mask = machine = None
+    path = mask_in_use(layout, frame, index)
+    if path.is_file():
+        mask = read_mask(path, size.width, size.height)
+    if layout.mask(index).is_file():
+        machine = read_mask(layout.mask(index), size.width, size.height)
+    return Matter(index, frame, image, mask, machine)
+
+
+def write_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_] | None) -> None:
+    """None goes back to the machine's mask. Raises InputError when the disk refuses."""
+    from nvsim.project.corrections import remove_correction, save_correction
+
+    if mask is None:
+        remove_correction(layout, frame)
+    else:
+        save_correction(layout, frame, mask)
+
+
+class Reader(QObject):
+    """read(Matter), candidatesRead(int, HybridSteps), written(int) and failed(Failure), all from a thread of its own
+    that lives from the first task to `stop`."""
+
+    read = Signal(object)
+    candidatesRead = Signal(int, object)
+    written = Signal(int)
+    failed = Signal(object)
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._tasks: queue.SimpleQueue[tuple[int, Callable[[], None]] | None] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+        self._wanted = -1
+
+    def open(self, layout: Layout, frame: Frame, index: int) -> None:
+        """Reads a frame; one that was asked for before and not begun is forgotten."""
+        self._wanted = index
+
+        def task() -> None:
+            if index == self._wanted:
+                self.read.emit(read_matter(layout, frame, index))
+
+        self._do(index, task)
+
+    def read_candidates(self, index: int, file: Path) -> None:
+        def task() -> None:
+            from nvsim.project.frame_candidates import read_candidates
+
+            steps = read_candidates(file)
+            if not isinstance(steps, HybridSteps):
+                raise InputError(f"The candidate masks in {file} cannot be read; delete the file.")
+            self.candidatesRead.emit(index, steps)
+
+        self._do(index, task)
+
+    def write(self, layout: Layout, frame: Frame, index: int, mask: NDArray[np.bool_] | None) -> None:
+        """Keeps `mask` (H, W), which nobody changes any more, as the correction; None goes back to the machine's."""
+
+        def task() -> None:
+            write_correction(layout, frame, mask)
+            self.written.emit(index)
+
+        self._do(index, task)
+
+    def stop(self) -> None:
+        """Returns when everything asked for is written and the thread has ended; another task starts a new one."""
+        self._wanted = -1
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            self._tasks.put(None)
+            thread.join()
+
+    def _do(self, index: int, task: Callable[[], None]) -> None:
+        self._tasks.put((index, task))
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="frame reader", daemon=True)
+            self._thread.start()
+
+    def _run(self) -> None:
+        while (entry := self._tasks.get()) is not None:
+            index, task = entry
+            with contextlib.suppress(RuntimeError):  # the window is gone, and the signals with it
+                try:
+                    task()
+                except InputError as error:
+                    self.failed.emit(Failure(index, str(error)))

@@ -1,0 +1,135 @@
+"""The frames as rows of a list, and which of them are shown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistentModelIndex, QSortFilterProxyModel, Qt
+
+from app.document import Document
+from app.frames.state import FrameState
+from app.frames.thumbnails import Thumbnails
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+COVERAGE_ROLE = Qt.ItemDataRole.UserRole + 1
+CORRECTED_ROLE = Qt.ItemDataRole.UserRole + 2
+SUBMAP_ROLE = Qt.ItemDataRole.UserRole + 3
+
+COVERAGES: tuple[tuple[str, float, float], ...] = (
+    ("Any floor", -1.0, 2.0),
+    ("No floor", -0.5, 0.0005),
+    ("Up to 10 % floor", 0.0005, 0.1),
+    ("10 to 30 % floor", 0.1, 0.3),
+    ("Over 30 % floor", 0.3, 2.0),
+)
+"""Words, and the share of floor above the first and up to the second number. Unknown shares count as -1."""
+
+
+class FrameModel(QAbstractListModel):
+    """A row for each frame of the capture: name, thumbnail, submap, floor coverage, whether it was corrected."""
+
+    def __init__(
+        self, document: Document, thumbnails: Thumbnails, state: FrameState, parent: QObject | None = None
+    ) -> None:
+        super().__init__(parent)
+        self._document, self._thumbnails, self._state = document, thumbnails, state
+        document.contentsChanged.connect(self._on_contents)
+        thumbnails.changed.connect(self._on_thumbnail)
+        state.changed.connect(self._on_state)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "capture" in parts:
+            self.beginResetModel()
+            self._thumbnails.clear()
+            self.endResetModel()
+        elif "submaps" in parts:
+            self._on_state()
+
+    def _on_thumbnail(self, frame: int) -> None:
+        index = self.index(frame)
+        self.dataChanged.emit(index, index, [Qt.ItemDataRole.DecorationRole])
+
+    def _on_state(self) -> None:
+        rows = self.rowCount()
+        if rows:
+            self.dataChanged.emit(self.index(0), self.index(rows - 1), [COVERAGE_ROLE, CORRECTED_ROLE, SUBMAP_ROLE])
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        capture = self._document.contents.capture
+        return 0 if parent.isValid() or capture is None else len(capture.frames)
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        capture = self._document.contents.capture
+        if capture is None or not index.isValid() or index.row() >= len(capture.frames):
+            return None
+        row = index.row()
+        if role == Qt.ItemDataRole.DisplayRole:
+            return capture.frames[row].name
+        if role == Qt.ItemDataRole.DecorationRole:
+            return self._thumbnails.pixmap(row)
+        if role == COVERAGE_ROLE:
+            return self._state.coverage.get(row, -1.0)
+        if role == CORRECTED_ROLE:
+            return row in self._state.corrected
+        if role == SUBMAP_ROLE:
+            return int(self._document.trajectory.submaps[row])
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return f"{capture.frames[row].image_path}\n{coverage_words(self._state, row)}"
+        return None
+
+
+def coverage_words(state: FrameState, frame: int) -> str:
+    """ "23 % floor, corrected by hand"."""
+    share = state.coverage.get(frame)
+    words = "no floor mask yet" if share is None else f"{100 * share:.0f} % floor"
+    return f"{words}, corrected by hand" if frame in state.corrected else words
+
+
+class FrameFilter(QSortFilterProxyModel):
+    """Rows by name, submap (with the frames it shares with its neighbours), coverage and correction."""
+
+    def __init__(self, document: Document, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self._text = ""
+        self._submap: int | None = None
+        self._members: frozenset[int] = frozenset()
+        self._coverage = COVERAGES[0][1:]
+        self._corrected = False
+        document.contentsChanged.connect(self._on_contents)
+
+    def show_name(self, text: str) -> None:
+        self._text = text.casefold()
+        self.invalidate()
+
+    def show_submap(self, submap: int | None) -> None:
+        """None shows all."""
+        self._submap = submap
+        self._members = frozenset(
+            frame for s in self._document.contents.submaps if s.index == submap for frame in s.frames
+        )
+        self.invalidate()
+
+    def show_coverage(self, above: float, up_to: float) -> None:
+        self._coverage = (above, up_to)
+        self.invalidate()
+
+    def show_corrected_only(self, only: bool) -> None:
+        self._corrected = only
+        self.invalidate()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "submaps" in parts and self._submap is not None:
+            self.show_submap(self._submap)
+
+    def filterAcceptsRow(self, row: int, parent: _Index) -> bool:
+        index = self.sourceModel().index(row, 0)
+        if self._submap is not None and row not in self._members:
+            return False
+        if self._corrected and not index.data(CORRECTED_ROLE):
+            return False
+        above, up_to = self._coverage
+        if (above, up_to) != COVERAGES[0][1:] and not above < float(index.data(COVERAGE_ROLE)) <= up_to:
+            return False
+        return self._text in str(index.data()).casefold()

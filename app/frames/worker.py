@@ -1,0 +1,184 @@
+"""The process that makes thumbnails, reads how much floor the masks show, and makes candidate masks. Knows no Qt.
+
+`python -m app.frames.worker PROJECT` reads one JSON object per line and answers in the same way:
+
+    {"do": "thumbnails", "frames": [3, 4]}   the newest such wish replaces the one before; nearest first
+        {"did": "thumbnail", "frame": 3, "file": PATH}
+    {"do": "coverage"}                       {"did": "coverage", "shares": {"3": 0.41, ...}, "more": true}
+    {"do": "candidates", "frame": 3}         {"did": "candidates", "frame": 3, "file": PATH}
+
+and where something cannot be done {"did": "failed", "do": ..., "frame": 3, "sentence": ...}. It ends with its input.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from app.frames.files import COVERAGE, THUMBNAIL, thumbnail_path
+from nvsim.errors import InputError
+from nvsim.project.layout import Layout
+
+_BATCH = 64  # frames between two words about coverage
+Say = Callable[[dict[str, Any]], None]
+
+
+class Worker:
+    """Answers wishes one by one; `wishes` grows from another thread while it works."""
+
+    def __init__(self, root: Path, say: Say) -> None:
+        from nvsim.project.project import Project
+
+        self._project = Project.open(root)
+        self._say = say
+        self._maker: Any = None
+        self.wishes: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+        self._coverage: Iterator[None] | None = None
+        self._thumbnails: list[int] = []
+
+    def run(self) -> None:
+        """Returns when the input has ended. Thumbnails come before coverage: a person waits for them."""
+        while True:
+            busy = bool(self._thumbnails) or self._coverage is not None
+            with contextlib.suppress(queue.Empty):
+                while True:
+                    wish = self.wishes.get(block=not busy)
+                    if wish is None:
+                        return
+                    self._hear(wish)
+                    busy = True
+            self._step()
+
+    def _hear(self, wish: dict[str, Any]) -> None:
+        if wish["do"] == "thumbnails":
+            self._thumbnails = list(wish["frames"])[::-1]
+        elif wish["do"] == "coverage":
+            self._coverage = self._read_coverage()
+        elif wish["do"] == "candidates":
+            self._try("candidates", wish["frame"], self._make_candidates)
+
+    def _step(self) -> None:
+        if self._thumbnails:
+            self._try("thumbnail", self._thumbnails.pop(), self._make_thumbnail)
+        elif self._coverage is not None and next(self._coverage, self) is self:
+            self._coverage = None
+
+    def _try(self, what: str, frame: int, make: Callable[[int], Path]) -> None:
+        try:
+            self._say({"did": what, "frame": frame, "file": str(make(frame))})
+        except InputError as error:
+            self._say({"did": "failed", "do": what, "frame": frame, "sentence": str(error)})
+        except Exception as error:
+            traceback.print_exc()
+            self._say({"did": "failed", "do": what, "frame": frame, "sentence": f"Something went wrong: {error}"})
+
+    def _make_thumbnail(self, frame: int) -> Path:
+        image_path = self._project.need_capture().frames[frame].image_path
+        path = thumbnail_path(self._project.layout, image_path)
+        with contextlib.suppress(OSError):
+            if path.stat().st_mtime_ns >= image_path.stat().st_mtime_ns:
+                return path
+        import cv2
+
+        from nvsim.atomic import write_bytes
+
+        # The decoder's own reduction is several times as fast as decoding everything.
+        for reduced in (cv2.IMREAD_REDUCED_COLOR_8, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
+            image = cv2.imread(str(image_path), reduced | cv2.IMREAD_IGNORE_ORIENTATION)
+            if image is None:
+                raise InputError(f"{image_path} cannot be read as an image; copy it again from the source.")
+            if min(image.shape[:2]) >= THUMBNAIL[1] or reduced == cv2.IMREAD_COLOR:
+                break
+        height, width = image.shape[:2]
+        scale = min(1.0, max(THUMBNAIL[0] / width, THUMBNAIL[1] / height))
+        size = max(1, round(width * scale)), max(1, round(height * scale))
+        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        write_bytes(path, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
+        return path
+
+    def _read_coverage(self) -> Iterator[None]:
+        """Says the floor share of every frame that has a mask, a batch at a time; keeps them on disk by the mask's
+        time of writing."""
+        from nvsim.perception.segment import read_mask
+        from nvsim.project.corrections import corrected_frames
+
+        layout, capture = self._project.layout, self._project.capture()
+        frames = capture.frames if capture is not None else ()
+        corrected = corrected_frames(layout, frames)
+        kept = _kept(layout.cache / COVERAGE)
+        shares: dict[str, float] = {}
+        for index, frame in enumerate(frames):
+            path = layout.correction(frame.name) if index in corrected else layout.mask(index)
+            key = str(path.relative_to(layout.root))
+            with contextlib.suppress(OSError, InputError):
+                stamp = path.stat().st_mtime_ns
+                if kept.get(key, [None])[0] != stamp:
+                    kept[key] = [stamp, round(float(read_mask(path).mean()), 4)]
+                    if len(shares) % 8 == 7:
+                        yield
+                shares[str(index)] = kept[key][1]
+            if len(shares) >= _BATCH:
+                self._say({"did": "coverage", "shares": shares, "more": True})
+                shares = {}
+                yield
+        self._say({"did": "coverage", "shares": shares, "more": False})
+        from nvsim.atomic import write_text
+
+        with contextlib.suppress(InputError):  # without it the next window counts again
+            write_text(layout.cache / COVERAGE, json.dumps(kept))
+
+    def _make_candidates(self, frame: int) -> Path:
+        from nvsim.project.frame_candidates import CandidateMaker
+
+        if self._maker is None:
+            self._maker = CandidateMaker(self._project)
+        path: Path = self._maker.make(frame)
+        return path
+
+
+def _kept(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def main(root: Path, source: IO[str], target: IO[str]) -> int:
+    """Works until `source` ends."""
+    if hasattr(os, "nice"):
+        os.nice(10)  # the window and its renderer come first
+
+    def say(message: dict[str, Any]) -> None:
+        try:
+            target.write(json.dumps(message) + "\n")
+            target.flush()
+        except BrokenPipeError:
+            os._exit(0)  # the window is gone
+
+    try:
+        worker = Worker(root, say)
+    except InputError as error:
+        say({"did": "failed", "do": "open", "frame": -1, "sentence": str(error)})
+        return 2
+
+    def listen() -> None:
+        for line in source:
+            worker.wishes.put(json.loads(line))
+        worker.wishes.put(None)
+
+    threading.Thread(target=listen, daemon=True).start()
+    worker.run()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Layout(Path(sys.argv[1])).root, sys.stdin, sys.stdout))

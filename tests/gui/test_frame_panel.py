@@ -1,0 +1,221 @@
+"""The list of frames: found by name, submap and floor, with thumbnails that another process makes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import demo_room
+import numpy as np
+import pytest
+from demo_project import write_project
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+
+from app.document import Document
+from app.frames.files import thumbnail_path
+from app.frames.link import FrameLink
+from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SUBMAP_ROLE
+from app.loading import Contents
+from app.panels.frames import FramePanel
+from nvsim.capture.store import save_capture
+from nvsim.project.corrections import save_correction
+from nvsim.project.layout import Layout
+from nvsim.project.project import Project
+
+
+def with_images(folder: Path, frames: int) -> Path:
+    """A project with a picture for each of `frames` frames, the floor found in all but the last."""
+    project = write_project(folder / "house.nvsim", count=500, models=1)
+    walk = demo_room.capture(frames)
+    made = []
+    for i, frame in enumerate(walk.frames):
+        path = folder / "images" / f"{i:05d}.jpg"
+        path.parent.mkdir(exist_ok=True)
+        image = np.full((480, 640, 3), (i * 37 % 255, 90, 200 - i % 200), np.uint8)
+        cv2.imwrite(str(path), image)
+        made.append(replace(frame, image_path=path))
+        if i < frames - 1:
+            mask = np.zeros((480, 640), np.uint8)
+            mask[480 - 480 * i // frames :] = 255
+            Layout(project).masks.mkdir(exist_ok=True)
+            cv2.imwrite(str(Layout(project).mask(i)), mask)
+    walk = replace(walk, frames=tuple(made))
+    with Project.open(project, writable=True) as opened:
+        save_capture(walk, opened.layout.imported)
+        opened.set_submaps(demo_room.submaps(walk))
+    return project
+
+
+def opened_document(project: Path) -> Document:
+    with Project.open(project) as p:
+        made = Document()
+        made.set_contents(Contents(project))
+        made.set_contents(Contents(project, p.capture(), p.submaps()))
+    return made
+
+
+@pytest.fixture
+def panel(document: Document, qtbot: QtBot) -> FramePanel:
+    made = FramePanel(document)
+    qtbot.addWidget(made)
+    made.resize(320, 500)
+    made.show()
+    yield made
+    made.close()
+
+
+def test_a_frame_is_found_by_name_and_opened_by_double_click(
+    panel: FramePanel, document: Document, qtbot: QtBot
+) -> None:
+    qtbot.keyClicks(panel.search, "00042")
+    assert panel.list.model().rowCount() == 1
+    index = panel.list.model().index(0, 0)
+    with qtbot.waitSignal(panel.opened) as opened:
+        place = panel.list.visualRect(index).center()
+        qtbot.mouseClick(panel.list.viewport(), Qt.MouseButton.LeftButton, pos=place)
+        qtbot.mouseDClick(panel.list.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    assert opened.args == [42] and document.selection.frame == 42
+
+
+def test_return_opens_the_frame_too(panel: FramePanel, document: Document, qtbot: QtBot) -> None:
+    document.select(frame=7)
+    with qtbot.waitSignal(panel.opened) as opened:
+        qtbot.keyClick(panel.list, Qt.Key.Key_Return)
+    assert opened.args == [7]
+
+
+def test_the_model_keeps_qts_rules_while_the_document_changes(
+    panel: FramePanel, document: Document, qtmodeltester
+) -> None:
+    qtmodeltester.check(panel.model)
+    document.set_contents(replace(document.contents, submaps=document.contents.submaps[:2]))
+    qtmodeltester.check(panel.model)
+    document.set_contents(Contents(Path("empty.nvsim")))
+    qtmodeltester.check(panel.model)
+    assert panel.model.rowCount() == 0
+
+
+def test_a_submap_shows_its_frames_and_those_it_shares(panel: FramePanel, document: Document) -> None:
+    panel.submap.setCurrentIndex(2)  # after "all": submap 1
+    shown = {panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())}
+    assert shown == set(document.contents.submaps[1].frames)
+    assert panel.count.text() == "38 of 120"
+    # Stages that begin and end read the submaps anew; the choice stays.
+    document.set_contents(replace(document.contents, submaps=tuple(document.contents.submaps)[:3]))
+    assert panel.submap.currentData() == 1 and panel.filter.rowCount() == 38
+    document.set_contents(replace(document.contents, submaps=document.contents.submaps[:1]))
+    assert panel.submap.currentData() is None and panel.filter.rowCount() == 120
+
+
+def test_frames_are_found_by_how_much_floor_they_show(panel: FramePanel) -> None:
+    panel.state.coverage = {0: 0.0, 1: 0.05, 2: 0.2, 3: 0.5}
+    panel.state.learn(4, 0.31, corrected=True)
+    found = []
+    for row in range(len(COVERAGES)):
+        panel.coverage.setCurrentIndex(row)
+        found.append([panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())])
+    assert len(found[0]) == 120 and found[1:] == [[0], [1], [2], [3, 4]]
+    panel.coverage.setCurrentIndex(0)
+    panel.corrected.setChecked(True)
+    assert panel.filter.rowCount() == 1 and panel.filter.index(0, 0).data(CORRECTED_ROLE)
+    panel.corrected.setChecked(False)
+
+
+def test_hiding_the_selected_frame_selects_no_other(panel: FramePanel, document: Document) -> None:
+    document.select(frame=50)
+    panel.search.setText("0007")
+    assert document.selection.frame == 50
+    panel.search.clear()
+    assert panel.list.currentIndex().row() == 50
+
+
+def test_thumbnails_and_coverage_come_from_the_process_and_stay_on_disk(qtbot: QtBot, tmp_path: Path) -> None:
+    project = with_images(tmp_path, 12)
+    save_correction(Layout(project), demo_room.capture(12).frames[3], np.ones((480, 640), bool))
+    document = opened_document(project)
+    link = FrameLink()
+    panel = FramePanel(document, link)
+    link.open(project)
+    panel.state._on_contents(frozenset({"capture", "submaps"}))
+    qtbot.addWidget(panel)
+    panel.resize(320, 500)
+    panel.show()
+    index = panel.model.index
+    qtbot.waitUntil(lambda: index(0).data(Qt.ItemDataRole.DecorationRole) is not None, timeout=20_000)
+    qtbot.waitUntil(lambda: len(panel.state.coverage) == 11, timeout=20_000)
+    assert index(6).data(COVERAGE_ROLE) == pytest.approx(0.5, abs=0.01)
+    assert index(3).data(COVERAGE_ROLE) == 1.0 and index(3).data(CORRECTED_ROLE)
+    assert index(11).data(COVERAGE_ROLE) == -1.0 and index(0).data(SUBMAP_ROLE) == 0
+    assert "corrected by hand" in index(3).data(Qt.ItemDataRole.ToolTipRole)
+    assert panel.thumbnails.pixmap(0).width() == 160
+    assert thumbnail_path(Layout(project), document.contents.capture.frames[0].image_path).is_file()
+    link.rest()
+    assert not link.running
+    # A second window needs no process for what is on disk.
+    again = FramePanel(document, FrameLink())
+    qtbot.addWidget(again)
+    assert again.thumbnails.pixmap(0) is None
+    qtbot.waitUntil(lambda: again.thumbnails.pixmap(0) is not None, timeout=2000)
+    panel.close()
+
+
+def test_a_killed_process_is_started_again_and_an_unreadable_image_is_asked_for_once(
+    qtbot: QtBot, tmp_path: Path
+) -> None:
+    project = with_images(tmp_path, 6)
+    (tmp_path / "images" / "00002.jpg").write_bytes(b"no image")
+    link = FrameLink()
+    link.open(project)
+    with qtbot.waitSignal(link.failed, timeout=20_000) as failed:
+        link.ask_thumbnails([2])
+    assert failed.args[:2] == ["thumbnail", 2] and "cannot be read" in failed.args[2]
+    link._process.kill()
+    with qtbot.waitSignal(link.thumbnailMade, timeout=20_000):
+        link.ask_thumbnails([4])
+    link.rest()
+
+
+def test_the_process_ends_with_its_input(tmp_path: Path) -> None:
+    project = with_images(tmp_path, 6)
+    run = subprocess.run(
+        [sys.executable, "-m", "app.frames.worker", str(project)],
+        input='{"do": "thumbnails", "frames": [1, 0]}\n{"do": "coverage"}\n',
+        capture_output=True, text=True, timeout=60, check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert all("did" in json.loads(line) for line in run.stdout.splitlines())
+
+
+def test_two_thousand_frames_scroll_smoothly(qtbot: QtBot, tmp_path: Path) -> None:
+    project = with_images(tmp_path, 40)
+    with Project.open(project) as opened:
+        few = opened.need_capture().frames
+    walk = demo_room.capture(2000)
+    walk = replace(walk, frames=tuple(replace(f, image_path=few[i % 40].image_path) for i, f in enumerate(walk.frames)))
+    document = Document()
+    document.set_contents(Contents(project, walk, demo_room.submaps(walk)))
+    for frame in few:
+        path = thumbnail_path(Layout(project), frame.image_path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path), np.full((120, 160, 3), 90, np.uint8))
+    panel = FramePanel(document, FrameLink())
+    qtbot.addWidget(panel)
+    panel.resize(320, 900)
+    panel.show()
+    bar = panel.list.verticalScrollBar()
+    times = []
+    for value in np.linspace(0, bar.maximum(), 40).astype(int):
+        begin = time.perf_counter()
+        bar.setValue(int(value))
+        panel.list.viewport().grab()
+        times.append(time.perf_counter() - begin)
+        qtbot.wait(1)
+    assert np.median(times) < 0.05  # some 4 ms on a quiet machine
+    panel.close()
