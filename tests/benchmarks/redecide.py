@@ -66,24 +66,27 @@ def timed(work: Callable[[int], object], count: int = 15) -> dict[str, float]:
     return {name: round(value, 2) for name, value in names.items()}
 
 
+def measured_on(side: int) -> dict[str, object]:
+    """The figures of one graph."""
+    config, graph = MappingConfig(), field(side)
+    begin = time.perf_counter()
+    redecider = Redecider(graph, np.array([v.position for v in graph.viewpoints.values()][::3]))
+    prepared = time.perf_counter() - begin
+    strict = redecider.decide(replace(config, robot_radius=0.4))
+    return {
+        "viewpoints": len(graph.viewpoints),
+        "edges": len(graph.edges),
+        "evidence": len(graph.evidence),
+        "prepare_s": round(prepared, 3),
+        "limit": timed(lambda i: redecider.decide(replace(config, row_alpha=0.1 + 0.01 * i))),
+        "robot": timed(lambda i: redecider.decide(replace(config, robot_radius=0.15 + 0.01 * i))),
+        "apply": timed(lambda i: redecider.apply(strict), 4),
+    }
+
+
 def main() -> None:
-    config = MappingConfig()
     for side in (32, 100):
-        graph = field(side)
-        begin = time.perf_counter()
-        redecider = Redecider(graph, np.array([v.position for v in graph.viewpoints.values()][::3]))
-        prepared = time.perf_counter() - begin
-        strict = redecider.decide(replace(config, robot_radius=0.4))
-        figures = {
-            "viewpoints": len(graph.viewpoints),
-            "edges": len(graph.edges),
-            "evidence": len(graph.evidence),
-            "prepare_s": round(prepared, 3),
-            "limit": timed(lambda i: redecider.decide(replace(config, row_alpha=0.1 + 0.01 * i))),
-            "robot": timed(lambda i: redecider.decide(replace(config, robot_radius=0.15 + 0.01 * i))),
-            "apply": timed(lambda i: redecider.apply(strict), 4),
-        }
-        print(json.dumps(figures))
+        print(json.dumps(measured_on(side)))
 
 
 if __name__ == "__main__":
