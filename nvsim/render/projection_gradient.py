@@ -30,7 +30,7 @@ from nvsim.render.layout import OPACITY as SPLAT_OPACITY
 from nvsim.splats import harmonics
 
 _F = np.float32
-_ZERO, _ONE = _F(0), _F(1)
+_ZERO, _ONE, _DC = _F(0), _F(1), _F(harmonics.DC)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
@@ -90,6 +90,22 @@ def _gather(
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
+def _tint_gradients(
+    at: Any, count: Any, ids: Any, features: Any, matrix: Any, colours: Any, d_features: Any, d_matrix: Any
+) -> None:
+    """Gradients of the features from those of the colours; those of the matrix are added to d_matrix (3, F)."""
+    for i in range(count):
+        own, to = features[ids[at + i]], d_features[ids[at + i]]
+        red, green, blue = _DC * colours[i, 0], _DC * colours[i, 1], _DC * colours[i, 2]
+        for f in range(own.shape[0]):
+            value = own[f]
+            to[f] = matrix[0, f] * red + matrix[1, f] * green + matrix[2, f] * blue
+            d_matrix[0, f] += red * value
+            d_matrix[1, f] += green * value
+            d_matrix[2, f] += blue * value
+
+
+@njit(fastmath=FLAGS, error_model="numpy")
 def _colour_gradients(at: Any, count: Any, ids: Any, basis: Any, sh: Any, colours: Any, planes: Any, d_sh: Any) -> None:
     """Gradients of the coefficients from those of the colours, and those by the harmonics into `planes`."""
     for i in range(count):
@@ -110,6 +126,8 @@ def _project_gradient_part(
     quats: Any,
     opacity_logits: Any,
     sh: Any,
+    features: Any,
+    matrix: Any,
     degree: Any,
     view: Any,
     blocks: Any,
@@ -122,6 +140,8 @@ def _project_gradient_part(
     d_quats: Any,
     d_opacity_logits: Any,
     d_sh: Any,
+    d_features: Any,
+    d_matrix: Any,
     statistics: Any,
 ) -> None:
     n, width = means.shape[0], 3 * sh.shape[1]
@@ -131,7 +151,10 @@ def _project_gradient_part(
     to_means, to_scales, to_quats = d_means.reshape(-1), d_log_scales.reshape(-1), d_quats.reshape(-1)
     to_sh = d_sh.reshape(-1)
     planes, colours = np.zeros(PLANES * CHUNK, np.float32), np.empty((CHUNK, 3), np.float32)
-    planes[BASIS * CHUNK : (BASIS + 1) * CHUNK] = _F(harmonics.DC)
+    planes[BASIS * CHUNK : (BASIS + 1) * CHUNK] = _DC
+    d_matrix[block] = _ZERO
+    if d_features.shape[0] > 0:
+        d_features[first:end] = _ZERO
     written, past = first, first + visible[block]
     for at in range(first, past, CHUNK):
         count = min(CHUNK, past - at)
@@ -152,6 +175,8 @@ def _project_gradient_part(
         gradients_of(view, planes)
         if degree > 0:
             harmonics_of(view, planes)
+        if d_features.shape[0] > 0:
+            _tint_gradients(at, count, ids, features, matrix, colours, d_features, d_matrix[block])
         _colour_gradients(at, count, ids, basis, sh, colours, planes, d_sh)
         if degree > 0:
             add_direction_gradient(view, planes)
@@ -189,6 +214,8 @@ def project_gradient(
     quats: Any,
     opacity_logits: Any,
     sh: Any,
+    features: Any,
+    matrix: Any,
     degree: Any,
     view: Any,
     blocks: Any,
@@ -201,11 +228,14 @@ def project_gradient(
     d_quats: Any,
     d_opacity_logits: Any,
     d_sh: Any,
+    d_features: Any,
+    d_matrix: Any,
     statistics: Any,
 ) -> None:
     """First arguments as in `projection.project`, `gradients` from `raster_gradient.draw_gradient`. Every row of the
-    outputs d_* is written, zero for Gaussians that were not drawn. statistics: (N, 3), to which every drawn Gaussian
-    adds as training asks (see autograd.Statistics), or (0, 3)."""
+    outputs d_* is written, zero for Gaussians that were not drawn; d_features may be (0, F), and d_matrix (blocks, 3,
+    F) gets each block's part of the sum. statistics: (N, 3), to which every drawn Gaussian adds as training asks (see
+    autograd.Statistics), or (0, 3)."""
     for block in prange(blocks):
         _project_gradient_part(
             block,
@@ -214,6 +244,8 @@ def project_gradient(
             quats,
             opacity_logits,
             sh,
+            features,
+            matrix,
             degree,
             view,
             blocks,
@@ -226,5 +258,7 @@ def project_gradient(
             d_quats,
             d_opacity_logits,
             d_sh,
+            d_features,
+            d_matrix,
             statistics,
         )

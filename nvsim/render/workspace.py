@@ -100,11 +100,6 @@ class Workspace:
         Both are overwritten by the next `project`."""
         return self._rows[: self.count], self._visible
 
-    @property
-    def drawn(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Which Gaussians the last view draws: ids (N,), and of each block b of B how many from N * b // B on count."""
-        return self._ids[: self.count], self._visible
-
     def project(
         self,
         gaussians: Gaussians,
@@ -208,15 +203,25 @@ class Workspace:
             self._gradients[:, : self.count],
         )
 
-    def project_gradient(self, gaussians: Gaussians, gradients: Gaussians, statistics: Float32) -> None:
-        """From gradients of the splats to those of the Gaussians, written to `gradients`."""
+    def project_gradient(
+        self,
+        gaussians: Gaussians,
+        gradients: Gaussians,
+        statistics: Float32,
+        tint: Tint = NO_TINT,
+        d_features: Float32 = NO_TINT[0],
+    ) -> Float32:
+        """From gradients of the splats to those of the Gaussians, written to `gradients`. Where they were projected
+        with a `tint`, that of its features goes to `d_features` (N, F), and that of its matrix (3, F) is returned."""
         g, d = gaussians, gradients
+        d_matrix = np.empty((self.threads, *tint[1].shape), np.float32)
         project_gradient(
             g.means,
             g.log_scales,
             g.quats,
             g.opacity_logits,
             g.sh,
+            *tint,
             self._degree,
             self._view,
             self.threads,
@@ -229,8 +234,11 @@ class Workspace:
             d.quats,
             d.opacity_logits,
             d.sh,
+            d_features,
+            d_matrix,
             statistics,
         )
+        return np.asarray(d_matrix.sum(axis=0), np.float32)
 
 
 def _grown(needed: int) -> int:

@@ -1,7 +1,7 @@
 """Colours that depend on the embedding, while they are learned (see `nvsim.splats.appearance`), and the way back.
 
-`shown` gives the Gaussians as a view sees them; `collect` takes the gradient by their coefficients and fills those of
-the features, of the weights and of the embedding.
+`shown` gives the Gaussians as a view sees them; `collect` takes the gradients by their coefficients and by the matrix
+of their tint, and fills those of the features, of the weights and of the embedding.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.arithmetic import FLAGS
 from nvsim.render.workspace import NO_TINT, Tint
 from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
 from nvsim.splats.embedding import Embedding
@@ -31,32 +30,6 @@ _FILTER = _F(2.0)  # that many pixels of it come from the pixel's low-pass filte
 COLOUR = 3
 """Features of the linear form that start as the colour."""
 Float32 = NDArray[np.float32]
-Drawn = tuple[NDArray[np.int32], NDArray[np.int32]]
-"""`Workspace.drawn`."""
-
-
-@njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS)
-def collect_offsets(
-    d_sh: Any, features: Any, matrix: Any, ids: Any, visible: Any, d_features: Any, d_matrix: Any
-) -> None:
-    """The way back from sh[:, 0] += W features of the Gaussians that were drawn (`Workspace.drawn`): d_features (N, F)
-    is written, d_matrix (blocks, 3, F) gets each block's part of the sum."""
-    n, width = features.shape
-    blocks = visible.shape[0]
-    for block in prange(blocks):
-        first, end = n * block // blocks, n * (block + 1) // blocks
-        total = d_matrix[block]
-        total[:] = _F(0)
-        d_features[first:end] = _F(0)
-        for at in range(first, first + visible[block]):
-            g = ids[at]
-            red, green, blue = d_sh[g, 0, 0], d_sh[g, 0, 1], d_sh[g, 0, 2]
-            for f in range(width):
-                value = features[g, f]
-                d_features[g, f] = matrix[0, f] * red + matrix[1, f] * green + matrix[2, f] * blue
-                total[0, f] += red * value
-                total[1, f] += green * value
-                total[2, f] += blue * value
 
 
 @njit(parallel=True, cache=True, nogil=True)
@@ -101,22 +74,17 @@ class LinearColours:
                 rows = self._parameters.tensors[f"matrix.{kind}"].view(3, config.features, -1)
                 rows[:, :COLOUR] = 0
         self._matrix = torch.zeros(self._shape)
-        self._numbers = np.empty(self._shape, np.float32)
 
     def shown(
         self, gaussians: Gaussians, features: Float32, embedding: torch.Tensor, camera: Camera
     ) -> tuple[Gaussians, Tint]:
         """The Gaussians as `camera` sees them, and how they are tinted."""
         self._matrix = self._parameters.linear("matrix", embedding).view(self._shape)
-        self._numbers = np.ascontiguousarray(self._matrix.detach().numpy())
-        return gaussians, (features, self._numbers)
+        return gaussians, (features, np.ascontiguousarray(self._matrix.detach().numpy()))
 
-    def collect(self, d_sh: Float32, features: Float32, d_features: Float32, drawn: Drawn) -> None:
-        """From the gradient by the coefficients (N, K, 3) of what the last `shown` gave; `drawn` by the workspace."""
-        ids, visible = drawn
-        parts = np.empty((len(visible), *self._shape), np.float32)
-        collect_offsets(d_sh, features, self._numbers, ids, visible, d_features, parts)
-        self._matrix.backward(torch.from_numpy(parts.sum(axis=0)))
+    def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
+        """From the gradient by the tint's matrix (3, F) that the last `shown` gave; that of the features is there."""
+        self._matrix.backward(torch.from_numpy(d_matrix))
 
     def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> LinearAppearance:
         """A copy without torch."""
@@ -175,7 +143,7 @@ class NetworkColours:
         heads = [p.linear(name, h) for name in ("base", "rest") if f"{name}.weight" in p.tensors]
         return torch.cat(heads, dim=1)
 
-    def collect(self, d_sh: Float32, features: Float32, d_features: Float32, drawn: Drawn) -> None:
+    def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
         """From the gradient by the coefficients (N, K, 3) of what the last `shown` gave."""
         self._sh.backward(torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
         d_features[:] = 0

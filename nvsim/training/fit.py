@@ -123,6 +123,7 @@ class Fit:
         self._canvases: dict[tuple[int, int], Canvas] = {}
         self._heights, self._grid = pack_floor(floor)
         self._share = 0.0
+        self._tint = NO_TINT
         self._watch = Stopwatch()
 
     @property
@@ -161,9 +162,9 @@ class Fit:
     def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
         """Colour of the Gaussians (H, W, 3) and transmittance (H, W) of the view last looked at."""
         k = camera.intrinsics
-        shown, tint = self._shown(camera)
+        shown, self._tint = self._shown(camera)
         self._watch.lap("appearance")
-        self.workspace.project(shown, camera, self.config.antialiased, sh_degree, tint=tint)
+        self.workspace.project(shown, camera, self.config.antialiased, sh_degree, tint=self._tint)
         self._watch.lap("project")
         self.workspace.bin()
         self._watch.lap("sort")
@@ -216,13 +217,12 @@ class Fit:
             watch.lap("loss")
             self.workspace.draw_gradient(transmittance, loss.d_rgb, loss.d_alpha, canvas.no_depth)
             watch.lap("raster_backward")
-            self.workspace.project_gradient(self.gaussians, self.gradients, self.sums)
+            tint = self._tint
+            d_features = tint[0] if len(tint[0]) == 0 else self.groups[FEATURES].gradient
+            d_matrix = self.workspace.project_gradient(self.gaussians, self.gradients, self.sums, tint, d_features)
             watch.lap("project_backward")
             if self._colours is not None:
-                features = self.groups[FEATURES]
-                self._colours.collect(
-                    self.groups["sh"].gradient, features.values, features.gradient, self.workspace.drawn
-                )
+                self._colours.collect(self.groups["sh"].gradient, d_matrix, self.groups[FEATURES].gradient)
             watch.lap("appearance_backward")
             if self.networks is not None and self._painter is not None:
                 self.networks.backdrop_gradient(evaluate_gradient(camera, loss.d_background, canvas.rows))

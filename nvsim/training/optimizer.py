@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 _F = np.float32
 _ONE = _F(1)
 BETA1, BETA2, EPS = 0.9, 0.999, 1e-15
-CHUNK, BLOCK = 1 << 14, 512
+CHUNK, BLOCK, LANES = 1 << 14, 512, 64  # whole vectors only: what is left after them is done one by one
 Float32 = NDArray[np.float32]
 
 
@@ -40,7 +40,7 @@ def _adam(values: Any, gradient: Any, first: Any, second: Any, rates: Any, facto
 @dataclass(eq=False)
 class Group:
     """Parameters (N, ...) float32 with their gradient and both moments; `rates` per element, for as many rows as make
-    BLOCK elements."""
+    BLOCK elements or more."""
 
     values: Float32
     gradient: Float32
@@ -52,7 +52,9 @@ class Group:
     def of(values: Float32, rates: Float32 | float, gradient: Float32 | None = None) -> Group:
         """Fresh moments. `values` and `gradient` are kept, not copied."""
         columns = int(np.prod(values.shape[1:], dtype=int))
-        spread = np.broadcast_to(np.asarray(rates, np.float32), (max(-(-BLOCK // columns), 1), columns)).reshape(-1)
+        spread = np.broadcast_to(
+            np.asarray(rates, np.float32), (LANES * -(-BLOCK // (LANES * columns)), columns)
+        ).reshape(-1)
         gradient = np.zeros_like(values) if gradient is None else gradient
         return Group(values, gradient, spread, np.zeros_like(values), np.zeros_like(values))
 
