@@ -79,9 +79,7 @@ class CandidateMaker:
                     f"{project.layout.surface(submap.index)} is missing; run `nvsim floors --project` again."
                 )
             floor = learnt_floor(capture, list(submap.core), surface, SegmentConfig())
-            self._hybrids[key] = HybridFloor(
-                FloorLooks(floor), CloudNormals(floor, capture.cloud), RegionGrowing()
-            )
+            self._hybrids[key] = HybridFloor(FloorLooks(floor), CloudNormals(floor, capture.cloud), RegionGrowing())
         return self._hybrids[key]
 
 

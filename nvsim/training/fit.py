@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
-from nvsim.render.sky import ROW
 from nvsim.render.workspace import LOCK, NO_TINT, Tint, Workspace
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.alpha_loss import alpha_loss
 from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
+from nvsim.training.canvas import Canvas
 from nvsim.training.config import RateConfig, TrainingConfig
 from nvsim.training.exposure import Exposure
 from nvsim.training.floor_rays import meet_floor
-from nvsim.training.losses import FloorAwareLoss, LossValues
+from nvsim.training.losses import LossValues
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
 from nvsim.training.stopwatch import Stopwatch
@@ -54,31 +54,6 @@ PARTS = (
     "optimizer",
 )
 """What a step is made of, in order."""
-
-
-@dataclass(eq=False)
-class Canvas:
-    """The buffers of one image size."""
-
-    loss: FloorAwareLoss
-    background: Float32
-    hits: Float32
-    rows: Float32
-    no_depth: Float32
-    inlier: NDArray[np.bool_]
-    nowhere: NDArray[np.bool_]
-
-    @staticmethod
-    def of(config: TrainingConfig, width: int, height: int) -> Canvas:
-        return Canvas(
-            FloorAwareLoss(config.loss, width, height),
-            np.zeros((3, height, width), np.float32),
-            np.empty((3, height, width), np.float32),
-            np.empty((height, ROW, 3), np.float32),
-            np.zeros((height, width), np.float32),
-            np.ones((height, width), np.bool_),
-            np.zeros((height, width), np.bool_),
-        )
 
 
 def rates_of(name: str, rate: RateConfig, sh_count: int) -> Float32 | float:
@@ -138,7 +113,7 @@ class Fit:
     def canvas(self, width: int, height: int) -> Canvas:
         key = (width, height)
         if key not in self._canvases:
-            self._canvases[key] = Canvas.of(self.config, width, height)
+            self._canvases[key] = Canvas.of(self.config.loss, width, height)
         return self._canvases[key]
 
     def paint(self, camera: Camera, transmittance: Float32, floor: NDArray[np.bool_] | None = None) -> Float32:

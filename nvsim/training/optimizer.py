@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 _F = np.float32
 _ONE = _F(1)
 BETA1, BETA2, EPS = 0.9, 0.999, 1e-15
-CHUNK, BLOCK, LANES = 1 << 14, 512, 64  # whole vectors only: what is left after them is done one by one
+CHUNK, BLOCK, LANES = 1 << 14, 1 << 12, 64  # whole vectors only: what is left after them is done one by one
 Float32 = NDArray[np.float32]
 
 
@@ -52,9 +52,8 @@ class Group:
     def of(values: Float32, rates: Float32 | float, gradient: Float32 | None = None) -> Group:
         """Fresh moments. `values` and `gradient` are kept, not copied."""
         columns = int(np.prod(values.shape[1:], dtype=int))
-        spread = np.broadcast_to(
-            np.asarray(rates, np.float32), (LANES * -(-BLOCK // (LANES * columns)), columns)
-        ).reshape(-1)
+        rows = LANES * -(-BLOCK // (LANES * columns))
+        spread = np.broadcast_to(np.asarray(rates, np.float32), (rows, columns)).copy().reshape(-1)
         gradient = np.zeros_like(values) if gradient is None else gradient
         return Group(values, gradient, spread, np.zeros_like(values), np.zeros_like(values))
 
