@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Signal
 
 from app.graph_arrays import GraphArrays, TrajectoryArrays
+from app.jobs.queue import JobQueue
 from app.loading import PARTS, Contents
 from nvsim.graph.types import Viewpoint
 
@@ -38,6 +39,7 @@ class Document(QObject):
         super().__init__(parent)
         self._contents = Contents(path)
         self._selection = Selection()
+        self.jobs: JobQueue | None = None  # of the open project, where a window shows it
         self.graph_arrays = GraphArrays()
         self.trajectory = TrajectoryArrays()
 

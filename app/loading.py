@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from nvsim.project.jobs import JobRecord
     from nvsim.project.project import Project
 
-PARTS = ("capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "outline", "model_info")
+PARTS = ("capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "outline", "model_info", "stages")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,7 @@ class Contents:
 
     scene_stamp   changes whenever a model was written; None while there is no model at all
     model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
+    stages        names of the stages that ended well
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     """
 
@@ -40,7 +41,21 @@ class Contents:
     jobs: tuple[JobRecord, ...] = ()
     scene_stamp: Hashable | None = None
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
+    stages: frozenset[str] = frozenset()
     outline: NDArray[np.float64] | None = None
+
+    @property
+    def missing_verb(self) -> str:
+        """The command that makes what the project lacks next: "" when nothing is missing or no project is open."""
+        if self.path is None or self.outline is not None or (self.graph is not None and self.scene_stamp is not None):
+            return ""
+        if self.capture is None:
+            return "" if self.graph is not None else "import"
+        if not self.submaps:
+            return "submaps"
+        if "floors" not in self.stages and self.scene_stamp is None:
+            return "floors"
+        return "train" if self.scene_stamp is None else "map"
 
     @property
     def missing(self) -> tuple[str, str] | None:
@@ -54,6 +69,8 @@ class Contents:
             return "This project has no capture yet.", f"nvsim import CAPTURE {project}"
         if self.capture is not None and not self.submaps:
             return "The trajectory is not divided into submaps yet.", f"nvsim submaps {project}"
+        if self.missing_verb == "floors":
+            return "The floor is not found in the frames yet.", f"nvsim floors {project}"
         if self.scene_stamp is None and self.capture is not None:
             return "No submap is trained yet, so there is no reconstruction to see.", f"nvsim train {project}"
         if self.graph is None:
@@ -103,12 +120,14 @@ class ProjectReader:
             "capture": capture,
             "submaps": (capture, stages),
             "graph": stages,
+            "stages": stages,
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support)),
         }
         readers = {
             "capture": project.capture,
             "submaps": project.submaps,
+            "stages": lambda: frozenset(row[0] for row in stages if row[3] == "done"),
             "graph": project.graph,
             # The models come last: announcing them starts the drawing process, which copies sys.path, and reading a map
             # imports OpenCV, which for a moment puts a folder there whose modules hide those of the standard library.

@@ -48,7 +48,7 @@ class MainWindow(QMainWindow):
         self.centre.addWidget(self.empty)
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
-        self.jobs = JobQueue(self)
+        self.jobs = document.jobs = JobQueue(self)
         document.projectChanged.connect(self._on_project)
         workspace = Workspace(document, settings, notices, self.scene, self.jobs, self)
         self.parts = [part(workspace) for part in PARTS]
@@ -121,6 +121,7 @@ class MainWindow(QMainWindow):
         self.scene.troubled.connect(self._on_trouble)
         self.scene.remarked.connect(self._on_remark)
         self.document.contentsChanged.connect(self._on_contents)
+        self.jobs.changed.connect(self.actions_table.refresh)
 
     # Following the document ------------------------------------------------------------------------------------
 
@@ -139,8 +140,7 @@ class MainWindow(QMainWindow):
         nothing = len(self.document.extent) == 0
         self.centre.setCurrentWidget(self.empty if nothing else self.scene)
         if missing is not None:
-            self.empty.say(*missing)
-        self.scene.hint = f"{missing[0]}   {missing[1]}" if missing is not None and not nothing else ""
+            self.empty.say(*missing, contents.missing_verb, contents.path is not None)
         name = contents.path.name if contents.path else ""
         self.setWindowTitle(f"{name} – NVSim" if name else "NVSim")
         graph, capture = contents.graph, contents.capture

@@ -101,6 +101,7 @@ class JobQueue(QObject):
         self._jobs: JobList | None = None
         self.handles: list[JobHandle] = []  # in the order they were ordered
         self._watched: set[int] = set()
+        self.ran: dict[int, float] = {}  # see JobList.ran
         self._timer = QTimer(self, interval=CALM)
         self._timer.timeout.connect(self._look)
 
@@ -235,6 +236,7 @@ class JobQueue(QObject):
         waiting = any(h.state in ("running", "queued") for h in handles)
         self._timer.setInterval(HASTY if told is not None and told.behind else LIVELY if waiting else CALM)
         if changed:
+            self.ran = self._jobs.ran()
             self.changed.emit()
         if told is not None:
             self.progressed.emit()

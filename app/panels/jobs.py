@@ -1,133 +1,269 @@
-"""What runs or ran on the project."""
+"""The jobs of the project: a table, what can be done with the chosen one, and how it is doing."""
 
 from __future__ import annotations
 
-import time
-from typing import Any
+from collections.abc import Sequence
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QRect, Qt
-from PySide6.QtGui import QColor, QPainter
-from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QGuiApplication, QPalette
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSplitter, QTabWidget, QVBoxLayout, QWidget
 
-from app import colors
 from app.document import Document
+from app.forms.arguments import command_line
+from app.jobs.queue import JobHandle, JobQueue
+from app.panels.job_log import JobLog
+from app.panels.job_plots import JobPlots
+from app.panels.job_preview import JobPreview
+from app.panels.job_table import COLUMNS, PROGRESS, JobModel, ProgressBar, Row, duration
 from app.panels.submaps import table
-from nvsim.project.jobs import JobRecord
 
-_Index = QModelIndex | QPersistentModelIndex
-_ROOT = QModelIndex()
-_COLUMNS = ("Stage", "State", "Progress", "Started", "Took", "Note")
-_PROGRESS = 2
-_STATE_TEXTS = {
-    "running": colors.RUNNING_TEXT,
-    "done": colors.OPEN_TEXT,
-    "failed": colors.BLOCKED_TEXT,
-    "interrupted": colors.WARNING_TEXT,
-    "stopped": colors.QUIET_TEXT,
-}
-_STATE_COLORS = {
-    "running": colors.NODE,
-    "done": colors.OPEN,
-    "failed": colors.BLOCKED,
-    "interrupted": colors.SELECTED,
-    "stopped": colors.UNDECIDED,
-}
+__all__ = ["JobModel", "JobPanel", "duration"]
+_AGAIN = ("paused", "interrupted", "failed", "cancelled")
+_OPEN = ("running", "queued", "paused", "interrupted")
+_NO_HANDLE = "it runs or ran from a terminal"
 
 
-def duration(seconds: float) -> str:
-    """ "42 s", "3 min 05 s", "1 h 02 min"."""
-    whole = max(0, round(seconds))
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60:02d} s"
-    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+class Offer(QWidget):
+    """A line above the table: jobs wait for the person."""
 
-
-class JobModel(QAbstractTableModel):
-    """A row for each job, newest first; rows are renewed in place while a job runs."""
-
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+    def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._document = document
-        self._jobs: tuple[JobRecord, ...] = document.contents.jobs
-        document.contentsChanged.connect(self._on_contents)
+        self._queue = queue
+        self._handles: list[JobHandle] = []
+        self.setAutoFillBackground(True)
+        self.setBackgroundRole(QPalette.ColorRole.ToolTipBase)
+        self.words = QLabel(self)
+        self.words.setWordWrap(True)
+        self.go_on = QPushButton("Go on", self)
+        self.go_on.clicked.connect(self._go_on)
+        self.later = QPushButton("Not now", self)
+        self.later.clicked.connect(self.hide)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(10, 3, 6, 3)
+        row.addWidget(self.words, 1)
+        row.addWidget(self.go_on)
+        row.addWidget(self.later)
+        self.hide()
 
-    def _on_contents(self, parts: frozenset[str]) -> None:
-        if "jobs" not in parts:
-            return
-        jobs = self._document.contents.jobs
-        if [j.id for j in jobs] == [j.id for j in self._jobs]:
-            self._jobs = jobs
-            if jobs:
-                self.dataChanged.emit(self.index(0, 0), self.index(len(jobs) - 1, len(_COLUMNS) - 1))
-            return
-        self.beginResetModel()
-        self._jobs = jobs
-        self.endResetModel()
+    def show_jobs(self, handles: Sequence[JobHandle]) -> None:
+        """Offers to go on with these."""
+        self._handles = list(handles)
+        self.words.setText(waiting_words(handles))
+        self.setVisible(bool(handles))
 
-    def rowCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self._jobs)
+    def check(self) -> None:
+        """Goes away when there is nothing left to offer."""
+        self._handles = [h for h in self._handles if h in self._queue.handles and h.state not in ("running", "done")]
+        if not self._handles or self._queue.busy:
+            self.hide()
 
-    def columnCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(_COLUMNS)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return _COLUMNS[section] if 0 <= section < len(_COLUMNS) else None
-        return None
-
-    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if not index.isValid() or index.row() >= len(self._jobs):
-            return None
-        job = self._jobs[index.row()]
-        if role == Qt.ItemDataRole.ForegroundRole and index.column() == 1:
-            return QColor(_STATE_TEXTS.get(job.state, colors.QUIET_TEXT))
-        if role == Qt.ItemDataRole.ToolTipRole:
-            return job.message or None
-        if role == Qt.ItemDataRole.UserRole and index.column() == _PROGRESS:
-            return job.progress
-        if role != Qt.ItemDataRole.DisplayRole:
-            return None
-        took = (job.finished or time.time()) - job.started
-        return (
-            job.stage,
-            job.state,
-            f"{100 * job.progress:.0f} %",
-            time.strftime("%H:%M", time.localtime(job.started)),
-            duration(took) if job.finished or job.state == "running" else "–",
-            job.message,
-        )[index.column()]
+    def _go_on(self) -> None:
+        for handle in self._handles:
+            if handle.state in _AGAIN:
+                self._queue.resume(handle)
+        self._queue.begin_waiting()
+        self.hide()
 
 
-class _ProgressBar(QStyledItemDelegate):
-    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: _Index) -> None:
-        share = min(max(float(index.data(Qt.ItemDataRole.UserRole) or 0), 0.0), 1.0)
-        state = index.siblingAtColumn(1).data()
-        box = option.rect.adjusted(6, 8, -6, -8)
-        painter.save()
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(
-            option.palette.mid() if option.palette.window().color().lightness() > 128 else QColor("#39414b")
-        )
-        painter.drawRoundedRect(box, 4, 4)
-        painter.setBrush(QColor(_STATE_COLORS.get(str(state), colors.UNDECIDED)))
-        painter.drawRoundedRect(QRect(box.left(), box.top(), round(box.width() * share), box.height()), 4, 4)
-        painter.restore()
+def waiting_words(handles: Sequence[JobHandle]) -> str:
+    """One sentence about jobs that wait for the person."""
+    words = {"interrupted": "was interrupted", "paused": "is paused", "queued": "waits", "failed": "failed"}
+    named = [f"“{h.title}” {words.get(h.state, h.state)}" for h in handles[:3]]
+    more = f" and {len(handles) - 3} more wait" if len(handles) > 3 else ""
+    return f"{', '.join(named)}{more}. What was done is kept."
 
 
 class JobPanel(QWidget):
-    """The list of jobs."""
+    """againWanted(JobHandle) when the person wants to change the settings of a job and run it again."""
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+    againWanted = Signal(object)
+
+    def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.model = JobModel(document, self)
+        self.queue = queue or JobQueue(self)
+        self.model = JobModel(document, queue, self)
+        self.offer = Offer(self.queue, self)
         self.table = table(self.model, self)
-        self.table.setItemDelegateForColumn(_PROGRESS, _ProgressBar(self.table))
-        header = self.table.horizontalHeader()
-        header.setSectionResizeMode(_PROGRESS, header.ResizeMode.Fixed)
-        header.resizeSection(_PROGRESS, 140)
+        self._shape_table()
+        self.plots, self.preview, self.log = JobPlots(self), JobPreview(self), JobLog(self)
+        self.tabs = QTabWidget(self)
+        self.tabs.setDocumentMode(True)
+        for widget, title in ((self.plots, "Curves"), (self.preview, "Preview"), (self.log, "Messages")):
+            self.tabs.addTab(widget, title)
+        self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
+        self._chosen = ""  # key of the row whose details are shown
+        self._held = False  # the person chose it
+        left = QWidget(self)
+        column = QVBoxLayout(left)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addWidget(self.offer)
+        column.addWidget(self.table, 1)
+        column.addLayout(self._buttons())
+        self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
+        self.splitter.addWidget(left)
+        self.splitter.addWidget(self.tabs)
+        self.splitter.setStretchFactor(0, 3)
+        self.splitter.setStretchFactor(1, 2)
+        self.splitter.setSizes([600, 400])
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.table)
+        layout.addWidget(self.splitter)
+        self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_chosen())
+        self.table.clicked.connect(self._on_clicked)
+        self.model.modelReset.connect(self._keep_choice)
+        self.queue.changed.connect(self._on_changed)
+        self.queue.progressed.connect(self._refresh_shown)
+        self.queue.found.connect(self.offer.show_jobs)
+        self._keep_choice()
+
+    def _shape_table(self) -> None:
+        self.table.setItemDelegateForColumn(PROGRESS, ProgressBar(self.table))
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(header.ResizeMode.Interactive)
+        for column, width in enumerate((150, 82, 110, 66, 92, 62, 92, 200)):
+            header.resizeSection(column, width)
+        assert len(COLUMNS) == 8
+        header.setStretchLastSection(True)
+        self.table.setTextElideMode(Qt.TextElideMode.ElideRight)
+        self.table.setWordWrap(False)
+        self.table.setMinimumWidth(260)
+
+    def _buttons(self) -> QHBoxLayout:
+        row = QHBoxLayout()
+        row.setContentsMargins(4, 3, 4, 3)
+        self.pause = self._button("Pause", self._on_pause)
+        self.go_on = self._button("Go on", self._on_go_on)
+        self.cancel = self._button("Cancel", self._on_cancel)
+        self.again = self._button("Settings…", self._on_again)
+        self.remove = self._button("Remove", self._on_remove)
+        self.copy = self._button("Copy command", self._on_copy)
+        for button in (self.pause, self.go_on, self.cancel, self.again, self.remove, self.copy):
+            row.addWidget(button)
+        row.addStretch(1)
+        return row
+
+    def _button(self, text: str, handler: object) -> QPushButton:
+        button = QPushButton(text, self)
+        button.setFlat(False)
+        button.clicked.connect(handler)
+        return button
+
+    # The chosen job ---------------------------------------------------------------------------------------------
+
+    @property
+    def row(self) -> Row | None:
+        """The row whose details are shown."""
+        return next((r for r in self.model.rows if r.key == self._chosen), None)
+
+    @property
+    def handle(self) -> JobHandle | None:
+        return None if self.row is None else self.row.handle
+
+    def choose(self, handle: JobHandle) -> None:
+        """Shows the details of that job."""
+        for i, row in enumerate(self.model.rows):
+            if row.handle is handle:
+                self.table.selectRow(i)
+
+    def _on_clicked(self) -> None:
+        self._held = True
+
+    def _on_chosen(self) -> None:
+        index = self.table.currentIndex()
+        key = self.model.rows[index.row()].key if 0 <= index.row() < len(self.model.rows) else ""
+        if key == self._chosen:
+            return
+        self._chosen = key
+        handle = self.handle
+        if handle is not None:
+            self.queue.watch(handle)
+        for part in (self.plots, self.preview, self.log):
+            part.show_job(handle)
+        self._show_buttons()
+
+    def _keep_choice(self) -> None:
+        """After rows came or went: the same job, or the newest where the person had chosen none."""
+        keys = [r.key for r in self.model.rows]
+        if self._held and self._chosen in keys:
+            self.table.selectRow(keys.index(self._chosen))
+        elif keys:
+            self._held = False
+            self.table.selectRow(0)
+        else:
+            self._on_chosen()
+        self._show_buttons()
+
+    def _on_changed(self) -> None:
+        self.offer.check()
+        self._show_buttons()
+        self._refresh_shown()
+
+    def _refresh_shown(self) -> None:
+        self.plots.refresh()
+        self.preview.refresh()
+        self.log.refresh()
+
+    def _show_buttons(self) -> None:
+        row, handle = self.row, self.handle
+        state = "" if row is None else row.state
+        nothing = "no job is chosen" if row is None else _NO_HANDLE if handle is None else ""
+        asked = handle is not None and handle.wish is not None and handle.running
+        reasons = {
+            self.pause: nothing or ("" if state in ("running", "queued") and not asked else f"it is {state}"),
+            self.go_on: nothing or self._why_not_on(state),
+            self.cancel: nothing
+            or ("" if state in ("running", "queued", "paused", "interrupted") else f"it is {state}"),
+            self.again: nothing or ("it is running" if state in ("running", "queued") else ""),
+            self.remove: nothing or ("it is running" if state == "running" else ""),
+            self.copy: nothing,
+        }
+        for button, reason in reasons.items():
+            button.setEnabled(not reason)
+            button.setToolTip(_TIPS[button.text()] + (f"\nNot now: {reason}." if reason else ""))
+
+    def _why_not_on(self, state: str) -> str:
+        if state == "queued":
+            return "another job runs before it" if self.queue.busy else ""
+        return "" if state in _AGAIN else f"it is {state}"
+
+    # What the buttons do ----------------------------------------------------------------------------------------
+
+    def _on_pause(self) -> None:
+        if self.handle is not None:
+            self.queue.pause(self.handle)
+
+    def _on_go_on(self) -> None:
+        if self.handle is None:
+            return
+        if self.handle.state == "queued":
+            self.queue.begin_waiting()
+        else:
+            self.queue.resume(self.handle)
+
+    def _on_cancel(self) -> None:
+        if self.handle is not None:
+            self.queue.cancel(self.handle)
+
+    def _on_remove(self) -> None:
+        if self.handle is not None:
+            self.queue.forget(self.handle)
+
+    def _on_again(self) -> None:
+        if self.handle is not None:
+            self.againWanted.emit(self.handle)
+
+    def _on_copy(self) -> None:
+        if self.handle is not None:
+            order = self.handle.job.order
+            QGuiApplication.clipboard().setText(command_line(order.verb, order.arguments))
+
+
+_TIPS = {
+    "Pause": "Stop at the last checkpoint and free the memory; it can go on at any time, also in another window",
+    "Go on": "Run it once more; what was finished is not done again",
+    "Cancel": "End it; what it finished stays in the project",
+    "Settings…": "Look at its settings, change them, and run it again",
+    "Remove": "Take it off this list; what it made stays in the project",
+    "Copy command": "Copy the command that does the same in a terminal",
+}

@@ -7,8 +7,10 @@ from app.actions import Action
 from app.parts.camera import CameraPart
 from app.parts.files import FilePart
 from app.parts.frames import FramePart
+from app.parts.jobs import JobsPart
 from app.parts.look import LookPart
-from app.parts.panels import DetailsPart, JobPart, LogPart, MapPart, SubmapPart
+from app.parts.new_project import NewProjectPart
+from app.parts.panels import DetailsPart, LogPart, MapPart, SubmapPart
 from app.parts.part import Part
 from app.parts.view import ViewPart
 
@@ -20,7 +22,8 @@ PARTS: tuple[type[Part], ...] = (
     FramePart,
     MapPart,
     DetailsPart,
-    JobPart,
+    JobsPart,
+    NewProjectPart,
     LogPart,
     LookPart,
 )

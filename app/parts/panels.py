@@ -1,4 +1,4 @@
-"""The panels that only show the document: submaps, map, details, jobs, log."""
+"""The panels that only show the document: submaps, map, details, log."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from app.map_view import MapView
 from app.panels.details import DetailsPanel
-from app.panels.jobs import JobPanel
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapPanel
 from app.parts.part import Dock, Part
@@ -45,11 +44,6 @@ class MapPart(Part):
 class DetailsPart(Part):
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("details", "Details", DetailsPanel(self.workspace.document), "right"),)
-
-
-class JobPart(Part):
-    def docks(self) -> tuple[Dock, ...]:
-        return (Dock("jobs", "Jobs", JobPanel(self.workspace.document), "bottom", titled=False),)
 
 
 class LogPart(Part):

@@ -30,7 +30,7 @@ State = Literal["queued", "running", "paused", "done", "failed", "cancelled", "i
 Wish = Literal["pause", "cancel"]
 STATES: tuple[State, ...] = ("queued", "running", "paused", "done", "failed", "cancelled", "interrupted")
 KEPT = 60  # ended jobs whose folders are kept
-_ORDER, _STANDING, _WISH = "order.json", "standing.json", "wish"
+_ORDER, _STANDING, _WISH, _RAN = "order.json", "standing.json", "wish", "ran.txt"
 
 
 @dataclass(frozen=True)
@@ -130,6 +130,15 @@ class JobList:
         state: State = "interrupted" if wish is None else _FULFILLED[wish]
         return replace(standing, state=state, finished=finished, message=message, worked=worked)
 
+    def ran(self) -> dict[int, float]:
+        """Process number -> when it took its job, for every run there was, of forgotten jobs too: the project's own
+        record of commands (`project.jobs`) has a row for each of them."""
+        try:
+            lines = (self.folder / _RAN).read_text().splitlines()
+            return {int(pid): float(started) for pid, started in (line.split() for line in lines)}
+        except (OSError, ValueError):
+            return {}
+
     # Ordering ---------------------------------------------------------------------------------------------------
 
     def add(self, verb: str, arguments: Sequence[str], title: str, heavy: bool = True) -> Job:
@@ -194,6 +203,8 @@ class JobList:
                 me = psutil.Process()
                 taken = Standing("running", me.pid, me.create_time(), time.time(), worked=job.standing.worked)
                 self._write(job, taken)
+                with open(self.folder / _RAN, "a") as file:
+                    file.write(f"{taken.pid} {taken.started}\n")
                 return replace(job, standing=taken)
         return None
 

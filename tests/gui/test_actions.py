@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette
+from PySide6.QtWidgets import QDialog
 from pytestqt.qtbot import QtBot
 
 from app.document import Document
@@ -53,15 +54,21 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
     monkeypatch.setattr("app.parts.files.QFileDialog.getExistingDirectory", lambda *a: "")
     monkeypatch.setattr("app.parts.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
     monkeypatch.setattr("app.parts.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.parts.new_project.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr(window.jobs, "start", lambda *a: ordered.append(a[0]) or window)
+    ordered: list[str] = []
     document.select(viewpoint=document.graph_arrays.ids[0])
     for entry in ACTIONS:
-        if entry.id in ("quit", "fullscreen", "turn_up"):  # the last is for splat files
+        if entry.id in ("quit", "fullscreen", "turn_up", "import"):  # for splat files, for projects without a capture
             continue
         action = window.actions_table[entry.id]
         assert action.isEnabled(), entry.id
         action.trigger()
         if entry.check and not entry.group:
             action.trigger()
+    assert ordered == ["submaps", "floors", "train", "map"]
+    for dialog in window.findChildren(QDialog):
+        dialog.reject()
     for child in window.findChildren(type(window.notice_area)):
         child.hide()
     from app.panels.help import HelpWindow

@@ -9,7 +9,6 @@ import demo_room
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QPushButton
 from pytestqt.qtbot import QtBot
 
 from app.document import Document
@@ -86,8 +85,8 @@ def test_details_explain_every_direction_of_a_viewpoint(document: Document, qtbo
 def test_the_empty_state_offers_a_command_to_copy(qtbot: QtBot) -> None:
     state = EmptyState()
     qtbot.addWidget(state)
-    state.say("No graph.", "nvsim map --project p")
-    qtbot.mouseClick(state.findChild(QPushButton), Qt.MouseButton.LeftButton)
+    state.say("No graph.", "nvsim map --project p", "map", has_project=True)
+    qtbot.mouseClick(state.copy, Qt.MouseButton.LeftButton)
     assert QGuiApplication.clipboard().text() == "nvsim map --project p"
 
 

@@ -17,6 +17,7 @@ from app import theme
 from app.document import Document
 from app.loading import Contents
 from app.notices import Notices
+from app.panels.stage_bar import StageBar
 from app.render_child import Trouble
 from app.window import MainWindow
 
@@ -27,10 +28,12 @@ def test_an_empty_project_says_what_to_run(make_window: Callable[[Document], Mai
     assert window.empty.command.text() == "nvsim import CAPTURE --project new.nvsim"
 
 
-def test_a_walk_without_models_is_shown_with_a_hint(window: MainWindow, document: Document) -> None:
+def test_a_walk_without_models_is_shown_with_an_offer_to_train(window: MainWindow, document: Document) -> None:
     document.set_contents(replace(document.contents, scene_stamp=None))
     assert window.centre.currentWidget() is window.scene
-    assert "nvsim train --project demo.nvsim" in window.scene.hint
+    (bar,) = window.scene.findChildren(StageBar)
+    assert bar.isVisible() and bar.stage.text() == "Train only"
+    assert "nvsim train --project demo.nvsim" in bar.sentence.toolTip()
     window.grab()
 
 

@@ -1,0 +1,131 @@
+"""Changed values to arguments of the command line and into the project's settings file, which holds nothing but what
+was changed. Knows no Qt."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from app.forms.fields import Field, command_of, fields_of, presets_of
+from nvsim.atomic import write_text
+from nvsim.cli.arguments import parse
+from nvsim.errors import InputError
+
+FILE = "settings.json"
+PRESET = "preset"
+
+
+def arguments_of(fields: Sequence[Field], changed: Mapping[str, Any]) -> list[str]:
+    """The flags that bring the fields' defaults to the values of `changed` (path -> value)."""
+    words: list[str] = []
+    for field in fields:
+        if field.path not in changed or changed[field.path] == field.default:
+            continue
+        value = changed[field.path]
+        if field.kind == "switch":
+            words.append(field.flag if value else _off(field.flag))
+        elif field.kind == "several":
+            words += [field.flag, *(str(v) for v in value)]
+        else:
+            words += [field.flag, "None" if value is None else _text(value)]
+    return words
+
+
+def _off(flag: str) -> str:
+    """--a.b.c -> --a.b.no-c"""
+    head, dot, tail = flag.removeprefix("--").rpartition(".")
+    return f"--{head}{dot}no-{tail}"
+
+
+def _text(value: object) -> str:
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def command_line(verb: str, arguments: Sequence[str]) -> str:
+    """What a person types."""
+    return shlex.join(["nvsim", *verb.split(), *arguments])
+
+
+class Settings:
+    """What a person changed of the options of each command, kept in the project."""
+
+    def __init__(self, project: Path | None) -> None:
+        self._path = None if project is None else project / FILE
+        self._values: dict[str, dict[str, Any]] = {}
+        if self._path is not None:
+            with contextlib.suppress(OSError, ValueError):
+                read = json.loads(self._path.read_text())
+                if isinstance(read, dict):
+                    self._values = {v: dict(c) for v, c in read.items() if isinstance(c, dict)}
+
+    def preset(self, verb: str) -> str:
+        names = presets_of(verb)
+        chosen = str(self._values.get(verb, {}).get(PRESET, ""))
+        return chosen if chosen in names else (names[0] if names else "")
+
+    def changed(self, verb: str) -> dict[str, Any]:
+        """Path -> value of what differs from the preset. What no option takes any more is left out."""
+        stored = self._values.get(verb, {})
+        fields = [f for f in fields_of(verb, self.preset(verb)) if f.path in stored]
+        fitting = {f.path: _fitting(f, stored[f.path]) for f in fields}
+        return {path: value for path, value in fitting.items() if value is not _UNFIT}
+
+    def keep(self, verb: str, preset: str, changed: Mapping[str, Any]) -> None:
+        """Raises InputError when the project's folder cannot be written."""
+        names = presets_of(verb)
+        values: dict[str, Any] = {p: str(v) if isinstance(v, Path) else v for p, v in changed.items()}
+        if names and preset != names[0]:
+            values[PRESET] = preset
+        if values:
+            self._values[verb] = values
+        else:
+            self._values.pop(verb, None)
+        if self._path is not None:
+            write_text(self._path, json.dumps(self._values, indent=1, sort_keys=True) + "\n")
+
+    def arguments(self, verb: str) -> list[str]:
+        """The flags of a command as the person left its form."""
+        names, preset = presets_of(verb), self.preset(verb)
+        head = ["--preset", preset] if names and preset != names[0] else []
+        return [*head, *arguments_of(fields_of(verb, preset), self.changed(verb))]
+
+
+_UNFIT = object()
+
+
+def _fitting(field: Field, value: Any) -> Any:
+    """The stored value as one of the field's type, or _UNFIT: somebody may have written into the file."""
+    if value is None:
+        return None if field.optional else _UNFIT
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    if field.kind == "switch":
+        return value if isinstance(value, bool) else _UNFIT
+    if field.kind == "number":
+        return float(value) if plain else _UNFIT
+    if field.kind == "count":
+        return int(value) if plain else _UNFIT
+    if field.kind == "choice":
+        return value if value in field.choices else _UNFIT
+    if field.kind == "several":
+        return tuple(value) if isinstance(value, list | tuple) else _UNFIT
+    return value if isinstance(value, str) else _UNFIT
+
+
+def validate(verb: str, project: Path, arguments: Sequence[str], capture: Path | None = None) -> str:
+    """One sentence when the command would not take these arguments, else ""."""
+    given = [*([str(capture)] if capture is not None else []), "--project", str(project), *arguments]
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            parse(command_of(verb), given, verb)
+    except InputError as error:
+        return str(error)
+    except SystemExit:
+        lines = [line.strip("│╭╰─ ") for line in said.getvalue().splitlines()]
+        return " ".join(line for line in lines if line) or "An option is wrong."
+    return ""

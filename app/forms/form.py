@@ -1,0 +1,255 @@
+"""The settings of one command: every option with its default, what the paper has, and the exact command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QFont, QFontDatabase, QGuiApplication
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QPushButton,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app import colors
+from app.forms.arguments import Settings, arguments_of, command_line, validate
+from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
+from app.forms.rows import Row
+
+GENERAL = "General"
+TYPING = 250  # milliseconds after the last key until the values are tried
+
+
+class CommandForm(QDialog):
+    """started(list of arguments) when the person wants the command run with them; they are kept before.
+
+    preset_values  path -> value that this form begins with where the person has not set one
+    """
+
+    started = Signal(object)
+
+    def __init__(
+        self,
+        verb: str,
+        title: str,
+        project: Path,
+        settings: Settings,
+        parent: QWidget | None = None,
+        preset_values: dict[str, Any] | None = None,
+        start_text: str = "Start",
+    ) -> None:
+        super().__init__(parent)
+        self.setWindowTitle(title)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.verb, self._project, self._settings = verb, project, settings
+        self._begin_with = {**(preset_values or {}), **settings.changed(verb)}
+        self._paper = paper_values(verb)
+        self.rows: dict[str, Row] = {}
+        self._headings: dict[str, QLabel] = {}
+        self._build(title, start_text)
+        self._waiting = self._sections()
+        self._try = QTimer(self, singleShot=True, interval=TYPING)
+        self._try.timeout.connect(self._show_command)
+        # Section by section between other events: the training has eighty options.
+        self._more = QTimer(self, interval=0)
+        self._more.timeout.connect(self._build_section)
+        self._more.start()
+        few = len(self._waiting) == 1
+        self.resize(640 if few else 860, 360 if sum(len(s) for s in self._waiting.values()) < 4 else 640)
+
+    # Making ----------------------------------------------------------------------------------------------------
+
+    def _build(self, title: str, start_text: str) -> None:
+        about = (command_of(self.verb).__doc__ or "").split("\n\n")[0]
+        intro = QLabel(" ".join(about.split()), self)
+        intro.setWordWrap(True)
+        self.presets = QComboBox(self)
+        self.presets.addItems(presets_of(self.verb))
+        self.presets.setCurrentText(self._settings.preset(self.verb))
+        self.presets.currentTextChanged.connect(self._on_preset)
+        self.search = QLineEdit(self)
+        self.search.setPlaceholderText("Find a setting")
+        self.search.setClearButtonEnabled(True)
+        self.search.textChanged.connect(self._filter)
+        above = QHBoxLayout()
+        if self.presets.count():
+            above.addWidget(QLabel("Preset", self))
+            above.addWidget(self.presets)
+            above.addSpacing(12)
+        above.addWidget(self.search, 1)
+        self.list = QListWidget(self)
+        self.list.setFixedWidth(150)
+        self.list.setFrameShape(QFrame.Shape.NoFrame)
+        self.list.setSpacing(3)
+        self.list.currentTextChanged.connect(self._go_to_section)
+        self._page = QWidget(self)
+        self._column = QVBoxLayout(self._page)
+        self._column.setContentsMargins(12, 8, 12, 8)
+        self._column.addStretch(1)
+        self.area = QScrollArea(self)
+        self.area.setWidgetResizable(True)
+        self.area.setFrameShape(QFrame.Shape.StyledPanel)
+        self.area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.area.setWidget(self._page)
+        middle = QHBoxLayout()
+        middle.addWidget(self.list)
+        middle.addWidget(self.area, 1)
+        self.problem = QLabel(self)
+        self.problem.setWordWrap(True)
+        self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
+        self.problem.hide()
+        self.command = QLineEdit(self)
+        self.command.setReadOnly(True)
+        self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
+        self.command.setToolTip("The same from a terminal")
+        copy = QPushButton("Copy", self)
+        copy.setAutoDefault(False)
+        copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self.command.text()))
+        line = QHBoxLayout()
+        line.addWidget(self.command, 1)
+        line.addWidget(copy)
+        buttons = QDialogButtonBox(self)
+        self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
+        self.keep_button = buttons.addButton("Keep settings", QDialogButtonBox.ButtonRole.ApplyRole)
+        self.reset_button = buttons.addButton("Reset all", QDialogButtonBox.ButtonRole.ResetRole)
+        buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self.keep_button.clicked.connect(self._keep_and_close)
+        self.reset_button.clicked.connect(self.reset)
+        buttons.accepted.connect(self._start)
+        buttons.rejected.connect(self.reject)
+        layout = QVBoxLayout(self)
+        layout.addWidget(intro)
+        layout.addLayout(above)
+        layout.addLayout(middle, 1)
+        layout.addWidget(self.problem)
+        layout.addLayout(line)
+        layout.addWidget(buttons)
+
+    def _sections(self) -> dict[str, list[Field]]:
+        result: dict[str, list[Field]] = {}
+        for field in fields_of(self.verb, self.presets.currentText()):
+            result.setdefault(field.section or GENERAL, []).append(field)
+        self.list.setVisible(len(result) > 1)
+        self.search.setVisible(sum(len(f) for f in result.values()) > 8)
+        return result
+
+    def _build_section(self) -> None:
+        if not self._waiting:
+            self._more.stop()
+            self._filter(self.search.text())
+            self._show_command()
+            return
+        title = next(iter(self._waiting))
+        fields = self._waiting.pop(title)
+        if self.list.isVisibleTo(self):
+            heading = QLabel(title, self._page)
+            font = QFont(heading.font())
+            font.setPointSizeF(font.pointSizeF() + 2)
+            heading.setFont(font)
+            heading.setContentsMargins(0, 8, 0, 2)
+            self._headings[title] = heading
+            self._column.insertWidget(self._column.count() - 1, heading)
+            self.list.addItem(title)
+        for field in fields:
+            paper = {"paper": self._paper[field.path]} if field.path in self._paper else {}
+            row = Row(field, parent=self._page, **paper)
+            if field.path in self._begin_with:
+                row.show_value(self._begin_with[field.path])
+            row.changed.connect(self._try.start)
+            self.rows[field.path] = row
+            self._column.insertWidget(self._column.count() - 1, row)
+
+    def finish_building(self) -> None:
+        """Makes at once what is still to be made."""
+        while self._more.isActive():
+            self._build_section()
+
+    # What it says -----------------------------------------------------------------------------------------------
+
+    def changed(self) -> dict[str, Any]:
+        """Path -> value of what differs from the preset. Raises ValueError with a sentence for what is no value."""
+        return {path: row.editor.value() for path, row in self.rows.items() if row.is_changed}
+
+    def arguments(self) -> list[str]:
+        """The flags. Raises ValueError for what is no value."""
+        names = presets_of(self.verb)
+        preset = self.presets.currentText()
+        head = ["--preset", preset] if names and preset != names[0] else []
+        return [*head, *arguments_of([row.field for row in self.rows.values()], self.changed())]
+
+    def reset(self) -> None:
+        """Every option as the first preset has it."""
+        if self.presets.count():
+            self.presets.setCurrentIndex(0)
+        for row in self.rows.values():
+            row.reset()
+        self._show_command()
+
+    def _on_preset(self, preset: str) -> None:
+        for field in fields_of(self.verb, preset):
+            if field.path in self.rows:
+                self.rows[field.path].show_field(field)
+        self._show_command()
+
+    def _show_command(self) -> None:
+        problem, arguments = "", []
+        try:
+            arguments = self.arguments()
+            problem = validate(self.verb, self._project, arguments)
+        except ValueError as error:
+            problem = str(error)
+        if not problem:
+            self.command.setText(command_line(self.verb, ["--project", str(self._project), *arguments]))
+            self.command.setCursorPosition(0)
+        self.problem.setText(problem)
+        self.problem.setVisible(bool(problem))
+        for button in (self.start_button, self.keep_button):
+            button.setEnabled(not problem)
+
+    def _filter(self, words: str) -> None:
+        seen: set[str] = set()
+        for row in self.rows.values():
+            wanted = row.matches(words)
+            row.setVisible(wanted)
+            if wanted:
+                seen.add(row.field.section or GENERAL)
+        for title, heading in self._headings.items():
+            heading.setVisible(title in seen)
+
+    def _go_to_section(self, title: str) -> None:
+        heading = self._headings.get(title)
+        if heading is not None:
+            self.search.clear()
+            self.area.verticalScrollBar().setValue(heading.y() - 4)
+
+    # Leaving ----------------------------------------------------------------------------------------------------
+
+    def _keep(self) -> Sequence[str] | None:
+        self.finish_building()
+        self._show_command()
+        if not self.start_button.isEnabled():
+            return None
+        self._settings.keep(self.verb, self.presets.currentText(), self.changed())
+        return self.arguments()
+
+    def _keep_and_close(self) -> None:
+        if self._keep() is not None:
+            self.reject()
+
+    def _start(self) -> None:
+        arguments = self._keep()
+        if arguments is not None:
+            self.started.emit(list(arguments))
+            self.accept()

@@ -1,0 +1,77 @@
+"""What one job said: its warnings and stages with their times, and what it printed when it broke."""
+
+from __future__ import annotations
+
+import html
+import time
+
+from PySide6.QtWidgets import QPlainTextEdit, QWidget
+
+from app import colors
+from app.forms.arguments import command_line
+from app.jobs.queue import JobHandle
+
+MOST_PRINTED = 4000  # characters of the end of what it printed
+_COLORS = {
+    "log": colors.QUIET_TEXT,
+    "warning": colors.WARNING_TEXT,
+    "error": colors.BLOCKED_TEXT,
+    "done": colors.OPEN_TEXT,
+}
+
+
+class JobLog(QPlainTextEdit):
+    """The command first, so that it can be copied with the rest."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setReadOnly(True)
+        self.setFrameShape(self.Shape.NoFrame)
+        self.setPlaceholderText("Choose a job to see what it said.")
+        self._handle: JobHandle | None = None
+        self._told = 0
+        self._state = ""
+
+    def show_job(self, handle: JobHandle | None) -> None:
+        """Shows that job from now on; None shows nothing."""
+        self._handle, self._told = handle, 0
+        self.clear()
+        if handle is not None:
+            self._state = handle.state
+            order = handle.job.order
+            self.appendPlainText(command_line(order.verb, order.arguments))
+            self.refresh()
+            self._append_printed()
+
+    def refresh(self) -> None:
+        """Appends what is new."""
+        handle = self._handle
+        if handle is None:
+            return
+        new = handle.history.told - self._told
+        if new > 0:
+            self._told = handle.history.told
+            for line in list(handle.history.lines)[-new:]:
+                stamp = time.strftime("%H:%M:%S", time.localtime(line.at))
+                self.appendHtml(
+                    f'<span style="color:{_COLORS[line.kind]}">{stamp}</span>&nbsp;&nbsp;{html.escape(line.text)}'
+                )
+        if handle.state != self._state:
+            self._state = handle.state
+            self._append_printed()
+
+    def _append_printed(self) -> None:
+        """What a job that ended badly printed; a trace, most often."""
+        handle = self._handle
+        if handle is None or handle.state not in ("failed", "interrupted"):
+            return
+        if handle.message:
+            self.appendHtml(f'<span style="color:{colors.BLOCKED_TEXT}">{html.escape(handle.message)}</span>')
+        try:
+            with open(handle.job.messages, "rb") as file:
+                file.seek(max(0, handle.job.messages.stat().st_size - MOST_PRINTED))
+                printed = file.read().decode(errors="replace").strip()
+        except OSError:
+            return
+        if printed:
+            self.appendPlainText(printed)

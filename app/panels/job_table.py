@@ -1,0 +1,190 @@
+"""The table of jobs: those that were ordered here, and what ran on the project from a terminal."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QRect, Qt
+from PySide6.QtGui import QColor, QPainter
+from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
+
+from app import colors
+from app.document import Document
+from app.jobs.queue import JobHandle, JobQueue
+from nvsim.project.jobs import JobRecord
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+COLUMNS = ("Job", "State", "Progress", "Rate", "Time left", "Started", "Took", "Note")
+STATE, PROGRESS, NOTE = 1, 2, 7
+_RIGHT = (3, 4, 6)
+_STATE_TEXTS = {
+    "running": colors.RUNNING_TEXT,
+    "done": colors.OPEN_TEXT,
+    "failed": colors.BLOCKED_TEXT,
+    "interrupted": colors.WARNING_TEXT,
+    "paused": colors.WARNING_TEXT,
+}
+_STATE_COLORS = {
+    "running": colors.NODE,
+    "done": colors.OPEN,
+    "failed": colors.BLOCKED,
+    "interrupted": colors.SELECTED,
+    "paused": colors.SELECTED,
+}
+
+
+def duration(seconds: float) -> str:
+    """ "42 s", "3 min 05 s", "1 h 02 min"."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def clock(at: float | None) -> str:
+    """ "14:05", with the day when that is not today."""
+    if not at:
+        return "–"
+    then, now = time.localtime(at), time.localtime()
+    return time.strftime("%H:%M" if then[:3] == now[:3] else "%d %b %H:%M", then)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a row shows; `handle` is None for what ran from a terminal."""
+
+    key: str
+    handle: JobHandle | None
+    title: str
+    state: str
+    share: float
+    rate: float | None
+    left: float | None
+    started: float | None
+    took: float | None
+    note: str
+
+    @staticmethod
+    def of_handle(handle: JobHandle) -> Row:
+        running, standing, history = handle.running, handle.job.standing, handle.history
+        share = 1.0 if handle.state == "done" else history.share if running else 0.0
+        return Row(
+            f"job {handle.number}",
+            handle,
+            handle.title,
+            handle.state,
+            share,
+            history.rate if running else None,
+            history.seconds_left if running else None,
+            standing.started or (handle.job.order.ordered if handle.state == "queued" else None),
+            handle.worked if handle.worked else None,
+            handle.message,
+        )
+
+    @staticmethod
+    def of_record(record: JobRecord) -> Row:
+        took = (record.finished or time.time()) - record.started
+        known = record.finished or record.state == "running"
+        return Row(
+            f"record {record.id}", None, record.stage, record.state, record.progress, None, None,
+            record.started, took if known else None, record.message,
+        )  # fmt: skip
+
+
+class JobModel(QAbstractTableModel):
+    """A row for each job, newest first; rows are renewed in place while a job runs."""
+
+    def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document, self._queue = document, queue
+        self.rows: list[Row] = self._gather()
+        document.contentsChanged.connect(self._on_contents)
+        if queue is not None:
+            queue.changed.connect(self.refresh)
+            queue.progressed.connect(self.refresh)
+
+    def _gather(self) -> list[Row]:
+        handles = [] if self._queue is None else self._queue.handles
+        ran = {} if self._queue is None else self._queue.ran
+        rows = [Row.of_handle(h) for h in handles]
+        rows += [
+            Row.of_record(r)
+            for r in self._document.contents.jobs
+            if not (r.pid in ran and r.started >= ran[r.pid] - 1.0)
+        ]
+        return sorted(rows, key=lambda r: (r.state != "running", r.state != "queued", -(r.started or 0.0)))
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "jobs" in parts:
+            self.refresh()
+
+    def refresh(self) -> None:
+        """Shows what there is now."""
+        rows = self._gather()
+        if [r.key for r in rows] == [r.key for r in self.rows]:
+            self.rows = rows
+            if rows:
+                self.dataChanged.emit(self.index(0, 0), self.index(len(rows) - 1, len(COLUMNS) - 1))
+            return
+        self.beginResetModel()
+        self.rows = rows
+        self.endResetModel()
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self.rows)
+
+    def columnCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(COLUMNS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return COLUMNS[section] if 0 <= section < len(COLUMNS) else None
+        return None
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid() or index.row() >= len(self.rows):
+            return None
+        row, column = self.rows[index.row()], index.column()
+        if role == Qt.ItemDataRole.ForegroundRole and column == STATE:
+            return QColor(_STATE_TEXTS.get(row.state, colors.QUIET_TEXT))
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return row.note or None
+        if role == Qt.ItemDataRole.UserRole and column == PROGRESS:
+            return row.share
+        if role == Qt.ItemDataRole.TextAlignmentRole and column in _RIGHT:
+            return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        if role != Qt.ItemDataRole.DisplayRole:
+            return None
+        return (
+            row.title,
+            row.state,
+            f"{100 * row.share:.0f} %",
+            "" if row.rate is None else f"{row.rate:.1f} /s",
+            "" if row.left is None else duration(row.left),
+            clock(row.started),
+            "–" if row.took is None else duration(row.took),
+            row.note,
+        )[column]
+
+
+class ProgressBar(QStyledItemDelegate):
+    """Draws the share of the work in the colour of the state."""
+
+    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: _Index) -> None:
+        share = min(max(float(index.data(Qt.ItemDataRole.UserRole) or 0), 0.0), 1.0)
+        state = index.siblingAtColumn(STATE).data()
+        box = option.rect.adjusted(6, 8, -6, -8)
+        painter.save()
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        light = option.palette.window().color().lightness() > 128
+        painter.setBrush(option.palette.mid() if light else QColor("#39414b"))
+        painter.drawRoundedRect(box, 4, 4)
+        painter.setBrush(QColor(_STATE_COLORS.get(str(state), colors.UNDECIDED)))
+        painter.drawRoundedRect(QRect(box.left(), box.top(), round(box.width() * share), box.height()), 4, 4)
+        painter.restore()

@@ -1,0 +1,296 @@
+"""A new project from a capture: where it is, what the data check says in plain words, where the project goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QCloseEvent, QColor, QFont, QPalette
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QGridLayout,
+    QHeaderView,
+    QLabel,
+    QLineEdit,
+    QProgressBar,
+    QPushButton,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app import colors
+from app.forms.editors import LineEditor
+from app.forms.fields import Field, fields_of
+from app.jobs.check import CaptureCheck, CheckResult
+
+TYPING = 500  # milliseconds after the last change until the check starts
+_COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
+_WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
+_MOST_PLACES = 200
+
+
+@dataclass(frozen=True)
+class NewProject:
+    """What the person chose: `options` are flags of `nvsim import`."""
+
+    capture: Path
+    project: Path
+    options: tuple[str, ...]
+    everything: bool
+
+
+class NewProjectDialog(QDialog):
+    """chosen(NewProject). With `project` given the capture goes into that one."""
+
+    chosen = Signal(object)
+
+    def __init__(self, capture: Path | None = None, project: Path | None = None, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("New project from a capture" if project is None else "Import a capture")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._fixed = project
+        self._named = project is not None  # the person chose the project's place
+        self.result_shown: CheckResult | None = None
+        self.check = CaptureCheck(self)
+        self.check.finished.connect(self.show_result)
+        self.check.failed.connect(self._on_failed)
+        self._due = QTimer(self, singleShot=True, interval=TYPING)
+        self._due.timeout.connect(self._start_check)
+        self._options = {f.path.rpartition(".")[2]: f for f in fields_of("import")}
+        self._build()
+        if project is not None:
+            self.project.setText(str(project))
+        if capture is not None:
+            self.set_capture(capture)
+        self.resize(760, 560)
+        self._show_state()
+
+    def _build(self) -> None:
+        self.capture = QLineEdit(self)
+        self.capture.setPlaceholderText("nerfstudio transforms.json, COLMAP, or kapture: a folder or a file")
+        folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
+        folder.clicked.connect(self._browse_folder)
+        file.clicked.connect(self._browse_file)
+        self.project = QLineEdit(self)
+        self.project.setReadOnly(self._fixed is not None)
+        place = QPushButton("Place…", self)
+        place.setEnabled(self._fixed is None)
+        place.clicked.connect(self._browse_project)
+        self.height = self._editor("camera_height")
+        self.scale = self._editor("scale")
+        self.hold_out = self._editor("hold_out")
+        grid = QGridLayout()
+        grid.addWidget(QLabel("Capture", self), 0, 0)
+        grid.addWidget(self.capture, 0, 1)
+        grid.addWidget(folder, 0, 2)
+        grid.addWidget(file, 0, 3)
+        grid.addWidget(QLabel("Project", self), 1, 0)
+        grid.addWidget(self.project, 1, 1)
+        grid.addWidget(place, 1, 2, 1, 2)
+        for row, (words, editor) in enumerate(
+            (("Camera height", self.height), ("Scale", self.scale), ("Held out", self.hold_out)), start=2
+        ):
+            name = QLabel(words, self)
+            name.setToolTip(editor.field.flag)
+            help = QLabel(editor.field.help, self)
+            help.setForegroundRole(QPalette.ColorRole.PlaceholderText)
+            help.setWordWrap(True)
+            inner = QGridLayout()
+            inner.setContentsMargins(0, 0, 0, 0)
+            inner.addWidget(editor, 0, 0)
+            inner.addWidget(help, 0, 1)
+            inner.setColumnStretch(1, 1)
+            grid.addWidget(name, row, 0)
+            grid.addLayout(inner, row, 1, 1, 3)
+        grid.setColumnStretch(1, 1)
+        self.verdict = QLabel(self)
+        font = QFont(self.verdict.font())
+        font.setBold(True)
+        self.verdict.setFont(font)
+        self.verdict.setWordWrap(True)
+        self.busy = QProgressBar(self)
+        self.busy.setRange(0, 0)
+        self.busy.setMaximumHeight(6)
+        self.busy.setTextVisible(False)
+        policy = self.busy.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self.busy.setSizePolicy(policy)
+        self.findings = QTreeWidget(self)
+        self.findings.setHeaderLabels(["What", "Where", "What it causes"])
+        self.findings.header().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        for column, width in enumerate((280, 170, 240)):
+            self.findings.header().resizeSection(column, width)
+        self.findings.setRootIsDecorated(True)
+        self.findings.setAlternatingRowColors(True)
+        self.problem = QLabel(self)
+        self.problem.setWordWrap(True)
+        self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
+        buttons = QDialogButtonBox(self)
+        self.run_button = buttons.addButton("Import and run everything", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.import_button = buttons.addButton("Import only", QDialogButtonBox.ButtonRole.ActionRole)
+        buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self.run_button.clicked.connect(lambda: self._choose(everything=True))
+        self.import_button.clicked.connect(lambda: self._choose(everything=False))
+        buttons.rejected.connect(self.reject)
+        layout = QVBoxLayout(self)
+        layout.addLayout(grid)
+        layout.addWidget(self.verdict)
+        layout.addWidget(self.busy)
+        layout.addWidget(self.findings, 1)
+        layout.addWidget(self.problem)
+        layout.addWidget(buttons)
+        self.capture.textChanged.connect(self._on_capture)
+        self.project.textEdited.connect(self._on_named)
+        self.project.textChanged.connect(lambda _: self._show_state())
+
+    def _editor(self, name: str) -> LineEditor:
+        field: Field = self._options[name]
+        editor = LineEditor(field, self)
+        editor.show_value(field.default)
+        editor.changed.connect(self._on_option)
+        return editor
+
+    # What is chosen ---------------------------------------------------------------------------------------------
+
+    def set_capture(self, path: Path) -> None:
+        """Takes the capture and begins to check it."""
+        self.capture.setText(str(path))
+
+    def _on_capture(self, text: str) -> None:
+        path = Path(text).expanduser()
+        if not self._named and text.strip():
+            base = path.parent if path.is_file() else path
+            name = "".join(c if c.isalnum() or c in "-_." else "-" for c in base.name) or "building"
+            self.project.setText(str(base.parent / f"{name}.nvsim"))
+        self.result_shown = None
+        self._due.start()
+        self._show_state()
+
+    def _on_named(self, _: str) -> None:
+        self._named = True
+
+    def _on_option(self) -> None:
+        self._due.start()
+        self._show_state()
+
+    def _values(self) -> dict[str, float | int | None]:
+        """Raises ValueError with a sentence."""
+        return {
+            name: editor.value()
+            for name, editor in (("camera_height", self.height), ("scale", self.scale), ("hold_out", self.hold_out))
+        }
+
+    def _start_check(self) -> None:
+        text = self.capture.text().strip()
+        if not text:
+            return
+        try:
+            values = self._values()
+        except ValueError:
+            return
+        self.check.start(Path(text).expanduser(), values["scale"], values["camera_height"])
+        self._show_state()
+
+    # What the check says ----------------------------------------------------------------------------------------
+
+    def show_result(self, result: CheckResult) -> None:
+        """Shows what was found."""
+        self.result_shown = result
+        self.findings.clear()
+        for group in result.groups:
+            many = len(group.places) > 1
+            message = group.message[:1].upper() + group.message[1:]
+            item = QTreeWidgetItem(
+                [message, f"{len(group.places)} places" if many else group.places[0], group.consequence]
+            )
+            item.setForeground(0, QColor(_COLORS.get(group.severity, colors.QUIET_TEXT)))
+            for column, words in enumerate((f"{message} ({_WORDS[group.severity]})", "\n".join(group.places[:20]))):
+                item.setToolTip(column, words)
+            item.setToolTip(2, group.consequence)
+            for place in group.places[:_MOST_PLACES] if many else ():
+                item.addChild(QTreeWidgetItem(["", place, ""]))
+            self.findings.addTopLevelItem(item)
+        self._show_state()
+
+    def _on_failed(self, sentence: str) -> None:
+        self.findings.clear()
+        self._show_state()
+        self.verdict.setText(sentence)
+
+    def _show_state(self) -> None:
+        result = self.result_shown
+        self.busy.setVisible(self.check.running)
+        if self.check.running or self._due.isActive():
+            self.verdict.setText("Checking the capture: every image, pose and point…")
+        elif result is not None:
+            self.verdict.setText(result.sentence)
+        elif not self.capture.text().strip():
+            self.verdict.setText("Choose a capture, or drop one on the window. It is checked before anything starts.")
+        problem = self._problem()
+        self.problem.setText(problem)
+        checking = self.check.running or self._due.isActive()
+        ready = result is not None and not result.refused and not result.wants_scale and not problem and not checking
+        self.run_button.setEnabled(ready)
+        self.import_button.setEnabled(ready)
+
+    def _problem(self) -> str:
+        try:
+            self._values()
+        except ValueError as error:
+            return str(error)
+        text = self.project.text().strip()
+        if not text or self._fixed is not None:
+            return ""
+        path = Path(text).expanduser()
+        if (path / "project.db").is_file():
+            return f"{path.name} is a project already; open it, or give the new one another name."
+        if path.is_file() or (path.is_dir() and any(path.iterdir())):
+            return f"{path} holds other files; choose a new folder for the project."
+        return ""
+
+    # Choosing ---------------------------------------------------------------------------------------------------
+
+    def _choose(self, everything: bool) -> None:
+        values = self._values()
+        options: list[str] = []
+        for name, value in values.items():
+            field = self._options[name]
+            if value != field.default:
+                options += [field.flag, str(value)]
+        capture, project = Path(self.capture.text().strip()).expanduser(), Path(self.project.text().strip())
+        self.chosen.emit(NewProject(capture.absolute(), project.expanduser().absolute(), tuple(options), everything))
+        self.accept()
+
+    def _browse_folder(self) -> None:
+        chosen = QFileDialog.getExistingDirectory(self, "The folder of the capture", self._start())
+        if chosen:
+            self.set_capture(Path(chosen))
+
+    def _browse_file(self) -> None:
+        chosen, _ = QFileDialog.getOpenFileName(self, "A file of the capture", self._start(), "Captures (*)")
+        if chosen:
+            self.set_capture(Path(chosen))
+
+    def _browse_project(self) -> None:
+        chosen, _ = QFileDialog.getSaveFileName(self, "The new project", self.project.text(), "Projects (*.nvsim)")
+        if chosen:
+            self._named = True
+            self.project.setText(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")
+
+    def _start(self) -> str:
+        return self.capture.text() or str(Path.home())
+
+    def done(self, code: int) -> None:
+        self._due.stop()
+        self.check.stop()
+        super().done(code)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        self._due.stop()
+        self.check.stop()
+        super().closeEvent(event)

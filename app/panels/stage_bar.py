@@ -1,0 +1,110 @@
+"""A line over the 3D view while the project lacks something: what, and the buttons that make it."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtGui import QPainter, QPaintEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
+
+from app.jobs.queue import JobQueue
+from app.panels.job_table import duration
+
+TITLES = {
+    "submaps": "Cut into submaps",
+    "floors": "Find the floor",
+    "train": "Train",
+    "map": "Build the map",
+}
+
+
+class StageBar(QWidget):
+    """runWanted(), stageWanted(verb), settingsWanted(verb)."""
+
+    runWanted = Signal()
+    stageWanted = Signal(str)
+    settingsWanted = Signal(str)
+
+    def __init__(self, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._verb = ""
+        self.sentence = QLabel(self)
+        self.everything = QPushButton("Run everything", self)
+        self.stage = QPushButton(self)
+        self.settings = QPushButton("Settings…", self)
+        self.everything.clicked.connect(self.runWanted)
+        self.stage.clicked.connect(lambda: self.stageWanted.emit(self._verb))
+        self.settings.clicked.connect(lambda: self.settingsWanted.emit(self._verb))
+        row = QHBoxLayout(self)
+        row.setContentsMargins(14, 7, 8, 7)
+        row.addWidget(self.sentence)
+        row.addSpacing(8)
+        for button in (self.everything, self.stage, self.settings):
+            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the view keeps the keys
+            row.addWidget(button)
+        parent.installEventFilter(self)
+        self.hide()
+
+    def say(self, sentence: str, verb: str, command: str) -> None:
+        """Offers the stage `verb`; hides where that is none that can be started."""
+        self._verb = verb
+        self.sentence.setText(sentence)
+        self.sentence.setToolTip(f"In a terminal: {command}")
+        self.stage.setText(f"{TITLES.get(verb, '')} only")
+        self.setVisible(verb in TITLES)
+        self._place()
+
+    def _place(self) -> None:
+        self.adjustSize()
+        parent = self.parentWidget()
+        self.move(max(0, (parent.width() - self.width()) // 2), max(0, parent.height() - self.height() - 44))
+        self.raise_()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize:
+            self._place()
+        return super().eventFilter(watched, event)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(self.palette().mid().color())
+        painter.setBrush(self.palette().toolTipBase())
+        painter.drawRoundedRect(self.rect().adjusted(0, 0, -1, -1), 6, 6)
+
+
+class JobStatus(QWidget):
+    """The running job in the status bar: title, share, time left. clicked() shows more."""
+
+    clicked = Signal()
+
+    def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._queue = queue
+        self.setCursor(Qt.CursorShape.PointingHandCursor)
+        self.words = QLabel(self)
+        self.bar = QProgressBar(self)
+        self.bar.setRange(0, 1000)
+        self.bar.setTextVisible(False)
+        self.bar.setFixedSize(90, 10)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(4, 0, 8, 0)
+        row.addWidget(self.words)
+        row.addWidget(self.bar)
+        queue.changed.connect(self.refresh)
+        queue.progressed.connect(self.refresh)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Shows the heavy job that runs, or nothing."""
+        running = sorted(self._queue.running, key=lambda h: not h.job.order.heavy)
+        self.setVisible(bool(running))
+        if not running:
+            return
+        handle = running[0]
+        left = handle.history.seconds_left
+        words = f"{handle.title}  {100 * handle.history.share:.0f} %"
+        self.words.setText(words if left is None else f"{words}, {duration(left)} left")
+        self.bar.setValue(round(1000 * handle.history.share))
+
+    def mouseReleaseEvent(self, event: QEvent) -> None:
+        self.clicked.emit()
