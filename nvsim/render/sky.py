@@ -11,7 +11,7 @@ orientation. Along a row of pixels v is constant, and nine numbers per channel a
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,9 +31,16 @@ _F = np.float32
 def change_of_basis(rotation: NDArray[np.floating]) -> NDArray[np.float64]:
     """(25, 25) that takes the coefficients of the harmonics to those of the terms; `rotation` (3, 3) camera to world,
     the camera looking along +z."""
+    return _change_of_basis(np.ascontiguousarray(rotation, np.float64).tobytes())
+
+
+@lru_cache(maxsize=512)  # training comes back to the same views, twice a step
+def _change_of_basis(rotation: bytes) -> NDArray[np.float64]:
     directions, inverse = _samples()
-    x, y, z = np.asarray(rotation, np.float64) @ directions
-    return inverse @ np.stack(harmonics.terms(x, y, z), axis=1)
+    x, y, z = np.frombuffer(rotation).reshape(3, 3) @ directions
+    changed = inverse @ np.stack(harmonics.terms(x, y, z), axis=1)
+    changed.flags.writeable = False
+    return np.asarray(changed, np.float64)
 
 
 @cache
