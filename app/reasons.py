@@ -38,6 +38,10 @@ def with_trajectory(document: Document) -> Reason:
     return None if len(document.trajectory.positions) else "the project has no capture yet"
 
 
+def with_occupancy(document: Document) -> Reason:
+    return None if document.contents.occupancy is not None else "the project has no occupancy map yet"
+
+
 def with_splat_file(document: Document) -> Reason:
     return None if document.contents.outline is not None else "only a splat file may lie on its side"
 

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from app import cameras
 from app.cameras import ViewPose
 from app.document import Document
+from app.graph_surface import SceneSurface
 from app.loading import PARTS
 from app.navigation import Navigation
 from app.overlays import Overlays
@@ -53,7 +54,9 @@ class SceneView(QWidget):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumSize(320, 200)
         self._document = document
-        self.overlays = Overlays(document)
+        self.overlays = Overlays(document, self)
+        self.overlays.changed.connect(self.update)
+        self.surface = SceneSurface(self, document)
         self.navigation = Navigation(self)
         self.link = RenderLink(self)
         self.pacing = Pacing()
@@ -232,7 +235,7 @@ class SceneView(QWidget):
             painter.drawImage(QRectF(self.rect()), self._image)
         else:
             paint_ground(painter, self.size(), self.palette())
-        self.overlays.layers.grid = self._image is None
+        self.overlays.grid.bare = self._image is None
         self.overlays.paint(painter, self.overlay_camera)
         paint_status(painter, self.size(), self.pose, self._picture, self.note or self.hint)
         painter.end()
@@ -253,9 +256,9 @@ class SceneView(QWidget):
         if event.buttons():
             self.navigation.drag(event)
             return
-        hovered = self.overlays.pick_viewpoint(self.overlay_camera, event.position())
-        if hovered != self.overlays.hovered:
-            self.overlays.hovered = hovered
+        hovered = self.pick_viewpoint(event.position())
+        if hovered != self.overlays.graph.hovered:
+            self.overlays.graph.hovered = hovered
             self.setCursor(Qt.CursorShape.PointingHandCursor if hovered else Qt.CursorShape.ArrowCursor)
             self.update()
 
@@ -266,25 +269,31 @@ class SceneView(QWidget):
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         if event.button() != Qt.MouseButton.LeftButton:
             return
-        camera = self.overlay_camera
-        viewpoint = self.overlays.pick_viewpoint(camera, event.position())
+        viewpoint = self.pick_viewpoint(event.position())
         if viewpoint is not None:
             arrays = self._document.graph_arrays
             self.go_to_position(arrays.positions[arrays.index[viewpoint]])
             return
-        frame = self.overlays.pick_frame(camera, event.position())
+        frame = self.pick_frame(event.position())
         if frame is not None:
             self._document.select(frame=frame)
             self.snap_to_frame(frame)
 
     def _click(self, position: QPointF) -> None:
-        camera = self.overlay_camera
-        viewpoint = self.overlays.pick_viewpoint(camera, position)
+        viewpoint = self.pick_viewpoint(position)
         if viewpoint is not None:
             self._document.select(viewpoint=viewpoint)
             return
-        frame = self.overlays.pick_frame(camera, position)
+        frame = self.pick_frame(position)
         self._document.select(frame=frame)
+
+    def pick_viewpoint(self, point: QPointF) -> str | None:
+        """The id under a pixel, of what is drawn."""
+        return self.surface.pick_viewpoint(point) if self.overlays["graph"].shown else None
+
+    def pick_frame(self, point: QPointF) -> int | None:
+        """The index of the frame under a pixel, of what is drawn."""
+        return self.surface.pick_frame(point) if self.overlays["trajectory"].shown else None
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         self.navigation.wheel(event)

@@ -8,6 +8,7 @@ from app.parts.camera import CameraPart
 from app.parts.files import FilePart
 from app.parts.frames import FramePart
 from app.parts.jobs import JobsPart
+from app.parts.layers import LayersPart
 from app.parts.look import LookPart
 from app.parts.new_project import NewProjectPart
 from app.parts.panels import DetailsPart, LogPart, MapPart, SubmapPart
@@ -20,6 +21,7 @@ PARTS: tuple[type[Part], ...] = (
     ViewPart,
     SubmapPart,
     FramePart,
+    LayersPart,
     MapPart,
     DetailsPart,
     JobsPart,

@@ -1,4 +1,4 @@
-"""What the 3D view shows: the channel, the layers over it, and who draws it."""
+"""What the 3D view shows: the channel, and who draws it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from PySide6.QtCore import QSettings
 
 from app.actions import Action
 from app.parts.part import Part
-from app.reasons import with_graph, with_scene, with_trajectory
+from app.reasons import with_scene
 from app.renderer_choice import AUTOMATIC, CPU, OPENGL, PREFERENCES
 from app.tones import CHANNELS
 
@@ -64,42 +64,6 @@ class ViewPart(Part):
             enabled=with_scene,
         ),
         Action(
-            "show_graph",
-            "&Graph",
-            "Draw the navigation graph over the view",
-            "&View",
-            1,
-            "G",
-            "graph",
-            "on",
-            toolbar=True,
-            enabled=with_graph,
-        ),
-        Action(
-            "show_trajectory",
-            "&Trajectory",
-            "Draw the walk over the view, in the colours of its submaps",
-            "&View",
-            1,
-            "J",
-            "trajectory",
-            "on",
-            toolbar=True,
-            enabled=with_trajectory,
-        ),
-        Action(
-            "show_labels",
-            "&Labels",
-            "Name the viewpoints that are near",
-            "&View",
-            1,
-            "L",
-            "labels",
-            "on",
-            toolbar=True,
-            enabled=with_graph,
-        ),
-        Action(
             f"renderer_{AUTOMATIC}",
             "Renderer: a&utomatic",
             "Draw colours with whichever is faster here: both are timed",
@@ -133,11 +97,7 @@ class ViewPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         scene = self.workspace.scene
-        handlers: dict[str, Callable[..., object]] = {
-            "show_graph": lambda on: self._show_layer("graph", on),
-            "show_trajectory": lambda on: self._show_layer("trajectory", on),
-            "show_labels": lambda on: self._show_layer("labels", on),
-        }
+        handlers: dict[str, Callable[..., object]] = {}
         for channel in CHANNELS:
             handlers[channel] = lambda _=False, c=channel: scene.set_channel(c)
         for renderer in PREFERENCES:
@@ -149,10 +109,6 @@ class ViewPart(Part):
         if renderer in PREFERENCES:
             self.workspace.scene.renderer = str(renderer)
             self.workspace.window.actions_table[f"renderer_{renderer}"].setChecked(True)
-
-    def _show_layer(self, layer: str, on: bool) -> None:
-        setattr(self.workspace.scene.overlays.layers, layer, on)
-        self.workspace.scene.update()
 
     def _set_renderer(self, renderer: str) -> None:
         self.workspace.settings.setValue("renderer", renderer)

@@ -79,11 +79,11 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
 
 
 def test_switches_show_and_hide_their_overlays(window: MainWindow) -> None:
-    layers = window.scene.overlays.layers
+    layers = window.scene.overlays
     for id, name in (("show_graph", "graph"), ("show_trajectory", "trajectory"), ("show_labels", "labels")):
-        assert getattr(layers, name)
+        assert layers[name].shown
         window.actions_table[id].trigger()
-        assert not getattr(layers, name)
+        assert not layers[name].shown
 
 
 def test_one_channel_is_on_at_a_time(window: MainWindow) -> None:

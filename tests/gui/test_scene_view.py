@@ -15,6 +15,7 @@ from pytestqt.qtbot import QtBot
 from app import colors
 from app.cameras import ViewPose, overview, seen_from_frame
 from app.document import Document
+from app.graph_surface import walk_on_floor
 from app.loading import Contents
 from app.scene_view import SceneView
 from app.window import MainWindow
@@ -59,8 +60,8 @@ def test_a_click_beside_everything_selects_nothing(view: SceneView, document: Do
 def test_a_double_click_on_the_walk_stands_where_the_frame_was_taken(
     view: SceneView, document: Document, qtbot: QtBot
 ) -> None:
-    view.overlays.layers.graph = False
-    place = pixel_of(view, view.overlays.walk()[60])
+    view.overlays.set_shown("graph", False)
+    place = pixel_of(view, walk_on_floor(document)[60])
     qtbot.mouseDClick(view, Qt.MouseButton.LeftButton, pos=place)
     chosen = document.selection.frame
     assert chosen is not None and abs(chosen - 60) <= 3
@@ -116,7 +117,8 @@ def test_losing_the_focus_stops_the_flight(view: SceneView, window: MainWindow, 
 
 
 def test_viewpoints_are_painted_where_they_project(view: SceneView, document: Document) -> None:
-    view.overlays.layers.labels = view.overlays.layers.trajectory = False
+    for name in ("labels", "trajectory"):
+        view.overlays.set_shown(name, False)
     picture = view.grab().toImage()
     for row in (0, 7, 20):
         place = pixel_of(view, document.graph_arrays.feet[row])
@@ -124,7 +126,8 @@ def test_viewpoints_are_painted_where_they_project(view: SceneView, document: Do
 
 
 def test_hidden_layers_leave_no_pixel(view: SceneView, document: Document) -> None:
-    view.overlays.layers.graph = view.overlays.layers.trajectory = False
+    for name in ("graph", "trajectory"):
+        view.overlays.set_shown(name, False)
     picture = view.grab().toImage()
     place = pixel_of(view, document.graph_arrays.feet[7])
     assert picture.pixelColor(place) != QColor(colors.NODE)

@@ -1,0 +1,98 @@
+"""The cameras of the walk as pyramids: those near the eye, and always the selected one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPainter, QPen
+
+from app import colors
+from app.document import Document
+from app.layers.layer import Layer
+from app.picking import NEAR, projected_segments
+from app.primitives import Primitives, disc
+from nvsim.capture.types import Frame
+from nvsim.geometry.camera import Camera
+
+REACH = 8.0  # metres from the eye
+MOST = 150  # frusta; the nearest ones
+STANDING_IN = 0.3  # metres; the frustum of a camera one stands in would only line the picture
+_LENGTH = 0.22  # metres along the line of sight
+
+
+def frustum(frame: Frame, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The edges of the frame's pyramid, `length` metres deep: both ends (8, 3), world."""
+    k, pose = frame.intrinsics, frame.camera_to_world
+    corners = np.array([(0, 0), (k.width, 0), (k.width, k.height), (0, k.height)], float)
+    rays = np.stack([(corners[:, 0] - k.cx) / k.fx, (corners[:, 1] - k.cy) / k.fy, np.ones(4)], axis=1) * length
+    tips = rays @ pose[:3, :3].T + pose[:3, 3]
+    eye = np.repeat(pose[None, :3, 3], 4, axis=0)
+    return np.concatenate([eye, tips]), np.concatenate([tips, np.roll(tips, -1, axis=0)])
+
+
+class FrustumLayer(Layer):
+    """All frames near the eye."""
+
+    name = "frusta"
+    title = "Camera frusta"
+    shown = False
+    opacity = 0.7
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._primitives = Primitives()
+        self._of: object = None
+        self._starts = self._ends = np.zeros((0, 8, 3))
+
+    @property
+    def missing(self) -> str:
+        return "" if len(self._document.trajectory.positions) else "the project has no capture yet"
+
+    def paint(self, painter: QPainter, camera: Camera) -> None:
+        capture = self._document.contents.capture
+        if capture is None or not capture.frames:
+            return
+        if self._of is not capture:
+            pyramids = [frustum(frame, _LENGTH) for frame in capture.frames]
+            self._starts, self._ends = (np.array(side) for side in zip(*pyramids))
+            self._of = capture
+        distance = np.linalg.norm(self._document.trajectory.positions - camera.position, axis=1)
+        near = np.flatnonzero((distance < REACH) & (distance > STANDING_IN))
+        near = near[np.argsort(distance[near], kind="stable")[:MOST]]
+        lines, index, _ = projected_segments(camera, self._starts[near].reshape(-1, 3), self._ends[near].reshape(-1, 3))
+        owners = self._document.trajectory.submaps[near[index // 8]]
+        for owner in np.unique(owners):
+            painter.setPen(QPen(QColor(colors.submap_color(int(owner))), 1.2))
+            self._primitives.draw_lines(painter, lines[owners == owner])
+
+
+class SelectedFrameLayer(Layer):
+    name = "selected_frame"
+    title = "Selected frame"
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._primitives = Primitives()
+        self._sprite = disc(colors.CAMERA, "#3d1010", 20)
+
+    @property
+    def missing(self) -> str:
+        return "" if self._document.selection.frame is not None else "no frame is selected"
+
+    def paint(self, painter: QPainter, camera: Camera) -> None:
+        index, capture = self._document.selection.frame, self._document.contents.capture
+        if index is None or capture is None:
+            return
+        frame = capture.frames[index]
+        if np.linalg.norm(frame.camera_to_world[:3, 3] - camera.position) < STANDING_IN:
+            return
+        starts, ends = frustum(frame, 0.35)
+        lines, _, _ = projected_segments(camera, starts, ends)
+        pen = QPen(QColor(colors.CAMERA), 2)
+        pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+        painter.setPen(pen)
+        self._primitives.draw_lines(painter, lines)
+        pixels, depth = camera.project(starts[:1])
+        if depth[0] > NEAR:
+            self._primitives.draw_sprites(painter, pixels, np.full((1, 2), 0.5), self._sprite)

@@ -1,0 +1,42 @@
+"""A grid of metres under everything, while there is no reconstruction to stand on."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtGui import QColor, QPainter, QPen
+
+from app.document import Document
+from app.layers.layer import Layer
+from app.picking import projected_segments
+from app.primitives import Primitives
+from nvsim.geometry.camera import Camera
+
+
+class GridLayer(Layer):
+    """`bare` is set by the view: whether no picture is beneath."""
+
+    name = "grid"
+    title = "Ground grid"
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._primitives = Primitives()
+        self.bare = False
+
+    @property
+    def missing(self) -> str:
+        return "" if self.bare else "shown where there is no reconstruction"
+
+    def paint(self, painter: QPainter, camera: Camera) -> None:
+        extent = self._document.extent
+        if not self.bare or len(extent) == 0:
+            return
+        low, high = np.floor(extent.min(axis=0) - 2), np.ceil(extent.max(axis=0) + 2)
+        height = float(np.median(extent[:, 2])) - 1.5
+        step = max(1.0, np.ceil(float(max(high[:2] - low[:2])) / 200))  # a large site has no use for every metre
+        x, y = np.arange(low[0], high[0] + 1, step), np.arange(low[1], high[1] + 1, step)
+        a = np.concatenate([[(v, low[1], height) for v in x], [(low[0], v, height) for v in y]])
+        b = np.concatenate([[(v, high[1], height) for v in x], [(high[0], v, height) for v in y]])
+        lines, _, _ = projected_segments(camera, a, b)
+        painter.setPen(QPen(QColor(150, 165, 180, 46), 1))
+        self._primitives.draw_lines(painter, lines)

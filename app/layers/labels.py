@@ -1,0 +1,53 @@
+"""The names of the viewpoints that are near."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QColor, QFont, QPainter
+
+from app import colors
+from app.document import Document
+from app.layers.graph import GraphLayer
+from app.layers.layer import Layer
+from app.primitives import chip
+from nvsim.geometry.camera import Camera
+
+LABEL_DISTANCE = 6.0  # metres
+MOST_LABELS = 24
+
+
+class LabelLayer(Layer):
+    """Names what `graph` draws."""
+
+    name = "labels"
+    title = "Labels"
+
+    def __init__(self, document: Document, graph: GraphLayer) -> None:
+        self._document, self._graph = document, graph
+
+    @property
+    def missing(self) -> str:
+        return self._graph.missing
+
+    def paint(self, painter: QPainter, camera: Camera) -> None:
+        arrays = self._document.graph_arrays
+        if not arrays.ids or not self._graph.shown:
+            return
+        view = self._graph.seen(camera)
+        selected = arrays.index.get(self._document.selection.viewpoint or "")
+        hovered = arrays.index.get(self._graph.hovered or "")
+        near = view.order[view.depths[view.order] < LABEL_DISTANCE][-MOST_LABELS:].tolist()
+        rows = dict.fromkeys([*near, *(r for r in (selected, hovered) if r is not None and view.seen[r])])
+        font = QFont(painter.font())
+        font.setPointSizeF(8)
+        painter.setFont(font)
+        for row in rows:
+            anchor = QPointF(view.pixels[row, 0] + view.radius[row] + 4, view.pixels[row, 1] + 8)
+            fill = QColor(58, 44, 5, 220) if row == selected else QColor(16, 20, 26, 170)
+            ink = QColor(colors.SELECTED if row == selected else "#dfe7ee")
+            chip(painter, anchor, short_id(arrays.ids[row]), ink, fill)
+
+
+def short_id(id: str) -> str:
+    """Enough of a viewpoint id to tell it from its neighbours."""
+    return id if len(id) <= 10 else id[:6]

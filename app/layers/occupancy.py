@@ -1,0 +1,81 @@
+"""The occupancy map, laid on the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QRectF
+from PySide6.QtGui import QImage, QPainter
+
+from app.document import Document
+from app.graph_surface import floor_height
+from app.layers.layer import Layer
+from nvsim.geometry.camera import Camera
+from nvsim.occupancy.types import FREE, OCCUPIED
+
+_RAYS = 90_000  # at most; a picture of fewer than the pixels is enlarged
+_FAR = 60.0  # metres
+_FREE, _OCCUPIED = (0x40, 0x3F, 0xB3, 0x7F), (0xC0, 0xE0, 0x5D, 0x5D)  # alpha, red, green, blue
+
+
+class OccupancyLayer(Layer):
+    """Green where the floor is free, red where something stands. One ray per few pixels is met with the floor under
+    the eye: that is cheaper than to draw cells, and right at the horizon too."""
+
+    name = "occupancy"
+    title = "Occupancy on the floor"
+    shown = False
+    opacity = 0.7
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._of: object = None
+        self._tones = np.zeros((0, 0), np.uint32)
+
+    @property
+    def missing(self) -> str:
+        return "" if self._document.contents.occupancy is not None else "the project has no occupancy map yet"
+
+    def paint(self, painter: QPainter, camera: Camera) -> None:
+        occupancy = self._document.contents.occupancy
+        if occupancy is None:
+            return
+        if self._of is not occupancy:
+            self._tones = np.zeros(occupancy.cells.shape, np.uint32)
+            self._tones[occupancy.cells == FREE] = _premultiplied(*_FREE)
+            self._tones[occupancy.cells == OCCUPIED] = _premultiplied(*_OCCUPIED)
+            self._of = occupancy
+        k = camera.intrinsics
+        share = min(1.0, (_RAYS / (k.width * k.height)) ** 0.5)
+        width, height = max(1, round(k.width * share)), max(1, round(k.height * share))
+        x, y, z = camera.position
+        floor = floor_height(self._document, float(x), float(y), below=float(z))
+        places = floor_places(camera.scaled(width, height), floor)
+        cells = np.floor((places - occupancy.origin) / occupancy.resolution)
+        rows, columns = self._tones.shape
+        inside = ((cells >= 0) & (cells < (columns, rows))).all(axis=-1)  # False for what is no number
+        image = np.zeros((height, width), np.uint32)
+        image[inside] = self._tones[cells[inside][:, 1].astype(np.intp), cells[inside][:, 0].astype(np.intp)]
+        picture = QImage(image.data, width, height, 4 * width, QImage.Format.Format_ARGB32_Premultiplied)
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        painter.drawImage(QRectF(0, 0, k.width, k.height), picture)
+
+
+def floor_places(camera: Camera, floor: float) -> NDArray[np.float32]:
+    """(H, W, 2) world x, y in metres where the ray through the middle of each pixel meets z = `floor`; NaN where it
+    does not within 60 m."""
+    k = camera.intrinsics
+    right, down, forward = camera.rotation.astype(np.float32).T
+    u = ((np.arange(k.width, dtype=np.float32) + 0.5 - k.cx) / k.fx)[None, :, None]
+    v = ((np.arange(k.height, dtype=np.float32) + 0.5 - k.cy) / k.fy)[:, None, None]
+    rays = u * right + v * down + forward
+    drop = np.float32(floor - camera.position[2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = drop / rays[..., 2]
+        way[~((way > 0) & (way < _FAR))] = np.nan
+    return np.asarray(camera.position[:2].astype(np.float32) + way[..., None] * rays[..., :2], np.float32)
+
+
+def _premultiplied(alpha: int, red: int, green: int, blue: int) -> int:
+    r, g, b = (value * alpha // 255 for value in (red, green, blue))
+    return alpha << 24 | r << 16 | g << 8 | b

@@ -1,0 +1,41 @@
+"""The walk, on the floor, in the colours of its submaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtGui import QColor, QPainter, QPen
+
+from app import colors
+from app.document import Document
+from app.graph_surface import walk_on_floor
+from app.layers.layer import Layer
+from app.picking import projected_segments
+from app.primitives import Primitives
+from nvsim.geometry.camera import Camera
+
+
+class TrajectoryLayer(Layer):
+    name = "trajectory"
+    title = "Trajectory"
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._primitives = Primitives()
+
+    @property
+    def missing(self) -> str:
+        return "" if len(self._document.trajectory.positions) else "the project has no capture yet"
+
+    def paint(self, painter: QPainter, camera: Camera) -> None:
+        trajectory = self._document.trajectory
+        pairs = trajectory.segments
+        if len(pairs) == 0:
+            return
+        positions = walk_on_floor(self._document)
+        lines, index, _ = projected_segments(camera, positions[pairs[:, 0]], positions[pairs[:, 1]])
+        owners = trajectory.submaps[pairs[index, 1]]
+        for owner in np.unique(owners):
+            color = QColor(colors.submap_color(int(owner)))
+            color.setAlpha(220)
+            painter.setPen(QPen(color, 2.0))
+            self._primitives.draw_lines(painter, lines[owners == owner])

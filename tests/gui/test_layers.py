@@ -1,0 +1,184 @@
+"""The layers over the 3D view and their panel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPointF, QSettings, Qt
+from PySide6.QtGui import QColor, QImage, QPainter
+from pytestqt.qtbot import QtBot
+
+from app.cameras import ViewPose, overview
+from app.document import Document
+from app.layers.cloud import draw_dots, thinned
+from app.layers.frusta import frustum
+from app.layers.layer import Layer
+from app.layers.occupancy import floor_places
+from app.notices import Notices
+from app.overlays import Overlays
+from app.window import MainWindow
+from nvsim.capture.types import Cloud
+from nvsim.geometry.camera import Camera
+
+
+class Flood(Layer):
+    """Fills everything with one colour."""
+
+    name, title = "flood", "Flood"
+
+    def paint(self, painter: QPainter, camera: Camera) -> None:
+        k = camera.intrinsics
+        painter.fillRect(0, 0, k.width, k.height, QColor(200, 0, 0))
+
+
+def painted(overlays: Overlays, camera: Camera) -> QImage:
+    k = camera.intrinsics
+    image = QImage(k.width, k.height, QImage.Format.Format_RGB32)
+    image.fill(QColor(0, 0, 0))
+    painter = QPainter(image)
+    overlays.paint(painter, camera)
+    painter.end()
+    return image
+
+
+@pytest.fixture
+def overlays(document: Document) -> Overlays:
+    return Overlays(document)
+
+
+@pytest.fixture
+def camera(document: Document) -> Camera:
+    return overview(document.extent).camera(400, 300)
+
+
+def test_a_layer_of_a_part_is_painted_and_fades(overlays: Overlays, camera: Camera) -> None:
+    overlays.add(Flood())
+    assert painted(overlays, camera).pixelColor(2, 2) == QColor(200, 0, 0)
+    overlays.set_opacity("flood", 0.5)
+    assert painted(overlays, camera).pixelColor(2, 2).red() == pytest.approx(100, abs=2)
+    overlays.set_shown("flood", False)
+    assert painted(overlays, camera).pixelColor(2, 2) == QColor(0, 0, 0)
+    overlays.set_shown("flood", True)
+    overlays.remove("flood")
+    assert painted(overlays, camera).pixelColor(2, 2) == QColor(0, 0, 0)
+
+
+def test_a_layer_may_lie_below_another(overlays: Overlays) -> None:
+    overlays.add(Flood(), below="graph")
+    names = [layer.name for layer in overlays.layers]
+    assert names.index("flood") + 1 == names.index("graph")
+    with pytest.raises(ValueError, match="flood"):
+        overlays.add(Flood())
+
+
+def test_what_is_remembered_counts_for_layers_that_come_later(overlays: Overlays) -> None:
+    overlays.remember({"flood": (False, 0.25), "graph": (False, 1.0)})
+    overlays.add(Flood())
+    assert not overlays["flood"].shown and overlays["flood"].opacity == 0.25
+    assert not overlays["graph"].shown
+    assert overlays.state["flood"] == (False, 0.25)
+
+
+def test_every_layer_paints_and_says_when_it_has_nothing(overlays: Overlays, document: Document) -> None:
+    camera = ViewPose((7.0, 0.5, 2.5), elevation=-0.5).camera(400, 300)
+    capture = document.contents.capture
+    cloud = Cloud(np.random.default_rng(0).uniform(0, 9, (500, 3)).astype(np.float32), None, "lidar")
+    document.set_contents(replace(document.contents, capture=replace(capture, cloud=cloud)))
+    document.select(frame=30)
+    empty = Overlays(Document())
+    overlays.grid.bare = True
+    for layer in overlays.layers:
+        for other in overlays.layers:
+            other.shown = other is layer or (layer.name == "labels" and other.name == "graph")
+        shown = painted(overlays, camera)
+        layer.shown = False
+        assert painted(overlays, camera) != shown, layer.name
+        assert layer.missing == "", layer.name
+        if layer.name != "grid":
+            assert empty[layer.name].missing, layer.name
+
+
+def test_the_frustum_holds_the_picture_of_its_frame(document: Document) -> None:
+    frame = document.contents.capture.frames[7]
+    starts, ends = frustum(frame, 0.5)
+    pixels, depths = frame.camera.project(ends[:4])
+    k = frame.intrinsics
+    assert np.allclose(depths, 0.5)
+    assert np.allclose(pixels, [(0, 0), (k.width, 0), (k.width, k.height), (0, k.height)], atol=1e-6)
+    assert np.allclose(starts[:4], frame.camera.position)
+
+
+def test_rays_meet_the_floor_where_the_floor_projects(camera: Camera) -> None:
+    places = floor_places(camera, 0.0)
+    row, column = 200, 150
+    point = np.array([*places[row, column], 0.0])
+    pixel, _ = camera.project(point)
+    assert np.allclose(pixel, (column + 0.5, row + 0.5), atol=0.05)
+
+
+def test_rays_above_the_horizon_meet_no_floor() -> None:
+    places = floor_places(ViewPose((0, 0, 1.5)).camera(40, 30), 0.0)
+    assert np.isnan(places[:15]).all() and np.isfinite(places[20:]).all()
+
+
+def test_near_dots_lie_over_far_ones() -> None:
+    camera = ViewPose((0, 0, 1.5)).camera(80, 60)
+    image = np.zeros((60, 80), np.uint32)
+    points = np.array([(0, 2, 1.5), (0, 8, 1.5)], np.float32)
+    draw_dots(image, camera, points, np.array([7, 9], np.uint32))
+    assert image[30, 40] == 7 and np.count_nonzero(image == 7) == 9
+
+
+def test_a_large_cloud_is_thinned_evenly() -> None:
+    points = np.zeros((200_000, 3), np.float32)
+    points[:, 0] = np.arange(200_000)
+    some, _ = thinned(Cloud(points, None, "lidar"))
+    assert len(some) == 60_000
+    counts, _ = np.histogram(some[:, 0], bins=10, range=(0, 200_000))
+    assert counts.min() > 5500 and counts.max() < 6500
+
+
+def test_the_panel_and_the_switches_and_the_layers_agree(window: MainWindow, qtbot: QtBot) -> None:
+    panel, overlays = window.panels["layers"], window.scene.overlays
+    panel.boxes["graph"].click()
+    assert not overlays["graph"].shown and not window.actions_table["show_graph"].isChecked()
+    window.actions_table["show_graph"].trigger()
+    assert overlays["graph"].shown and panel.boxes["graph"].isChecked()
+    panel.sliders["trajectory"].setValue(40)
+    assert overlays["trajectory"].opacity == 0.4
+    overlays.add(Flood())
+    assert panel.boxes["flood"].isChecked()
+
+
+def test_a_box_says_why_its_layer_draws_nothing(window: MainWindow) -> None:
+    assert "no point cloud" in window.panels["layers"].boxes["cloud"].toolTip()
+
+
+def test_layers_come_back_with_the_next_window(
+    make_window: Callable[[Document], MainWindow], document: Document, settings: QSettings, qtbot: QtBot
+) -> None:
+    first = make_window(document)
+    first.scene.overlays.set_shown("trajectory", False)
+    first.scene.overlays.set_opacity("graph", 0.3)
+    first.close()
+    settings.setValue("layers/labels", "nonsense")
+    second = MainWindow(document, settings, Notices())
+    qtbot.addWidget(second)
+    assert not second.scene.overlays["trajectory"].shown
+    assert second.scene.overlays["graph"].opacity == pytest.approx(0.3)
+    assert second.scene.overlays["labels"].shown
+    assert not second.actions_table["show_trajectory"].isChecked()
+    second.close()
+
+
+def test_hidden_layers_are_not_picked(window: MainWindow, document: Document, qtbot: QtBot) -> None:
+    view = window.scene
+    view.navigation.set_pose(overview(document.extent))
+    pixels, _ = view.overlay_camera.project(document.graph_arrays.feet[5])
+    view.overlays.set_shown("graph", False)
+    view.overlays.set_shown("trajectory", False)
+    qtbot.mouseClick(view, Qt.MouseButton.LeftButton, pos=QPointF(*pixels).toPoint())
+    assert not document.selection
