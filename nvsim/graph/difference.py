@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
+from nvsim.graph.trace import touched_between
 from nvsim.graph.types import NavGraph
+
+K = TypeVar("K", bound=Hashable)
+_BLOCK = 256
+_Parts = tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]
 
 
 @dataclass(frozen=True)
@@ -24,11 +31,66 @@ class Difference:
 
 def difference(before: NavGraph, after: NavGraph) -> Difference:
     """What has to happen to `before` to become `after`; evidence is not looked at."""
+    touched = touched_between(before, after)
+    if touched is None:
+        return Difference(*_compare(before.viewpoints, after.viewpoints), *_compare(before.edges, after.edges))
     return Difference(
-        tuple(id for id in after.viewpoints if id not in before.viewpoints),
-        tuple(id for id in before.viewpoints if id not in after.viewpoints),
-        tuple(id for id, v in after.viewpoints.items() if before.viewpoints.get(id, v) != v),
-        tuple(key for key in after.edges if key not in before.edges),
-        tuple(key for key in before.edges if key not in after.edges),
-        tuple(key for key, e in after.edges.items() if before.edges.get(key, e) != e),
+        *_among(touched.viewpoints, before.viewpoints, after.viewpoints),
+        *_among(touched.edges, before.edges, after.edges),
+    )
+
+
+def _among(names: Iterable[K], before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
+    """Added, removed, changed, when only `names` can differ."""
+    added, removed, changed = [], [], []
+    for name in names:
+        old, new = before.get(name), after.get(name)
+        if old is new:
+            continue
+        if old is None:
+            added.append(name)
+        elif new is None:
+            removed.append(name)
+        elif old != new:
+            changed.append(name)
+    return _in_order(added, after), _in_order(removed, before), _in_order(changed, after)
+
+
+def _in_order(names: list[K], mapping: Mapping[K, Any]) -> tuple[K, ...]:
+    if len(names) < 2:
+        return tuple(names)
+    wanted = set(names)
+    tail: list[K] = []
+    # What an edit adds is usually at the end.
+    for name in reversed(list(mapping)):
+        if name not in wanted:
+            break
+        tail.append(name)
+    if len(tail) == len(names):
+        return tuple(reversed(tail))
+    return tuple(name for name in mapping if name in wanted)
+
+
+def _compare(before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
+    """Added, removed, changed. Equal beginnings and ends are passed over in blocks: lists compare by identity first,
+    in C; what is between is looked up."""
+    if before is after:
+        return (), (), ()
+    old, new = list(before.values()), list(after.values())
+    shorter = min(len(old), len(new))
+    start = 0
+    while start < shorter and old[start : start + _BLOCK] == new[start : start + _BLOCK]:
+        start = min(start + _BLOCK, shorter)
+    end = 0
+    while end < shorter - start:
+        step = min(_BLOCK, shorter - start - end)
+        if old[len(old) - end - step : len(old) - end] != new[len(new) - end - step : len(new) - end]:
+            break
+        end += step
+    was = dict(list(before.items())[start : len(old) - end])
+    now = dict(list(after.items())[start : len(new) - end])
+    return (
+        tuple(key for key in now if key not in was),
+        tuple(key for key in was if key not in now),
+        tuple(key for key, value in now.items() if was.get(key, value) is not value and was[key] != value),
     )

@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+EdgeKey = tuple[str, str]
+EvidenceKey = tuple[str, int]
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,8 @@ class Viewpoint:
     submap    index of the submap that renders it, -1 where there is none
     included  False keeps the entry in files but out of navigation (R2R "included")
     origin    "start", "step", "person" or "file": who put it there
+    reviewed  a person looked at it and found it right
+    locked    edits refuse to move, change or remove it
     """
 
     id: str
@@ -30,16 +36,21 @@ class Viewpoint:
     submap: int = -1
     included: bool = True
     origin: str = "step"
+    reviewed: bool = False
+    locked: bool = False
 
 
 @dataclass(frozen=True)
 class Edge:
     """An undirected navigable segment; a < b as strings. origin: "step" (a corridor of length tau_dist was checked),
-    "merge" (the corridor to an existing viewpoint was checked), "person", "file"."""
+    "merge" (the corridor to an existing viewpoint was checked), "person", "file". reviewed: a person looked at it and
+    found it right. locked: edits refuse to remove it, and to move its ends."""
 
     a: str
     b: str
     origin: str = "step"
+    reviewed: bool = False
+    locked: bool = False
 
     @property
     def key(self) -> tuple[str, str]:
@@ -72,6 +83,7 @@ class Evidence:
     joins       id of the existing viewpoint that the corridor leads to, "" for a lattice step
     decision    the words of the decision under the thresholds it was built with: "open", or the first criterion that
                 failed: "alpha", "normal", "unknown", "distance", "limit", "merge", "return" (the corridor back)
+    stale       whether the viewpoint, or the one it leads to, stands elsewhere since this was measured
     """
 
     viewpoint: str
@@ -88,6 +100,7 @@ class Evidence:
     target: tuple[float, float]
     joins: str = ""
     decision: str = ""
+    stale: bool = False
 
     @property
     def key(self) -> tuple[str, int]:
@@ -104,17 +117,39 @@ class NavGraph:
     viewpoints  id -> Viewpoint, in file order
     edges       (a, b) with a < b -> Edge; both ends are viewpoints
     evidence    (viewpoint id, direction) -> Evidence
+    ignored     key of a finding -> why a person lets it be
     """
 
     scan: str
     viewpoints: Mapping[str, Viewpoint] = field(default_factory=dict)
-    edges: Mapping[tuple[str, str], Edge] = field(default_factory=dict)
-    evidence: Mapping[tuple[str, int], Evidence] = field(default_factory=dict)
+    edges: Mapping[EdgeKey, Edge] = field(default_factory=dict)
+    evidence: Mapping[EvidenceKey, Evidence] = field(default_factory=dict)
+    ignored: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("viewpoints", "edges", "evidence"):
+        for name in ("viewpoints", "edges", "evidence", "ignored"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
+
+    @cached_property
+    def adjacency(self) -> Mapping[str, tuple[str, ...]]:
+        """id -> ids joined to it by an edge, in edge order; only viewpoints that have edges. Counted once per graph;
+        edits hand it on with their change."""
+        found: dict[str, list[str]] = {}
+        for a, b in self.edges:
+            found.setdefault(a, []).append(b)
+            found.setdefault(b, []).append(a)
+        return MappingProxyType({id: tuple(others) for id, others in found.items()})
+
+    @cached_property
+    def evidence_of(self) -> Mapping[str, tuple[EvidenceKey, ...]]:
+        """id -> keys of the evidence measured from it, and of the corridors to it; only viewpoints that have any."""
+        found: dict[str, list[EvidenceKey]] = {}
+        for key, evidence in self.evidence.items():
+            found.setdefault(evidence.viewpoint, []).append(key)
+            if evidence.joins:
+                found.setdefault(evidence.joins, []).append(key)
+        return MappingProxyType({id: tuple(keys) for id, keys in found.items()})
 
     def neighbours(self, viewpoint: str) -> tuple[str, ...]:
         """Ids joined to `viewpoint` by an edge, in edge order."""
-        return tuple(b if a == viewpoint else a for a, b in self.edges if viewpoint in (a, b))
+        return self.adjacency.get(viewpoint, ())

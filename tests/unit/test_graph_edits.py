@@ -55,7 +55,7 @@ def test_removing_a_viewpoint_takes_its_edges_and_evidence_and_nothing_else() ->
     assert len(before.viewpoints) == 4, "the graph before is untouched"
 
 
-def test_moved_viewpoint_is_a_persons_and_forgets_what_was_measured() -> None:
+def test_moved_viewpoint_is_a_persons_and_what_was_measured_is_stale() -> None:
     after = move_viewpoint(sample(), "b", (9.0, 9.0, 1.5))
     assert after.viewpoints["b"].origin == "person" and after.viewpoints["b"].position == (9.0, 9.0, 1.5)
     assert {key: e.origin for key, e in after.edges.items()} == {
@@ -63,7 +63,7 @@ def test_moved_viewpoint_is_a_persons_and_forgets_what_was_measured() -> None:
         ("b", "c"): "person",
         ("c", "d"): "merge",
     }
-    assert list(after.evidence) == [("a", 0)]
+    assert {key: e.stale for key, e in after.evidence.items()} == {("a", 0): False, ("b", 8): True, ("c", 8): True}
 
 
 @pytest.mark.parametrize(

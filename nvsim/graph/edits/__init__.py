@@ -1,0 +1,56 @@
+"""Edits: each one function from a graph to a graph, one small file per family. They know no files and no history.
+
+What a person adds or moves carries the origin "person". Every edit raises EditError, one sentence, where the graph does
+not allow it, and returns the very graph it was given when there is nothing to do.
+"""
+
+from nvsim.graph.edits.aligning import align_to_lattice
+from nvsim.graph.edits.change import Change, EditError
+from nvsim.graph.edits.copying import copy_by
+from nvsim.graph.edits.edges import Visible, add_edge, add_edges, connect_visible, remove_edge, remove_edges
+from nvsim.graph.edits.marking import heed_finding, ignore_finding, mark_reviewed, set_locked
+from nvsim.graph.edits.merging import merge_viewpoints
+from nvsim.graph.edits.moving import move_viewpoint, move_viewpoints, set_height, shift_viewpoints
+from nvsim.graph.edits.splitting import split_edge
+from nvsim.graph.edits.straightening import chain, straighten
+from nvsim.graph.edits.viewpoints import (
+    add_viewpoint,
+    new_id,
+    place_viewpoint,
+    remove_viewpoints,
+    rename_viewpoint,
+    set_included,
+    snapped,
+)
+
+__all__ = [
+    "Change",
+    "EditError",
+    "Visible",
+    "add_edge",
+    "add_edges",
+    "add_viewpoint",
+    "align_to_lattice",
+    "chain",
+    "connect_visible",
+    "copy_by",
+    "heed_finding",
+    "ignore_finding",
+    "mark_reviewed",
+    "merge_viewpoints",
+    "move_viewpoint",
+    "move_viewpoints",
+    "new_id",
+    "place_viewpoint",
+    "remove_edge",
+    "remove_edges",
+    "remove_viewpoints",
+    "rename_viewpoint",
+    "set_height",
+    "set_included",
+    "set_locked",
+    "shift_viewpoints",
+    "snapped",
+    "split_edge",
+    "straighten",
+]

@@ -1,0 +1,75 @@
+"""Edges come and go, one or many at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.edits.change import Change, EditError, key_of, need_number, unique
+from nvsim.graph.types import EdgeKey, NavGraph, edge
+
+Visible = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
+"""Whether one sees straight from places a (N, 3) to places b (N, 3), metres, world: (N,) bool."""
+
+
+def add_edge(graph: NavGraph, a: str, b: str, origin: str = "person") -> NavGraph:
+    """An edge between two viewpoints, at the end. Raises EditError when one is missing or they are joined already."""
+    return add_edges(graph, [(a, b)], origin)
+
+
+def add_edges(graph: NavGraph, pairs: Iterable[EdgeKey], origin: str = "person") -> NavGraph:
+    """An edge for each pair of ids, at the end. Raises EditError when a viewpoint is missing or a pair is joined
+    already."""
+    change = Change(graph)
+    for a, b in pairs:
+        if a == b:
+            raise EditError("A viewpoint cannot be joined to itself.")
+        if key_of(a, b) in change.edges:
+            raise EditError(f"The viewpoints {a} and {b} are already joined.")
+        change.put_edge(edge(a, b, origin))
+    return change.done()
+
+
+def remove_edge(graph: NavGraph, a: str, b: str) -> NavGraph:
+    """The edge goes; the evidence behind it stays. Raises EditError when there is none or it is locked."""
+    return remove_edges(graph, [(a, b)])
+
+
+def remove_edges(graph: NavGraph, pairs: Iterable[EdgeKey]) -> NavGraph:
+    """The edges go; the evidence behind them stays. Raises EditError when one is not there or is locked."""
+    change = Change(graph)
+    for a, b in unique(key_of(*pair) for pair in pairs):
+        change.drop_edge(a, b)
+    return change.done()
+
+
+def connect_visible(
+    graph: NavGraph, ids: Iterable[str], distance: float, visible: Visible | None = None, *, steep: float = 45.0
+) -> NavGraph:
+    """An edge between every two of the viewpoints that are at most `distance` metres apart, see each other, and are not
+    more than `steep` degrees above each other (so that floors stay apart); those joined already stay as they are.
+
+    Excluded viewpoints are passed over. Raises EditError when a viewpoint is missing.
+    """
+    from scipy.spatial import cKDTree
+
+    distance = need_number(distance, "The distance", positive=True)
+    change = Change(graph)
+    names = [id for id in unique(ids) if change.viewpoint(id).included]
+    if len(names) < 2:
+        return graph
+    places = np.array([graph.viewpoints[id].position for id in names])
+    pairs = cKDTree(places).query_pairs(distance, output_type="ndarray")
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    a, b = places[pairs[:, 0]], places[pairs[:, 1]]
+    rise, run = np.abs(b[:, 2] - a[:, 2]), np.hypot(*(b - a)[:, :2].T)
+    open = (rise <= math.tan(math.radians(steep)) * run) & (rise + run > 0)
+    open &= np.array([key_of(names[i], names[j]) not in graph.edges for i, j in pairs.tolist()], bool)
+    if visible is not None and open.any():
+        open[open] = visible(a[open], b[open])
+    for i, j in pairs[open].tolist():
+        change.put_edge(edge(names[i], names[j], "person"))
+    return change.done()
