@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvsim.errors import InputError
-from nvsim.graph.check import check_graph
 from nvsim.graph.components import components
 from nvsim.graph.difference import difference
 from nvsim.graph.edits import EditError, add_edge, add_viewpoint, move_viewpoint, remove_edge, remove_viewpoints
+from nvsim.graph.findings import check_graph
 from nvsim.graph.store import (
     decode_evidence,
     decode_graph,

@@ -1,0 +1,48 @@
+"""The findings of a whole graph, looked at afresh: what `Validator` is held against."""
+
+from __future__ import annotations
+
+from nvsim.errors import InputError
+from nvsim.graph.components import components
+from nvsim.graph.connectivity import check_scan_id
+from nvsim.graph.findings.context import Context
+from nvsim.graph.findings.edges import about_edge
+from nvsim.graph.findings.pairs import Neighbourhood, about_pair
+from nvsim.graph.findings.types import SEVERITIES, Finding, Fix
+from nvsim.graph.findings.viewpoints import about_viewpoint, short
+from nvsim.graph.types import NavGraph
+
+_NOTHING = Context()
+
+
+def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
+    """The worst first, otherwise in the order of the graph; those a person ignores are among them."""
+    found = about_graph(graph)
+    for viewpoint in graph.viewpoints.values():
+        found += about_viewpoint(graph, viewpoint, context)
+    groups = [group for group in components(graph) if len(group) > 1]
+    groups.sort(key=lambda group: (-len(group), min(group)))
+    for group in groups[1:]:
+        ids = tuple(sorted(group))
+        message = f"{len(ids)} viewpoints around {short(ids[0])} cannot be reached from the others."
+        fixes = (Fix("Exclude them", "set_included", {"ids": list(ids), "included": False}),)
+        found.append(Finding("island", "warning", message, ids, fixes=fixes))
+    places = Neighbourhood(context.limits.near)
+    for viewpoint in graph.viewpoints.values():
+        places.put(viewpoint)
+        found += [about_pair(viewpoint, other) for other in places.near(viewpoint)]
+    for key in graph.edges:
+        found += about_edge(graph, key, context)
+    return sorted(found, key=lambda f: SEVERITIES.index(f.severity))
+
+
+def about_graph(graph: NavGraph) -> list[Finding]:
+    """What concerns the graph as a whole and can be said at once."""
+    found = []
+    try:
+        check_scan_id(graph.scan)
+    except InputError as error:
+        found.append(Finding("scan", "error", str(error)))
+    if not any(v.included for v in graph.viewpoints.values()):
+        found.append(Finding("empty", "error", "No viewpoint is included: there is nothing to walk on."))
+    return found

@@ -1,0 +1,93 @@
+"""What a graph is held against besides itself: limits, a map, floors, pictures, evidence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from nvsim.graph.types import EdgeKey, NavGraph
+from nvsim.occupancy.types import OCCUPIED, OccupancyMap
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Metres and degrees. Real R2R edges are 0.3 to 5 m long, with few beyond."""
+
+    near: float = 0.25
+    """Viewpoints closer than this are nearly one place."""
+    long: float = 5.0
+    short: float = 0.25
+    steep: float = 35.0
+    """Degrees between an edge and the horizontal; stairs have about 32."""
+    off_floor: float = 0.3
+    """How far a viewpoint may be from its height above the floor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """Everything may be missing; what is missing is not checked.
+
+    occupancy   a map; only cells known to be occupied are held against a graph, unknown ones are not
+    against     (graph, edge) -> why the stored evidence speaks against the edge, in words that end a sentence; "" when
+                it does not
+    floor       (x, y, near z) -> height of the floor there, metres, NaN where it is unknown
+    images      ids of the viewpoints that have a panorama
+    """
+
+    limits: Limits = field(default_factory=Limits)
+    occupancy: OccupancyMap | None = None
+    against: Callable[[NavGraph, EdgeKey], str] | None = None
+    floor: Callable[[float, float, float], float] | None = None
+    images: frozenset[str] | None = None
+
+    @cached_property
+    def _room(self) -> list[list[float]]:
+        """Cells from every cell to the nearest occupied one, 0 in it. Lists, because single numbers are asked for."""
+        assert self.occupancy is not None
+        import cv2
+
+        free = (self.occupancy.cells != OCCUPIED).astype(np.uint8)
+        room = cv2.distanceTransform(np.pad(free, 1, constant_values=1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return [list(map(float, row)) for row in room[1:-1, 1:-1]]
+
+    def in_obstacle(self, x: float, y: float) -> bool:
+        """Whether the place lies in an occupied cell."""
+        return self.occupancy is not None and self._room_at(*self._cell(x, y)) == 0.0
+
+    def crosses_obstacle(self, a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+        """Whether the straight way from a to b, seen from above, meets an occupied cell. As much is passed over at once
+        as is known to be open around."""
+        if self.occupancy is None:
+            return False
+        (x0, y0), (x1, y1) = self._cell(a[0], a[1]), self._cell(b[0], b[1])
+        length, along = math.hypot(x1 - x0, y1 - y0), 0.0
+        while along <= length:
+            share = along / length if length else 0.0
+            room = self._room_at(x0 + share * (x1 - x0), y0 + share * (y1 - y0))
+            if room == 0.0:
+                return True
+            # The nearest occupied cell begins up to 1.5 diagonals before the distance between the centres.
+            along += max(room - 1.5, 0.25)
+        return False
+
+    def _cell(self, x: float, y: float) -> tuple[float, float]:
+        """Column and row, not rounded."""
+        assert self.occupancy is not None
+        scale, (left, low) = 1.0 / self.occupancy.resolution, self.occupancy.origin
+        return (x - left) * scale, (y - low) * scale
+
+    def _room_at(self, column: float, row: float) -> float:
+        rows, columns = self._shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            return 1.0  # nothing is known outside
+        return self._room[int(row)][int(column)]
+
+    @cached_property
+    def _shape(self) -> tuple[int, int]:
+        assert self.occupancy is not None
+        rows, columns = self.occupancy.cells.shape
+        return rows, columns

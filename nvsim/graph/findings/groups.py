@@ -1,0 +1,167 @@
+"""Who can reach whom, followed from edit to edit: an edge that goes is searched around from both ends at once, so that
+the cost is that of the smaller side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from nvsim.graph.findings.types import Finding, Fix
+from nvsim.graph.findings.viewpoints import short
+from nvsim.graph.types import EdgeKey, NavGraph
+
+MANY = 64
+"""More edges than this at once, and everything is counted afresh."""
+
+
+class Groups:
+    """The connected groups of included viewpoints."""
+
+    def __init__(self, graph: NavGraph) -> None:
+        self.begin(graph)
+
+    def begin(self, graph: NavGraph) -> None:
+        """Counts afresh."""
+        self._next = 0
+        self._label: dict[str, int] = {}
+        self._members: dict[int, set[str]] = {}
+        self._large: set[int] = set()  # labels of groups of two and more
+        adjacency, viewpoints = graph.adjacency, graph.viewpoints
+        for id, viewpoint in viewpoints.items():
+            if viewpoint.included and id not in self._label:
+                self._give(_reached(id, adjacency, graph))
+
+    def update(self, graph: NavGraph, viewpoints: Iterable[str], edges: Iterable[EdgeKey]) -> None:
+        """Takes a graph in which only these viewpoints and edges may differ."""
+        edges = list(edges)
+        changed = [id for id in viewpoints if (id in self._label) != self._is_in(graph, id)]
+        if len(edges) > MANY or len(changed) > MANY:
+            self.begin(graph)
+            return
+        cut: dict[str, None] = {}  # those that may have lost a way
+        for id in changed:
+            if id in self._label:
+                self._take_out(id)
+                cut.update(dict.fromkeys(graph.neighbours(id)))
+            else:
+                self._give({id})
+        for key in edges:
+            cut.update(dict.fromkeys(key))
+        for id in changed:
+            for other in graph.neighbours(id):
+                if id in self._label and other in self._label:
+                    self._join(id, other)
+        for a, b in edges:
+            if (a, b) in graph.edges and a in self._label and b in self._label:
+                self._join(a, b)
+        ends = [id for id in cut if id in self._label]
+        for label in {self._label[id] for id in ends}:
+            self._part(graph, [id for id in ends if self._label[id] == label])
+
+    def findings(self) -> list[Finding]:
+        """About every group of two and more but the largest; of equals the one with the smallest id counts as it."""
+        sizes = {label: len(self._members[label]) for label in self._large}
+        most = max(sizes.values(), default=0)
+        equals = [label for label, size in sizes.items() if size == most]
+        # The smallest id of the largest group is looked for only where it decides.
+        if len(equals) > 1:
+            equals.sort(key=lambda label: min(self._members[label]))
+        found = []
+        for label in sizes.keys() - set(equals[:1]):
+            ids = tuple(sorted(self._members[label]))
+            message = f"{len(ids)} viewpoints around {short(ids[0])} cannot be reached from the others."
+            fixes = (Fix("Exclude them", "set_included", {"ids": list(ids), "included": False}),)
+            found.append(Finding("island", "warning", message, ids, fixes=fixes))
+        return found
+
+    def _is_in(self, graph: NavGraph, id: str) -> bool:
+        viewpoint = graph.viewpoints.get(id)
+        return viewpoint is not None and viewpoint.included
+
+    def _give(self, ids: set[str]) -> None:
+        label, self._next = self._next, self._next + 1
+        self._members[label] = ids
+        for id in ids:
+            self._label[id] = label
+        self._sort_in(label)
+
+    def _sort_in(self, label: int) -> None:
+        size = len(self._members[label])
+        if size > 1:
+            self._large.add(label)
+        else:
+            self._large.discard(label)
+        if size == 0:
+            del self._members[label]
+
+    def _take_out(self, id: str) -> None:
+        label = self._label.pop(id)
+        self._members[label].discard(id)
+        self._sort_in(label)
+
+    def _join(self, a: str, b: str) -> None:
+        one, other = self._label[a], self._label[b]
+        if one == other:
+            return
+        if len(self._members[one]) < len(self._members[other]):
+            one, other = other, one
+        for id in self._members[other]:
+            self._label[id] = one
+        self._members[one] |= self._members.pop(other)
+        self._large.discard(other)
+        self._sort_in(one)
+
+    def _part(self, graph: NavGraph, ends: list[str]) -> None:
+        """Parts a group where `ends`, which were all its places of change, no longer reach each other."""
+        while len(ends) > 1:
+            side = _smaller_side(ends, graph)
+            if side is None:
+                return
+            label = self._label[next(iter(side))]
+            self._members[label] -= side
+            self._sort_in(label)
+            self._give(side)
+            ends = [id for id in ends if id not in side]
+
+
+def _smaller_side(ends: list[str], graph: NavGraph) -> set[str] | None:
+    """Searches from all `ends` in turns; the first region that is exhausted before it met all others, or None when they
+    are one."""
+    region = {id: n for n, id in enumerate(ends)}  # viewpoint -> region
+    fronts: dict[int, list[str]] = {n: [id] for n, id in enumerate(ends)}
+    while len(fronts) > 1:
+        for n in list(fronts):
+            if n not in fronts:
+                continue
+            if not fronts[n]:
+                return {id for id, m in region.items() if m == n}
+            id = fronts[n].pop()
+            for other in graph.neighbours(id):
+                if not graph.viewpoints[other].included:
+                    continue
+                m = region.get(other)
+                if m is None:
+                    region[other] = n
+                    fronts[n].append(other)
+                elif m != n:
+                    # Two searches met: the smaller goes on as part of the larger.
+                    small, large = (n, m) if len(fronts[n]) < len(fronts[m]) else (m, n)
+                    fronts[large] += fronts.pop(small)
+                    for key, owner in region.items():
+                        if owner == small:
+                            region[key] = large
+                    if small == n:
+                        fronts[large].append(id)  # its other neighbours have not been seen
+                        break
+            if len(fronts) == 1:
+                return None
+    return None
+
+
+def _reached(start: str, adjacency: Mapping[str, tuple[str, ...]], graph: NavGraph) -> set[str]:
+    seen, front = {start}, [start]
+    while front:
+        for id in adjacency.get(front.pop(), ()):
+            if id not in seen and graph.viewpoints[id].included:
+                seen.add(id)
+                front.append(id)
+    return seen

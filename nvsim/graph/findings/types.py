@@ -1,0 +1,51 @@
+"""A finding: what is wrong, how bad it is, what it concerns, and the edits that would mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from nvsim.graph.types import EdgeKey
+
+SEVERITIES = ("error", "warning", "notice")
+"""error: agents fail, or walk into something. warning: probably wrong. notice: worth a look."""
+CHOKING = frozenset({"scan", "id", "empty", "isolated"})
+"""Kinds that break the programs which read the files, so that an export is refused."""
+
+
+@dataclass(frozen=True)
+class Fix:
+    """text        what a button says
+    operation   name in the table of operations
+    arguments   its arguments, JSON values
+    """
+
+    text: str
+    operation: str
+    arguments: Mapping[str, Any] = field(hash=False)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """kind        "scan", "empty", "id", "isolated", "island", "duplicate", "obstacle", "floor", "panorama",
+                "occupied", "evidence", "long", "short" or "steep"
+    severity    one of SEVERITIES
+    message     one sentence
+    viewpoints  ids concerned
+    edges       keys concerned
+    fixes       edits that would mend it, the likeliest first
+    """
+
+    kind: str
+    severity: str
+    message: str
+    viewpoints: tuple[str, ...] = ()
+    edges: tuple[EdgeKey, ...] = ()
+    fixes: tuple[Fix, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """The same for the same trouble, whatever else changes: what a person ignores is remembered under it."""
+        names = self.viewpoints[:1] if self.kind == "island" else self.viewpoints
+        return "/".join((self.kind, *names))

@@ -1,0 +1,119 @@
+"""The findings of a graph, kept up to date from edit to edit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from nvsim.graph.difference import Difference, difference
+from nvsim.graph.findings.check import about_graph
+from nvsim.graph.findings.context import Context
+from nvsim.graph.findings.edges import about_edge
+from nvsim.graph.findings.groups import Groups
+from nvsim.graph.findings.pairs import Neighbourhood, about_pair
+from nvsim.graph.findings.types import Finding
+from nvsim.graph.findings.viewpoints import about_viewpoint
+from nvsim.graph.types import EdgeKey, NavGraph
+
+_GRAPH, _GROUPS = "graph", "groups"
+_Place = str | EdgeKey | tuple[str, str, str]
+
+
+class Validator:
+    """Looks again only at what an edit touched and at what stands beside it. Holds the same findings as `check_graph`,
+    in no particular order; those a person ignores are among them."""
+
+    def __init__(self, graph: NavGraph, context: Context | None = None) -> None:
+        self.begin(graph, context)
+
+    def begin(self, graph: NavGraph, context: Context | None = None) -> None:
+        """Looks at everything."""
+        self._context = Context() if context is None else context
+        self._graph = graph
+        self._at: dict[_Place, tuple[Finding, ...]] = {}  # where it was found -> what; never empty
+        self._all: dict[str, Finding] = {}
+        self._before: dict[str, Finding | None] = {}  # key of what an update touched -> what it was
+        self._twins: dict[str, set[str]] = {}  # viewpoint -> those it is nearly one place with
+        self._places = Neighbourhood(self._context.limits.near)
+        for viewpoint in graph.viewpoints.values():
+            self._places.put(viewpoint)
+        self._groups = Groups(graph)
+        for id in graph.viewpoints:
+            self._look_at(id)
+        for key in graph.edges:
+            self._look_along(key)
+        for viewpoint in graph.viewpoints.values():
+            self._look_around(viewpoint.id)
+        self._set(_GROUPS, self._groups.findings())
+        self._set(_GRAPH, about_graph(graph))
+
+    @property
+    def findings(self) -> Mapping[str, Finding]:
+        """Key -> finding."""
+        return MappingProxyType(self._all)
+
+    def update(self, graph: NavGraph, changed: Difference | None = None) -> tuple[set[str], set[str]]:
+        """Takes the graph after an edit; `changed` is its difference from the one before, when it is known already.
+        Returns the keys of the findings that came or changed, and of those that went."""
+        changed = difference(self._graph, graph) if changed is None else changed
+        self._graph, self._before = graph, {}
+        viewpoints = {*changed.added_viewpoints, *changed.removed_viewpoints, *changed.changed_viewpoints}
+        edges = {*changed.added_edges, *changed.removed_edges, *changed.changed_edges}
+        beside = set(viewpoints).union(*edges)
+        for id in viewpoints:
+            beside.update(graph.neighbours(id))
+            edges.update((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+        for id in viewpoints:
+            if id in graph.viewpoints:
+                self._places.put(graph.viewpoints[id])
+            else:
+                self._places.drop(id)
+        for id in viewpoints:
+            self._look_around(id)
+        for id in beside:
+            self._look_at(id)
+        for key in edges:
+            self._look_along(key)
+        if viewpoints or edges:
+            self._groups.update(graph, viewpoints, edges)
+            self._set(_GROUPS, self._groups.findings())
+        self._set(_GRAPH, about_graph(graph))
+        came = {key for key, old in self._before.items() if key in self._all and self._all[key] != old}
+        return came, {key for key, old in self._before.items() if old is not None and key not in self._all}
+
+    def _look_at(self, id: str) -> None:
+        viewpoint = self._graph.viewpoints.get(id)
+        self._set(id, [] if viewpoint is None else about_viewpoint(self._graph, viewpoint, self._context))
+
+    def _look_along(self, key: EdgeKey) -> None:
+        self._set(key, about_edge(self._graph, key, self._context) if key in self._graph.edges else [])
+
+    def _look_around(self, id: str) -> None:
+        viewpoint = self._graph.viewpoints.get(id)
+        near = {} if viewpoint is None else {o.id: about_pair(viewpoint, o) for o in self._places.near(viewpoint)}
+        for other in self._twins.get(id, set()) - near.keys():
+            self._set(_pair(id, other), [])
+            self._twins[id].discard(other)
+            self._twins[other].discard(id)
+        for other, finding in near.items():
+            self._set(_pair(id, other), [finding])
+            self._twins.setdefault(id, set()).add(other)
+            self._twins.setdefault(other, set()).add(id)
+
+    def _set(self, place: _Place, found: list[Finding]) -> None:
+        before = self._at.get(place, ())
+        if before == tuple(found):
+            return
+        for finding in before:
+            self._before.setdefault(finding.key, self._all.pop(finding.key, None))
+        if found:
+            self._at[place] = tuple(found)
+        else:
+            self._at.pop(place, None)
+        for finding in found:
+            self._before.setdefault(finding.key, None)
+            self._all[finding.key] = finding
+
+
+def _pair(a: str, b: str) -> tuple[str, str, str]:
+    return ("pair", a, b) if a < b else ("pair", b, a)

@@ -1,0 +1,64 @@
+"""Findings about one viewpoint: they depend on it, its edges and the context alone."""
+
+from __future__ import annotations
+
+import math
+
+from nvsim.graph.findings.context import Context
+from nvsim.graph.findings.types import Finding, Fix
+from nvsim.graph.types import NavGraph, Viewpoint
+
+_SHOWN = 8  # characters of an id in a sentence
+
+
+def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> list[Finding]:
+    """Nothing is said about excluded ones but that their id cannot be used: their entry is written all the same."""
+    found = []
+    if problem := _id_problem(viewpoint.id):
+        fix = Fix("Give it a new id", "rename_viewpoint", {"id": viewpoint.id})
+        message = f"The id {viewpoint.id!r} {problem}."
+        found.append(Finding("id", "error", message, (viewpoint.id,), fixes=(fix,)))
+    if not viewpoint.included:
+        return found
+    id, name = viewpoint.id, short(viewpoint.id)
+    leave, remove = _leave(id), Fix("Remove it", "remove_viewpoints", {"ids": [id]})
+    if not any(graph.viewpoints[other].included for other in graph.neighbours(id)):
+        message = f"Viewpoint {name} has no edge: agents do not find it in the graph."
+        found.append(Finding("isolated", "error", message, (id,), fixes=(leave, remove)))
+    x, y, z = viewpoint.position
+    if context.in_obstacle(x, y):
+        message = f"Viewpoint {name} stands in what the map calls occupied."
+        found.append(Finding("obstacle", "error", message, (id,), fixes=(leave, remove)))
+    if context.floor is not None:
+        floor = context.floor(x, y, z)
+        off = z - viewpoint.height - floor
+        if math.isfinite(floor) and abs(off) > context.limits.off_floor:
+            where = "above" if off > 0 else "below"
+            message = f"Viewpoint {name} would stand {abs(off):.2f} m {where} the floor."
+            onto = Fix("Put it on the floor", "shift_viewpoints", {"ids": [id], "by": [0.0, 0.0, round(-off, 4)]})
+            found.append(Finding("floor", "warning", message, (id,), fixes=(onto,)))
+    if context.images is not None and id not in context.images:
+        message = f"Viewpoint {name} has no panorama."
+        found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
+    return found
+
+
+def short(id: str) -> str:
+    """An id as sentences show it."""
+    return id if len(id) <= _SHOWN else id[:_SHOWN]
+
+
+def _leave(id: str) -> Fix:
+    return Fix("Exclude it", "set_included", {"ids": [id], "included": False})
+
+
+def _id_problem(id: str) -> str:
+    if not id:
+        return "is empty"
+    if "/" in id or "\\" in id:
+        return "has a slash, so that no picture can be named after it"
+    if any(c.isspace() for c in id):
+        return "has white space, where agents split their keys"
+    if "_" in id:
+        return "has an underscore, where agents split their keys"
+    return ""

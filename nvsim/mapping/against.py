@@ -1,0 +1,41 @@
+"""Why the stored evidence speaks against an edge: what a graph's findings ask of the map builder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nvsim.graph.types import EdgeKey, Evidence, NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.criteria import decide
+from nvsim.mapping.draft import SAME
+
+_WORDS = {
+    "alpha": "something stands in the corridor",
+    "normal": "what lies in the corridor does not face up",
+    "unknown": "no frame and no scan shows floor along the corridor",
+}
+
+
+def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
+    """(graph, edge) -> words, "" where the evidence in both directions is open or there is none. Stale evidence, from
+    before one of the ends was moved, says nothing."""
+
+    def why(graph: NavGraph, key: EdgeKey) -> str:
+        for here, there in (key, key[::-1]):
+            for evidence in (graph.evidence[k] for k in graph.evidence_of.get(here, ())):
+                if evidence.viewpoint == here and not evidence.stale and _leads_to(evidence, graph, there):
+                    words = _WORDS.get(decide(evidence, config), "")
+                    if words:
+                        return f"seen from {here[:8]}, {words}"
+        return ""
+
+    return why
+
+
+def _leads_to(evidence: Evidence, graph: NavGraph, id: str) -> bool:
+    if evidence.joins:
+        return evidence.joins == id
+    x, y = graph.viewpoints[id].position[:2]
+    return bool(np.hypot(evidence.target[0] - x, evidence.target[1] - y) < SAME)

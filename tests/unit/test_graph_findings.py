@@ -1,0 +1,132 @@
+"""Findings: each kind where it should be, and a validator that follows edits to what a fresh look finds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nvsim.graph import edits
+from nvsim.graph.edits import EditError
+from nvsim.graph.findings import Context, Finding, Limits, Validator, check_graph
+from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.occupancy.types import OccupancyMap
+
+
+def graph_of(
+    places: dict[str, tuple[float, float, float]], pairs: list[tuple[str, str]], scan: str = "scan"
+) -> NavGraph:
+    edges = [edge(a, b) for a, b in pairs]
+    return NavGraph(scan, {id: Viewpoint(id, p) for id, p in places.items()}, {e.key: e for e in edges})
+
+
+LINE = graph_of({"a": (0, 0, 1.5), "b": (2, 0, 1.5), "c": (4, 0, 1.5)}, [("a", "b"), ("b", "c")])
+
+
+def keys(graph: NavGraph, context: Context | None = None) -> set[str]:
+    return {f.key for f in check_graph(graph, context or Context())}
+
+
+def test_a_sound_graph_has_no_finding() -> None:
+    assert keys(LINE) == set()
+
+
+@pytest.mark.parametrize(
+    ("graph", "expected"),
+    [
+        (edits.remove_edge(LINE, "b", "c"), {"isolated/c"}),
+        (replace(LINE, scan="two_words"), {"scan"}),
+        (NavGraph("scan"), {"empty"}),
+        (graph_of({"a/b": (0, 0, 1), "c": (2, 0, 1)}, [("a/b", "c")]), {"id/a/b"}),
+        (graph_of({"a": (0, 0, 1), "b": (0.1, 0, 1)}, [("a", "b")]), {"duplicate/a/b", "short/a/b"}),
+        (graph_of({"a": (0, 0, 1), "b": (6, 0, 1)}, [("a", "b")]), {"long/a/b"}),
+        (graph_of({"a": (0, 0, 1), "b": (1, 0, 2)}, [("a", "b")]), {"steep/a/b"}),
+        (
+            graph_of({n: (i * 2.0, 0, 1) for i, n in enumerate("abcde")}, [("a", "b"), ("b", "c"), ("d", "e")]),
+            {"island/d"},
+        ),
+    ],
+)
+def test_each_trouble_is_named_once(graph: NavGraph, expected: set[str]) -> None:
+    assert keys(graph) == expected
+
+
+def test_what_the_map_the_floor_the_pictures_and_the_evidence_say() -> None:
+    cells = np.zeros((20, 60), np.uint8)
+    cells[:, 28:32] = 1  # a wall at x = 1.8 to 2.2, where b stands
+    occupancy = OccupancyMap(cells, 0.1, (-1.0, -1.0))
+    assert keys(LINE, Context(occupancy=occupancy)) == {"obstacle/b", "occupied/a/b", "occupied/b/c"}
+    assert keys(LINE, Context(floor=lambda x, y, z: 1.0 if x < 1 else math.nan)) == {"floor/a"}
+    assert keys(LINE, Context(images=frozenset("ab"))) == {"panorama/c"}
+    context = Context(against=lambda graph, key: "mean alpha 0.97" if key == ("a", "b") else "")
+    assert keys(LINE, context) == {"evidence/a/b"}
+    assert keys(edits.mark_reviewed(LINE, edges=[("a", "b")]), context) == set()
+
+
+def test_excluded_viewpoints_and_their_edges_are_let_be() -> None:
+    far = edits.set_included(edits.move_viewpoint(LINE, "c", (40, 0, 1.5)), ["c"], False)
+    assert keys(far) == set()
+
+
+def apply(graph: NavGraph, fix_of: Finding) -> NavGraph:
+    fix = fix_of.fixes[0]
+    return getattr(edits, fix.operation)(graph, **fix.arguments)
+
+
+@pytest.mark.parametrize("kind", ["short", "long", "steep", "duplicate", "island", "isolated"])
+def test_the_first_fix_mends_the_finding(kind: str) -> None:
+    graph = {
+        "short": graph_of({"a": (0, 0, 1), "b": (0.1, 0, 1), "c": (2, 0, 1)}, [("a", "b"), ("b", "c")]),
+        "duplicate": graph_of({"a": (0, 0, 1), "b": (0.1, 0, 1), "c": (2, 0, 1)}, [("a", "c"), ("b", "c")]),
+        "long": graph_of({"a": (0, 0, 1), "b": (6, 0, 1)}, [("a", "b")]),
+        "steep": graph_of({"a": (0, 0, 1), "b": (1, 0, 2), "c": (2, 0, 1)}, [("a", "b"), ("b", "c"), ("a", "c")]),
+        "island": graph_of({n: (i * 2.0, 0, 1) for i, n in enumerate("abcd")}, [("a", "b"), ("c", "d")]),
+        "isolated": edits.remove_edge(LINE, "b", "c"),
+    }[kind]
+    finding = next(f for f in check_graph(graph) if f.kind == kind)
+    assert finding.key not in keys(apply(graph, finding))
+
+
+NAMES = [f"v{i}" for i in range(14)]
+PLACES = st.tuples(*(st.integers(0, 12).map(lambda v: v * 0.2 if v < 4 else v * 0.6) for _ in "xy"), st.just(1.5))
+STEPS = st.lists(
+    st.one_of(
+        st.tuples(st.just("add_viewpoint"), st.sampled_from(NAMES), PLACES),
+        st.tuples(st.just("move_viewpoint"), st.sampled_from(NAMES), PLACES),
+        st.tuples(st.just("remove_viewpoints"), st.lists(st.sampled_from(NAMES), min_size=1, max_size=3)),
+        st.tuples(st.just("set_included"), st.lists(st.sampled_from(NAMES), max_size=3), st.booleans()),
+        st.tuples(st.just("add_edge"), st.sampled_from(NAMES), st.sampled_from(NAMES)),
+        st.tuples(st.just("remove_edge"), st.sampled_from(NAMES), st.sampled_from(NAMES)),
+    ),
+    max_size=60,
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(STEPS)
+def test_following_edits_finds_what_a_fresh_look_finds(steps: list[tuple]) -> None:
+    cells = np.zeros((80, 80), np.uint8)
+    cells[30:33, 10:50] = 1
+    context = Context(Limits(long=3.0), OccupancyMap(cells, 0.1, (-0.5, -0.5)), images=frozenset(NAMES[:9]))
+    graph = NavGraph("scan")
+    validator, history = Validator(graph, context), [graph]
+    for name, *arguments in [*steps, ("undo",), ("undo",), ("undo",)]:
+        try:
+            if name == "undo":
+                graph = history.pop() if len(history) > 1 else graph
+            elif name == "add_viewpoint":
+                graph = edits.add_viewpoint(graph, Viewpoint(*arguments))
+            else:
+                graph = getattr(edits, name)(graph, *arguments)
+        except EditError:
+            continue
+        known = set(validator.findings)
+        came, went = validator.update(graph)
+        fresh = {f.key: f for f in check_graph(graph, context)}
+        assert dict(validator.findings) == fresh
+        assert went == known - set(fresh) and came >= set(fresh) - known
+        history.append(graph)
