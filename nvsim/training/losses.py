@@ -55,6 +55,14 @@ def _load(
 
 
 @njit(fastmath=True)
+def _any_floor(work: Any) -> Any:
+    total = _F(0)
+    for i in range(SEGMENT):
+        total += work[_MASKED * SEGMENT + i]
+    return total > _F(0)
+
+
+@njit(fastmath=True)
 def _load_colours(rgb: Any, image: Any, first: Any, count: Any, work: Any) -> None:
     # The true colours and the errors of `count` pixels; rgb and image are flat, so that the distance from one pixel to
     # the next is known when this is compiled.
@@ -104,6 +112,7 @@ def _compose(
                     count = min(SEGMENT, width - x0)
                     _load(transmittance, background, floor, inlier, aware, y, x0, count, work)
                     _load_colours(flat_rgb, flat_image, y * width + x0, count, work)
+                    floor_here = _any_floor(work)
                     total, squares, floor_sum = _F(0), _F(0), _F(0)
                     for c in range(3):
                         to_sum = images[0, c, segment, at : at + SEGMENT]
@@ -117,8 +126,12 @@ def _compose(
                             to_difference[i] = w * difference
                             total += w * abs(difference)
                             squares += w * difference * difference
-                            floor_sum += masked * inside * np.sqrt(off * off + SMOOTH)
                             work[(_OUT + c) * SEGMENT + i] = difference + masked * (off - difference)
+                        if floor_here:
+                            for i in range(SEGMENT):
+                                off = work[(_OUT + c) * SEGMENT + i]
+                                counts = work[_MASKED * SEGMENT + i] * work[_INSIDE * SEGMENT + i]
+                                floor_sum += counts * np.sqrt(off * off + SMOOTH)
                         for i in range(count):
                             error[c, y, x0 + i] = work[(_OUT + c) * SEGMENT + i]
                     counted, suppression, fill = _F(0), _F(0), _F(0)
@@ -174,6 +187,7 @@ def _differentiate(
                     x0 = segment * SEGMENT
                     count = min(SEGMENT, width - x0)
                     _load(transmittance, background, floor, inlier, aware, y, x0, count, work)
+                    floor_here = _any_floor(work)
                     for c in range(3):
                         for i in range(count):
                             work[(_ERROR + c) * SEGMENT + i] = error[c, y, x0 + i]
@@ -188,10 +202,15 @@ def _differentiate(
                             off = work[(_ERROR + c) * SEGMENT + i]
                             sign = _F(1) if off > 0 else (_F(-1) if off < 0 else _F(0))
                             d = (inside - masked * inside) * (l1 * sign - structure * alike[i])
-                            painted = masked * inside * floor_weight * off / np.sqrt(off * off + SMOOTH)
                             work[(_BY_COLOUR + c) * SEGMENT + i] = d
                             work[_BY_ALPHA * SEGMENT + i] -= d * work[(_GROUND + c) * SEGMENT + i]
-                            work[(_BY_GROUND + c) * SEGMENT + i] = work[_THROUGH * SEGMENT + i] * d + painted
+                            work[(_BY_GROUND + c) * SEGMENT + i] = work[_THROUGH * SEGMENT + i] * d
+                        if floor_here:
+                            for i in range(SEGMENT):
+                                counted = work[_MASKED * SEGMENT + i] * work[_INSIDE * SEGMENT + i]
+                                off = work[(_ERROR + c) * SEGMENT + i]
+                                painted = counted * floor_weight * off / np.sqrt(off * off + SMOOTH)
+                                work[(_BY_GROUND + c) * SEGMENT + i] += painted
                     for c in range(3):
                         for i in range(count):
                             d_background[c, y, x0 + i] = work[(_BY_GROUND + c) * SEGMENT + i]
