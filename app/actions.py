@@ -16,7 +16,17 @@ from app.document import Document
 from app.icons import icon
 from app.reasons import Reason, always
 
-MENUS = ("&File", "&Edit", "&Camera", "&View", "&Graph", "&Jobs", "&Window", "&Help")  # in the order of the bar
+MENUS = (
+    "&File",
+    "&Edit",
+    "&Camera",
+    "&View",
+    "F&rame",
+    "&Graph",
+    "&Jobs",
+    "&Window",
+    "&Help",
+)  # in the order of the bar
 
 
 @dataclass(frozen=True)

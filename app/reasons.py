@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+
 from app.document import Document
+from nvsim.project.layout import Layout
 
 Reason = str | None  # why a command cannot run, None when it can
 
@@ -48,3 +51,16 @@ def with_splat_file(document: Document) -> Reason:
 
 def with_selection(document: Document) -> Reason:
     return None if document.selection else "nothing is selected"
+
+
+def with_frame(document: Document) -> Reason:
+    return None if document.selection.frame is not None else "no frame is selected"
+
+
+def with_masks(document: Document) -> Reason:
+    """Also a folder that may be written, as a correction is a file there."""
+    if document.selection.frame is None or document.path is None:
+        return "no frame is selected"
+    if not Layout(document.path).masks.is_dir():
+        return "the floors are not found yet"
+    return None if os.access(document.path, os.W_OK) else "the project's folder may not be written"

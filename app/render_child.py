@@ -63,13 +63,14 @@ class ProjectSource:
 @dataclass(frozen=True, eq=False)
 class Request:
     """number rises; channel is one of tones.CHANNELS; moving says that the eye has not come to rest; renderer is one of
-    renderer_choice.PREFERENCES."""
+    renderer_choice.PREFERENCES; view names who asks, so that a newer wish replaces only its own."""
 
     number: int
     camera: Camera
     channel: str
     moving: bool
     renderer: str = AUTOMATIC
+    view: str = "scene"
 
 
 @dataclass(frozen=True, eq=False)

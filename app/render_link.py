@@ -63,7 +63,7 @@ class _Life:
 
 
 class RenderLink(QObject):
-    """One request is on its way at a time; a newer one replaces the one that waits.
+    """One request is on its way at a time; a newer one replaces the one of the same view that waits.
 
     opened(float) seconds; arrived(Picture); troubled(Trouble); remarked(Remark).
     """
@@ -82,7 +82,7 @@ class RenderLink(QObject):
         self._deaths = 0
         self._ready = False
         self._sent: Request | None = None
-        self._waiting: Request | None = None
+        self._waiting: dict[str, Request] = {}  # by view; who has waited longest is first
         self._heard.connect(self._on_heard)
 
     @property
@@ -106,13 +106,14 @@ class RenderLink(QObject):
     def ask(self, request: Request) -> None:
         """Sends the request, or keeps it until the answer that is under way has come."""
         if not self._ready or self._sent is not None or self._life is None:
-            self._waiting = request
+            self._waiting[request.view] = request
             return
-        self._sent, self._waiting = request, None
+        self._waiting.pop(request.view, None)
+        self._sent = request
         try:
             self._life.connection.send(request)
         except OSError:
-            self._waiting = request  # the reading thread reports the death
+            self._waiting[request.view] = request  # the reading thread reports the death
 
     def close(self) -> None:
         """Ends the process and the reading thread; may be called again."""
@@ -151,8 +152,8 @@ class RenderLink(QObject):
             self.troubled.emit(message)
 
     def _send_waiting(self) -> None:
-        if self._waiting is not None:
-            self.ask(self._waiting)
+        if self._waiting:
+            self.ask(self._waiting.pop(next(iter(self._waiting))))
 
     def _on_death(self) -> None:
         last = self._sent
@@ -161,6 +162,7 @@ class RenderLink(QObject):
         if self._deaths > RESTARTS:
             self.troubled.emit(Trouble("The renderer stopped repeatedly; the view stays as it is.", fatal=True))
             return
-        self._waiting = self._waiting or last
+        if last is not None:
+            self._waiting.setdefault(last.view, last)
         self.troubled.emit(Trouble("The renderer stopped and was started again."))
         self._start()

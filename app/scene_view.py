@@ -196,6 +196,8 @@ class SceneView(QWidget):
         self.update()
 
     def _on_picture(self, picture: Picture) -> None:
+        if picture.request.view != "scene":
+            return
         size = picture.request.camera.intrinsics
         if picture.request.moving:
             self.pacing.learn(size.width, size.height, *self._device_size(), picture.milliseconds)

@@ -138,7 +138,8 @@ class MainWindow(QMainWindow):
         contents = self.document.contents
         missing = contents.missing
         nothing = len(self.document.extent) == 0
-        self.centre.setCurrentWidget(self.empty if nothing else self.scene)
+        if nothing or self.centre.currentWidget() is self.empty:
+            self.centre.setCurrentWidget(self.empty if nothing else self.scene)
         if missing is not None:
             self.empty.say(*missing, contents.missing_verb, contents.path is not None)
         name = contents.path.name if contents.path else ""
@@ -162,6 +163,10 @@ class MainWindow(QMainWindow):
         self.notices.add("warning" if remark.warning else "log", remark.message, remark.trace)
 
     # For the parts ---------------------------------------------------------------------------------------------------
+
+    def show_page(self, page: QWidget | None) -> None:
+        """Shows a page that a part added to the centre; None goes back to the 3D view."""
+        self.centre.setCurrentWidget(page if page is not None else self.scene)
 
     def save_picture(self, path: Path, widget: QWidget) -> bool:
         """What `widget` shows, as a file. A failure becomes a notice."""

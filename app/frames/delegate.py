@@ -46,7 +46,7 @@ class FrameDelegate(QStyledItemDelegate):
         line = metrics.height() + 2
         top = rect.center().y() - (2 * line + 8) // 2
         painter.setPen(palette.color(text_role))
-        name = metrics.elidedText(str(index.data()), Qt.TextElideMode.ElideMiddle, right - left)
+        name = metrics.elidedText(str(index.data()), Qt.TextElideMode.ElideLeft, right - left)
         painter.drawText(QRect(left, top, right - left, line), Qt.AlignmentFlag.AlignVCenter, name)
         share = float(index.data(COVERAGE_ROLE))
         painter.setPen(quiet)

@@ -41,6 +41,11 @@ class FrameLink(QObject):
         self.rest()
         self._root, self._deaths = root, 0
 
+    def open_if_other(self, root: Path) -> None:
+        """Works on this project, if it does not yet."""
+        if root != self._root:
+            self.open(root)
+
     def ask_thumbnails(self, frames: Sequence[int]) -> None:
         """In place of those asked for before, in this order."""
         self._send({"do": "thumbnails", "frames": list(frames)})

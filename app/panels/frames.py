@@ -36,6 +36,7 @@ class _List(QListView):
         self.setUniformItemSizes(True)
         self.setFrameShape(self.Shape.NoFrame)
         self.setVerticalScrollMode(self.ScrollMode.ScrollPerPixel)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setMouseTracking(True)  # rows under the cursor are lit
         self.doubleClicked.connect(self.chosen)
 

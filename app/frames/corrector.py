@@ -1,0 +1,167 @@
+"""Correcting the mask of the open frame: the tools in hand, undo and redo, and keeping what was done on disk."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+
+import numpy as np
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from app.frames.brush import Box
+from app.frames.correction import Correction, Prompt
+from app.frames.matter import Matter, Reader
+from app.frames.tools import LARGEST, SMALLEST, Brush, Points
+from nvsim.perception.hybrid import HybridSteps
+from nvsim.project.layout import Layout
+
+_KEPT = 12  # frames whose history is remembered
+_PAUSE = 700  # milliseconds after a step until it is written
+
+
+class Corrector(QObject):
+    """changed(Box): the mask of the open frame, within this box; stepped(): after a step, undo or redo; sized();
+    moved(QRect): what the cursor covered; waiting(bool): whether points wait for the normals."""
+
+    changed = Signal(object)
+    stepped = Signal()
+    sized = Signal()
+    moved = Signal(object)
+    waiting = Signal(bool)
+
+    def __init__(self, reader: Reader, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._reader = reader
+        self._layout: Layout | None = None
+        self._matter: Matter | None = None
+        self._steps: HybridSteps | None = None
+        self._by_color = False  # there will be no normals
+        self._prompts: list[Prompt] = []  # that wait for the normals
+        self._kept: OrderedDict[int, Correction] = OrderedDict()
+        self.correction: Correction | None = None
+        self.brush = Brush(self.changed.emit, self._on_step, lambda _: self.sized.emit(), self.moved.emit)
+        self.points = Points(self._place)
+        self._unsaved = False
+        self._save = QTimer(self, singleShot=True, interval=_PAUSE)
+        self._save.timeout.connect(self.flush)
+
+    def forget(self) -> None:
+        """Another project."""
+        self.close()
+        self._kept.clear()
+
+    def open(self, layout: Layout, matter: Matter) -> None:
+        """Takes a frame in hand. Its history goes on where it was left, unless its masks are others by now."""
+        self.close()
+        self._layout, self._matter = layout, matter
+        if matter.mask is None or matter.machine is None:
+            return
+        known = self._kept.pop(matter.index, None)
+        if (
+            known is None
+            or not np.array_equal(known.machine, matter.machine)
+            or not np.array_equal(known.mask, matter.mask)
+        ):
+            known = Correction(matter.mask, matter.machine)
+        self._kept[matter.index] = known
+        while len(self._kept) > _KEPT:
+            self._kept.popitem(last=False)
+        self.correction = known
+        for tool in (self.brush, self.points):
+            tool.take(known)
+
+    def close(self) -> None:
+        """Keeps what is not written yet and lets go of the frame."""
+        self.flush()
+        self._matter = self.correction = self._steps = None
+        self._prompts = []
+        self._by_color = False
+        for tool in (self.brush, self.points):
+            tool.take(None)
+
+    # Steps ------------------------------------------------------------------------------------------------------
+
+    def undo(self) -> None:
+        if self.correction is not None:
+            self._after(self.correction.undo())
+
+    def redo(self) -> None:
+        if self.correction is not None:
+            self._after(self.correction.redo())
+
+    def revert(self) -> None:
+        """Back to the machine's mask."""
+        if self.correction is not None:
+            self._after(self.correction.revert())
+
+    def take_candidate(self, name: str) -> None:
+        """Takes one of the masks of the hybrid segmentation for the floor."""
+        import cv2
+
+        if self.correction is not None and self._steps is not None:
+            height, width = self.correction.mask.shape
+            mask = getattr(self._steps, name).astype(np.float32)
+            larger = np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_LINEAR)) > 0.5
+            self._after(self.correction.replace(larger, "Take a candidate mask"))
+
+    def _on_step(self) -> None:
+        self._unsaved = True
+        self._save.start()
+        self.stepped.emit()
+
+    def _after(self, box: Box | None) -> None:
+        if box is not None:
+            self.changed.emit(box)
+            self._on_step()
+
+    # Points -----------------------------------------------------------------------------------------------------
+
+    def hear_steps(self, steps: HybridSteps | None) -> None:
+        """The normals of the open frame have come, or there will be none."""
+        self._steps, self._by_color = steps, steps is None
+        prompts, self._prompts = self._prompts, []
+        self.waiting.emit(False)
+        for prompt in prompts:
+            self._place(prompt)
+
+    def _place(self, prompt: Prompt) -> None:
+        if self.correction is None or self._matter is None:
+            return
+        if self._steps is None and not self._by_color:
+            self._prompts.append(prompt)
+            self.waiting.emit(True)
+            return
+        import cv2
+
+        image = self._matter.image
+        if self._steps is not None:
+            normals = self._steps.normals
+        else:  # colours must do
+            size = max(1, image.shape[0] // 2), max(1, image.shape[1] // 2)
+            normals = np.zeros((*size, 3), np.float32)
+        height, width = normals.shape[:2]
+        small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        self._after(self.correction.prompt(prompt, normals, small))
+
+    # The brush's size -------------------------------------------------------------------------------------------
+
+    @property
+    def brush_share(self) -> float:
+        """Where the size stands between smallest and largest, 0 to 1, by ratio."""
+        return math.log(self.brush.radius / SMALLEST) / math.log(LARGEST / SMALLEST)
+
+    def set_brush_share(self, share: float) -> None:
+        self.brush.grow(SMALLEST * (LARGEST / SMALLEST) ** share / self.brush.radius)
+
+    # Keeping ----------------------------------------------------------------------------------------------------
+
+    def flush(self) -> None:
+        """Hands what is not written yet to the thread that writes."""
+        if not self._unsaved:
+            return
+        self._unsaved = False
+        self._save.stop()
+        matter, correction = self._matter, self.correction
+        if matter is not None and correction is not None and self._layout is not None:
+            mask = correction.mask.copy() if correction.is_corrected else None
+            self._reader.write(self._layout, matter.frame, matter.index, mask)

@@ -1,0 +1,92 @@
+"""What can be laid over a frame: its floor mask, normals, and the masks that the hybrid segmentation passes through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QSlider, QWidget
+
+from app.frames.pictures import Painted
+from app.icons import swatch
+
+FLOOR_COLOR = "#2ec4b6"
+
+
+@dataclass
+class FrameLayer:
+    """name     also its key in the settings
+    color    of its mask, "" for a picture of many colours
+    painted  None while it is not known
+    opacity  0 to 1
+    """
+
+    name: str
+    title: str
+    tip: str
+    color: str
+    shown: bool
+    opacity: float
+    painted: Painted | None = None
+
+
+def standard_layers() -> tuple[FrameLayer, ...]:
+    """In the order in which they are painted."""
+    return (
+        FrameLayer("normals", "Normals", "Which way surfaces face, as the cloud shows them", "", False, 0.8),
+        FrameLayer("semantic", "Looks like floor", "M_sem: colours like those of the floor seen there from elsewhere",
+                   "#b07aa1", False, 0.55),
+        FrameLayer("horizontal", "Lies flat", "M_norm: normals within 26° of straight up; desks are flat too",
+                   "#4e79a7", False, 0.55),
+        FrameLayer("prompted", "Grown from prompts", "M_final of the hybrid segmentation: what three points of both "
+                   "others give on the map of normals", "#f28e2b", False, 0.55),
+        FrameLayer("machine", "Machine's mask", "What the floors stage found, before any correction",
+                   "#edc948", False, 0.5),
+        FrameLayer("floor", "Floor mask", "The mask that training uses", FLOOR_COLOR, True, 0.45),
+    )  # fmt: skip
+
+
+CANDIDATES = ("normals", "semantic", "horizontal", "prompted")
+"""Names of the layers that another process has to make."""
+
+
+class LayerList(QWidget):
+    """A check box and a fade slider for each layer, the topmost first. changed(FrameLayer)."""
+
+    changed = Signal(object)
+
+    def __init__(self, layers: tuple[FrameLayer, ...], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setHorizontalSpacing(8)
+        grid.setVerticalSpacing(4)
+        self.boxes: dict[str, QCheckBox] = {}
+        self.sliders: dict[str, QSlider] = {}
+        for row, layer in enumerate(reversed(layers)):
+            box = QCheckBox(layer.title, self)
+            if layer.color:
+                box.setIcon(swatch(layer.color, 10))
+            box.setChecked(layer.shown)
+            box.setToolTip(layer.tip)
+            slider = QSlider(Qt.Orientation.Horizontal, self)
+            slider.setRange(5, 100)
+            slider.setValue(round(100 * layer.opacity))
+            slider.setToolTip(f"How strongly “{layer.title}” covers the image")
+            slider.setMinimumWidth(60)
+            slider.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+            box.toggled.connect(lambda on, layer=layer: self._show(layer, on))
+            slider.valueChanged.connect(lambda value, layer=layer: self._fade(layer, value))
+            grid.addWidget(box, 2 * row, 0)
+            grid.addWidget(slider, 2 * row + 1, 0)
+            grid.setRowMinimumHeight(2 * row + 1, 20)
+            self.boxes[layer.name], self.sliders[layer.name] = box, slider
+        grid.setRowStretch(2 * len(layers), 1)
+
+    def _show(self, layer: FrameLayer, on: bool) -> None:
+        layer.shown = on
+        self.changed.emit(layer)
+
+    def _fade(self, layer: FrameLayer, value: int) -> None:
+        layer.opacity = value / 100
+        self.changed.emit(layer)

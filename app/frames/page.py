@@ -1,0 +1,167 @@
+"""The page of an open frame: a bar with what it is and how it is compared, the canvas, and the layers beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtGui import QAction, QKeyEvent
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QSizePolicy,
+    QSlider,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.frames.canvas import Canvas
+from app.frames.layers import FrameLayer, LayerList
+
+_BRUSH = 100  # steps of the size slider
+_CONTROL = Qt.KeyboardModifier.ControlModifier
+_SHIFT = Qt.KeyboardModifier.ShiftModifier
+
+
+class FramePage(QWidget):
+    """gainChanged(float); sizeChanged(float share 0 to 1); keyed(str): a key of the page's own was pressed, one of the
+    names in `_key`."""
+
+    gainChanged = Signal(float)
+    sizeChanged = Signal(float)
+    keyed = Signal(str)
+
+    def __init__(self, layers: tuple[FrameLayer, ...], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.brushing = False  # whether [ and ] are the brush's
+        self.canvas = Canvas(layers, self)
+        self.layers = LayerList(layers, self)
+        self.layers.changed.connect(lambda _: self.canvas.update())
+        self.title = QLabel(self)
+        self.title.setTextFormat(Qt.TextFormat.RichText)
+        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.hint = QLabel(self)
+        self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
+        self.hint.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.gain = _slider(self, 10, 200, 30, "How much the difference is enlarged")
+        self.gain.valueChanged.connect(lambda value: self.gainChanged.emit(value / 10))
+        self.size = _slider(self, 0, _BRUSH, 40, "Size of the brush ([ and ], or the wheel)")
+        self.size.valueChanged.connect(lambda value: self.sizeChanged.emit(value / _BRUSH))
+        self._gain_words, self._size_words = QLabel("Gain", self), QLabel("Size", self)
+        self._first, self._second = QHBoxLayout(), QHBoxLayout()
+        for bar in (self._first, self._second):
+            bar.setContentsMargins(8, 4, 8, 0)
+            bar.setSpacing(2)
+        self._modes, self._tools, self._back = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
+        for group in (self._modes, self._tools, self._back):
+            group.setSpacing(1)
+        self._first.addLayout(self._back)
+        self._first.addSpacing(10)
+        self._first.addWidget(self.title, 1)
+        for words, slider in ((self._gain_words, self.gain), (self._size_words, self.size)):
+            self._first.addSpacing(8)
+            self._first.addWidget(words)
+            self._first.addWidget(slider)
+        self._second.addLayout(self._modes)
+        self._second.addStretch(1)
+        self._second.addLayout(self._tools)
+        side = QVBoxLayout()
+        side.setContentsMargins(10, 8, 8, 8)
+        side.setSpacing(8)
+        side.addWidget(QLabel("<b>Layers</b>", self))
+        side.addWidget(self.layers, 1)
+        middle = QHBoxLayout()
+        middle.setSpacing(0)
+        middle.addWidget(self.canvas, 1)
+        middle.addLayout(side)
+        low = QHBoxLayout()
+        low.setContentsMargins(8, 2, 8, 4)
+        low.addWidget(self.hint)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addLayout(self._first)
+        layout.addLayout(self._second)
+        layout.addLayout(middle, 1)
+        layout.addLayout(low)
+        self.show_mode("wipe")
+        self.show_brush(None)
+
+    def fill(self, back: Iterable[QAction], modes: Iterable[QAction], tools: Iterable[QAction | None]) -> None:
+        """Makes buttons of the window's commands; None leaves a gap."""
+        for group, actions in ((self._back, back), (self._modes, modes), (self._tools, tools)):
+            for action in actions:
+                if action is None:
+                    line = QFrame(self)
+                    line.setFrameShape(QFrame.Shape.VLine)
+                    line.setFrameShadow(QFrame.Shadow.Sunken)
+                    group.addWidget(line)
+                    continue
+                button = QToolButton(self)
+                button.setDefaultAction(action)
+                button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+                button.setAutoRaise(True)
+                button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+                group.addWidget(button)
+
+    def show_mode(self, mode: str) -> None:
+        """One of canvas.MODES."""
+        self.canvas.set_mode(mode)
+        for widget in (self._gain_words, self.gain):
+            widget.setVisible(mode == "difference")
+
+    def show_brush(self, share: float | None) -> None:
+        """Where the size slider stands, None without a brush."""
+        self.brushing = share is not None
+        for widget in (self._size_words, self.size):
+            widget.setVisible(share is not None)
+        if share is not None:
+            blocked = self.size.blockSignals(True)
+            self.size.setValue(round(share * _BRUSH))
+            self.size.blockSignals(blocked)
+
+    # Keys of the page: heard before the window's shortcuts, which mean other things in the 3D view ----------------
+
+    def _key(self, event: QKeyEvent) -> str:
+        key, modifiers = event.key(), event.modifiers()
+        plain = not modifiers & (_CONTROL | Qt.KeyboardModifier.AltModifier)
+        if modifiers & _CONTROL and key == Qt.Key.Key_Z:
+            return "redo" if modifiers & _SHIFT else "undo"
+        if modifiers & _CONTROL and key == Qt.Key.Key_Y:
+            return "redo"
+        if not plain:
+            return ""
+        names = {
+            Qt.Key.Key_Escape: "leave",
+            Qt.Key.Key_PageUp: "previous",
+            Qt.Key.Key_PageDown: "next",
+            Qt.Key.Key_Home: "fit",
+        }
+        if self.brushing:
+            names |= {Qt.Key.Key_BracketLeft: "smaller", Qt.Key.Key_BracketRight: "larger"}
+        return names.get(Qt.Key(key), "")
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and self._key(event):
+            event.accept()
+            return True
+        return super().event(event)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        name = self._key(event)
+        if name:
+            self.keyed.emit(name)
+        else:
+            super().keyPressEvent(event)
+
+
+def _slider(parent: QWidget, low: int, high: int, value: int, tip: str) -> QSlider:
+    slider = QSlider(Qt.Orientation.Horizontal, parent)
+    slider.setRange(low, high)
+    slider.setValue(value)
+    slider.setToolTip(tip)
+    slider.setFixedWidth(110)
+    slider.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    return slider

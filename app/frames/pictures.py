@@ -1,0 +1,83 @@
+"""Arrays as pictures that Qt paints: photos, renders, masks, normals, and how far a render is from its photo."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtGui import QColor, QImage
+
+from app.frames.brush import Box, Mask
+from app.tones import ramp
+
+_RGB32 = QImage.Format.Format_RGB32
+
+
+class Painted:
+    """An image and the memory that it shows: pixels (H, W) uint32, 0xAARRGGBB, premultiplied."""
+
+    def __init__(self, pixels: NDArray[np.uint32], opaque: bool) -> None:
+        self.pixels = np.ascontiguousarray(pixels)
+        height, width = self.pixels.shape
+        kind = _RGB32 if opaque else QImage.Format.Format_ARGB32_Premultiplied
+        self.image = QImage(self.pixels.data, width, height, 4 * width, kind)
+        self._smaller: tuple[tuple[int, int], QImage] | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.image.width(), self.image.height()
+
+    def shrunk(self, width: int, height: int) -> QImage:
+        """The image, area-averaged to at most about this size: painting a large one small would drop pixels. Kept until
+        another size is asked for."""
+        if width * 1.5 > self.image.width():
+            return self.image
+        if self._smaller is None or self._smaller[0] != (width, height):
+            from PySide6.QtCore import Qt
+
+            mode, smooth = Qt.AspectRatioMode.IgnoreAspectRatio, Qt.TransformationMode.SmoothTransformation
+            self._smaller = (width, height), self.image.scaled(max(1, width), max(1, height), mode, smooth)
+        return self._smaller[1]
+
+
+def photo(image: NDArray[np.uint8]) -> Painted:
+    """(H, W, 3) uint8 RGB."""
+    wide = image.astype(np.uint32)
+    return Painted(0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2], opaque=True)
+
+
+def render(pixels: NDArray[np.uint8]) -> Painted:
+    """(H, W, 4) uint8 blue, green, red, 255, as a Picture has them."""
+    return Painted(np.ascontiguousarray(pixels).view(np.uint32)[..., 0], opaque=True)
+
+
+def tint(mask: Mask, color: str) -> Painted:
+    """`mask` (H, W) in one colour, elsewhere transparent."""
+    return Painted(np.where(mask, np.uint32(QColor(color).rgba()), np.uint32(0)), opaque=False)
+
+
+def retint(painted: Painted, mask: Mask, color: str, box: Box) -> None:
+    """Shows what has changed of `mask` within `box`."""
+    painted.pixels[box.slices] = np.where(mask[box.slices], np.uint32(QColor(color).rgba()), np.uint32(0))
+
+
+def normals(values: NDArray[np.float32]) -> Painted:
+    """(H, W, 3) unit vectors as colours, transparent where they are zero."""
+    known = (np.abs(values).sum(axis=-1) > 0.1).astype(np.uint32)
+    wide = np.clip((values + 1) * 127.5, 0, 255).astype(np.uint32)
+    return Painted(known * (0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]), opaque=False)
+
+
+def difference(photo_image: QImage, rendered: Painted, gain: float) -> Painted:
+    """The largest difference of the three channels at the render's size, `gain` times, from dark to bright."""
+    from PySide6.QtCore import Qt
+
+    width, height = rendered.size
+    mode, smooth = Qt.AspectRatioMode.IgnoreAspectRatio, Qt.TransformationMode.SmoothTransformation
+    scaled = photo_image.scaled(width, height, mode, smooth).convertToFormat(_RGB32)
+    a = np.frombuffer(scaled.constBits(), np.uint8).reshape(height, scaled.bytesPerLine() // 4, 4)[:, :width, :3]
+    b = rendered.pixels.view(np.uint8).reshape(height, width, 4)[..., :3]
+    off = np.where(a > b, a - b, b - a).max(axis=-1)
+    colors = ramp(np.clip(np.arange(256) * (gain / 255), 0, 1)).astype(np.uint32)
+    table = 0xFF000000 | colors[:, 0] << 16 | colors[:, 1] << 8 | colors[:, 2]
+    return Painted(table.astype(np.uint32)[off], opaque=True)
