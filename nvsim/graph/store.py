@@ -10,9 +10,11 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import operator
 import struct
 import zipfile
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,10 +25,29 @@ from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint
 _VERSION = 1
 _ARRAYS = ("alpha", "up", "support")
 _SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in _ARRAYS)
+_BLOB = "_blob"  # evidence keeps the blob it was read from, so that writing it again costs nothing
+
+# A row of JSON values, in the order of the fields. Rows that older versions wrote are shorter.
+viewpoint_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Viewpoint)))
+edge_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Edge)))
+
+
+def viewpoint_of(row: Sequence[Any]) -> Viewpoint:
+    """The viewpoint of a row. Raises one of ValueError, TypeError, IndexError on anything else."""
+    x, y, z = row[1]
+    return Viewpoint(row[0], (x, y, z), *row[2:])
+
+
+def edge_of(row: Sequence[Any]) -> Edge:
+    """The edge of a row. Raises TypeError on anything else."""
+    return Edge(*row)
 
 
 def encode_evidence(evidence: Evidence) -> bytes:
     """About 300 bytes for a corridor of 29 x 18 cells."""
+    known: bytes | None = evidence.__dict__.get(_BLOB)
+    if known is not None:
+        return known
     header: dict[str, Any] = {name: getattr(evidence, name) for name in _SCALARS}
     header["shape"] = evidence.alpha.shape
     text = json.dumps(header, separators=(",", ":")).encode()
@@ -49,7 +70,7 @@ def decode_evidence(blob: bytes) -> Evidence:
         if len(data) != 2 * count + (count + 7) // 8:
             raise ValueError("wrong number of cells")
         header["target"] = (float(header["target"][0]), float(header["target"][1]))
-        return Evidence(
+        evidence = Evidence(
             alpha=np.frombuffer(data, np.uint8, count).reshape(rows, cells),
             up=np.frombuffer(data, np.uint8, count, count).reshape(rows, cells),
             support=np.unpackbits(np.frombuffer(data, np.uint8, offset=2 * count), count=count)
@@ -57,6 +78,8 @@ def decode_evidence(blob: bytes) -> Evidence:
             .reshape(rows, cells),
             **header,
         )
+        evidence.__dict__[_BLOB] = bytes(blob)
+        return evidence
     except (struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError, zlib.error) as error:
         raise InputError(
             f"The stored evidence is damaged ({error}); build the graph again with `nvsim map`."
@@ -69,15 +92,19 @@ def encode_graph(graph: NavGraph) -> bytes:
     index = {
         "version": _VERSION,
         "scan": graph.scan,
-        "viewpoints": [dataclasses.astuple(v) for v in graph.viewpoints.values()],
-        "edges": [dataclasses.astuple(e) for e in graph.edges.values()],
+        "viewpoints": list(map(viewpoint_row, graph.viewpoints.values())),
+        "edges": list(map(edge_row, graph.edges.values())),
         "evidence": [len(b) for b in blobs],
+        "ignored": dict(graph.ignored),
     }
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         # A fixed date makes equal graphs equal bytes.
-        for name, data in (("graph.json", json.dumps(index).encode()), ("evidence.bin", b"".join(blobs))):
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data, zipfile.ZIP_DEFLATED)
+        for name, data, method in (
+            ("graph.json", json.dumps(index, separators=(",", ":")).encode(), zipfile.ZIP_DEFLATED),
+            ("evidence.bin", b"".join(blobs), zipfile.ZIP_STORED),  # deflated already
+        ):
+            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data, method, compresslevel=1)
     return out.getvalue()
 
 
@@ -91,8 +118,8 @@ def decode_graph(blob: bytes) -> NavGraph:
             raise InputError(
                 f"The graph file is of version {index['version']}, newer than this program; install a newer NVSim."
             )
-        viewpoints = {v[0]: Viewpoint(v[0], (v[1][0], v[1][1], v[1][2]), *v[2:]) for v in index["viewpoints"]}
-        edges = {(e[0], e[1]): Edge(*e) for e in index["edges"]}
+        viewpoints = {row[0]: viewpoint_of(row) for row in index["viewpoints"]}
+        edges = {(row[0], row[1]): edge_of(row) for row in index["edges"]}
         if any(not (a < b and a in viewpoints and b in viewpoints) for a, b in edges):
             raise ValueError("an edge without its viewpoints")
         evidence, at = {}, 0
@@ -100,7 +127,7 @@ def decode_graph(blob: bytes) -> NavGraph:
             found = decode_evidence(data[at : at + size])
             evidence[found.key] = found
             at += size
-        return NavGraph(str(index["scan"]), viewpoints, edges, evidence)
+        return NavGraph(str(index["scan"]), viewpoints, edges, evidence, index.get("ignored", {}))
     except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, IndexError, TypeError, EOFError) as error:
         raise InputError(f"The graph file is damaged ({error}); export it again.") from error
 
@@ -109,6 +136,8 @@ def same_graph(a: NavGraph, b: NavGraph) -> bool:
     """Whether two graphs hold equal values in the same order."""
     if a.scan != b.scan or list(a.viewpoints.items()) != list(b.viewpoints.items()):
         return False
+    if dict(a.ignored) != dict(b.ignored):
+        return False
     if list(a.edges.items()) != list(b.edges.items()) or list(a.evidence) != list(b.evidence):
         return False
     return all(same_evidence(x, y) for x, y in zip(a.evidence.values(), b.evidence.values(), strict=True))
@@ -116,6 +145,8 @@ def same_graph(a: NavGraph, b: NavGraph) -> bool:
 
 def same_evidence(a: Evidence, b: Evidence) -> bool:
     """Whether two pieces of evidence hold equal values."""
-    return all(getattr(a, n) == getattr(b, n) for n in _SCALARS) and all(
-        np.array_equal(getattr(a, n), getattr(b, n)) for n in _ARRAYS
+    return (
+        a is b
+        or all(getattr(a, n) == getattr(b, n) for n in _SCALARS)
+        and all(np.array_equal(getattr(a, n), getattr(b, n)) for n in _ARRAYS)
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 from nvsim.atomic import as_input_error
 from nvsim.errors import InputError
 
-VERSION = 1
+VERSION = 2
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -36,6 +36,17 @@ CREATE TABLE jobs (
 CREATE TABLE results (name TEXT PRIMARY KEY, created REAL NOT NULL, figures TEXT NOT NULL);
 """
 
+# Version -> what makes a database of the version before it one of this version. A new database runs them all.
+_MIGRATIONS = {
+    2: """
+ALTER TABLE viewpoints ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE viewpoints ADD COLUMN locked INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE edges ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE edges ADD COLUMN locked INTEGER NOT NULL DEFAULT 0;
+CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason TEXT NOT NULL);
+""",
+}
+
 
 def create(path: Path) -> sqlite3.Connection:
     """A new database at `path`. Raises InputError when it cannot be written."""
@@ -44,7 +55,7 @@ def create(path: Path) -> sqlite3.Connection:
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
         # One transaction: a kill leaves an empty database, which `connect` takes as new, never half a schema.
-        connection.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
+        connection.executescript(f"BEGIN; {_SCHEMA} {_since(1)} COMMIT;")
     except sqlite3.Error as error:
         raise InputError(f"Cannot create the project database {path}: {error}; choose a writable folder.") from error
     return connection
@@ -70,6 +81,9 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
         if not read_only:
             connection.execute("PRAGMA journal_mode=WAL")
             connection.execute("PRAGMA synchronous=FULL")
+            if version < VERSION:
+                connection.executescript(f"BEGIN IMMEDIATE; {_since(version)} COMMIT;")
+                version = VERSION
     except sqlite3.OperationalError as error:
         raise InputError(f"Cannot open {path}: {error}; check that the project folder is writable.") from error
     except sqlite3.DatabaseError as error:
@@ -81,6 +95,12 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
             f"{VERSION}); update NVSim to open it."
         )
     return connection
+
+
+def _since(version: int) -> str:
+    """The statements that bring a database of `version` up to date; to be run inside one transaction."""
+    steps = [_MIGRATIONS[v] for v in range(version + 1, VERSION + 1)]
+    return "".join([*steps, f" PRAGMA user_version={VERSION};"])
 
 
 def _quoted(path: Path) -> str:

@@ -1,0 +1,112 @@
+"""The arguments of named edits: JSON values that become typed ones or are refused with a sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from nvsim.graph.edits import EditError
+
+NEEDED: Any = object()
+
+
+@dataclass(frozen=True)
+class Argument:
+    """name; kind: a key of KINDS; what it is, for help; the value when it is left out (NEEDED: it must not be)."""
+
+    name: str
+    kind: str
+    what: str
+    default: Any = NEEDED
+
+    @property
+    def needed(self) -> bool:
+        return self.default is NEEDED
+
+
+def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of all arguments, typed. Raises EditError when one is missing, unknown, or of another kind."""
+    known = {argument.name for argument in arguments}
+    for name in values:
+        if name not in known:
+            raise EditError(f"{edit} has no argument {name!r}; it takes {', '.join(sorted(known))}.")
+    found = {}
+    for argument in arguments:
+        value = values.get(argument.name)
+        if value is None:
+            if argument.needed:
+                raise EditError(f"{edit} needs {argument.name}: {argument.what}.")
+            found[argument.name] = argument.default
+            continue
+        words, parse = KINDS[argument.kind]
+        try:
+            found[argument.name] = parse(value)
+        except (TypeError, ValueError, OverflowError) as error:
+            text = str(value)
+            shown = text if len(text) <= 60 else text[:57] + "..."
+            raise EditError(f"{argument.name} of {edit} is {shown}; it must be {words}.") from error
+    return found
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError
+    return value
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise TypeError
+    return float(value)
+
+
+def _integer(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError
+    return value
+
+
+def _place(value: Any) -> tuple[float, float, float]:
+    x, y, z = map(_number, _list(value))
+    return x, y, z
+
+
+def _places(value: Any) -> dict[str, tuple[float, float, float]]:
+    if not isinstance(value, Mapping):
+        raise TypeError
+    return {_name(id): _place(place) for id, place in value.items()}
+
+
+def _edge(value: Any) -> tuple[str, str]:
+    a, b = map(_name, _list(value))
+    return a, b
+
+
+def _list(value: Any) -> list[Any]:
+    if isinstance(value, set | frozenset):
+        return sorted(value)  # so that the same edit gives the same graph every time
+    if not isinstance(value, list | tuple):
+        raise TypeError
+    return list(value)
+
+
+KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "name": ("a text", _name),
+    "flag": ("true or false", _flag),
+    "number": ("a finite number", _number),
+    "integer": ("a whole number", _integer),
+    "place": ("a list of three finite numbers", _place),
+    "places": ("an object of lists of three finite numbers", _places),
+    "edge": ("a list of two ids", _edge),
+    "viewpoints": ("a list of ids", lambda value: tuple(map(_name, _list(value)))),
+    "edges": ("a list of pairs of ids", lambda value: tuple(map(_edge, _list(value)))),
+}
+"""Kind -> what it must be, in words; the parser, which raises TypeError or ValueError."""

@@ -1,0 +1,100 @@
+"""The values by which one graph differs from an earlier one, evidence and order included: enough to make it again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from types import MappingProxyType
+from typing import TypeVar, cast
+
+from nvsim.graph.edits.change import copied
+from nvsim.graph.trace import Touched, remember, touched_between
+from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+@dataclass(frozen=True, eq=False)
+class Delta:
+    """Things put (added at the end, or replaced where they are) and names dropped. `whole` is the graph itself where
+    these would not give its order."""
+
+    viewpoints: tuple[Viewpoint, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    no_viewpoints: tuple[str, ...] = ()
+    no_edges: tuple[EdgeKey, ...] = ()
+    no_evidence: tuple[EvidenceKey, ...] = ()
+    ignored: Mapping[str, str] | None = None
+    scan: str | None = None
+    whole: NavGraph | None = None
+
+
+def delta_between(before: NavGraph, after: NavGraph) -> Delta:
+    """What makes `after` of `before`."""
+    touched = touched_between(before, after)
+    viewpoints = _parts(before.viewpoints, after.viewpoints, touched.viewpoints if touched is not None else None)
+    edges = _parts(before.edges, after.edges, touched.edges if touched is not None else None)
+    evidence = _parts(before.evidence, after.evidence, touched.evidence if touched is not None else None)
+    if viewpoints is None or edges is None or evidence is None:
+        return Delta(whole=after)
+    ignored = None if before.ignored is after.ignored else after.ignored
+    scan = None if before.scan == after.scan else after.scan
+    return Delta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan)
+
+
+def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
+    """The graph after all of `deltas`, made with one copy however many there are."""
+    for last in range(len(deltas) - 1, -1, -1):
+        whole = deltas[last].whole
+        if whole is not None:
+            return folded(whole, deltas[last + 1 :])
+    if not deltas:
+        return graph
+    viewpoints, edges, evidence = copied(graph.viewpoints), copied(graph.edges), copied(graph.evidence)
+    touched: tuple[dict[str, None], dict[EdgeKey, None], dict[EvidenceKey, None]] = ({}, {}, {})
+    for d in deltas:
+        _apply(viewpoints, d.no_viewpoints, ((v.id, v) for v in d.viewpoints), touched[0])
+        _apply(edges, d.no_edges, ((e.key, e) for e in d.edges), touched[1])
+        _apply(evidence, d.no_evidence, ((e.key, e) for e in d.evidence), touched[2])
+    after = NavGraph(
+        next((d.scan for d in reversed(deltas) if d.scan is not None), graph.scan),
+        MappingProxyType(viewpoints) if touched[0] else graph.viewpoints,
+        MappingProxyType(edges) if touched[1] else graph.edges,
+        MappingProxyType(evidence) if touched[2] else graph.evidence,
+        next((d.ignored for d in reversed(deltas) if d.ignored is not None), graph.ignored),
+    )
+    remember(after, graph, Touched(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
+    return after
+
+
+def _apply(mapping: dict[K, V], dropped: Iterable[K], put: Iterable[tuple[K, V]], touched: dict[K, None]) -> None:
+    for name in dropped:
+        del mapping[name]
+        touched[name] = None
+    for name, value in put:
+        mapping[name] = value
+        touched[name] = None
+
+
+def _parts(
+    before: Mapping[K, V], after: Mapping[K, V], touched: Sequence[K] | None
+) -> tuple[tuple[V, ...], tuple[K, ...]] | None:
+    """What to put and what to drop; None when that would give another order."""
+    if before is after:
+        return (), ()
+    if touched is None:
+        put = {name: value for name, value in after.items() if before.get(name) is not value}
+        dropped = tuple(name for name in before if name not in after)
+        gone = set(dropped)
+        order = [name for name in before if name not in gone] + [name for name in put if name not in before]
+        return (tuple(put.values()), dropped) if order == list(after) else None
+    # What was dropped and put again stands at the end, among the touched: there the order is made anew.
+    present = {name for name in touched if name in after}
+    end = tuple(takewhile(present.__contains__, reversed(cast("dict[K, V]", after))))[::-1]
+    anew = set(end)
+    inside = [name for name in touched if name in present and name not in anew]
+    dropped = tuple(name for name in touched if name in before and (name not in present or name in anew))
+    return tuple(after[name] for name in (*inside, *end)), dropped

@@ -1,0 +1,152 @@
+"""What is selected, as a value, and the functions from a graph to a selection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.edits.change import EditError, key_of
+from nvsim.graph.types import EdgeKey, NavGraph
+
+
+@dataclass(frozen=True)
+class GraphSelection:
+    """Ids of viewpoints and keys of edges."""
+
+    viewpoints: frozenset[str] = field(default_factory=frozenset)
+    edges: frozenset[EdgeKey] = field(default_factory=frozenset)
+
+    def __bool__(self) -> bool:
+        return bool(self.viewpoints or self.edges)
+
+    def __or__(self, other: GraphSelection) -> GraphSelection:
+        return GraphSelection(self.viewpoints | other.viewpoints, self.edges | other.edges)
+
+    def __and__(self, other: GraphSelection) -> GraphSelection:
+        return GraphSelection(self.viewpoints & other.viewpoints, self.edges & other.edges)
+
+    def __sub__(self, other: GraphSelection) -> GraphSelection:
+        return GraphSelection(self.viewpoints - other.viewpoints, self.edges - other.edges)
+
+    def __xor__(self, other: GraphSelection) -> GraphSelection:
+        """What is in one of both: toggles."""
+        return GraphSelection(self.viewpoints ^ other.viewpoints, self.edges ^ other.edges)
+
+
+NOTHING = GraphSelection()
+
+
+def selection(viewpoints: Iterable[str] = (), edges: Iterable[EdgeKey] = ()) -> GraphSelection:
+    """These viewpoints, and the edges between these pairs in either order."""
+    return GraphSelection(frozenset(viewpoints), frozenset(key_of(*pair) for pair in edges))
+
+
+def everything(graph: NavGraph) -> GraphSelection:
+    """All viewpoints and all edges."""
+    return GraphSelection(frozenset(graph.viewpoints), frozenset(graph.edges))
+
+
+def inverted(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+    """What is not selected, of the kinds that are: of a selection without edges the other viewpoints only, of one
+    without viewpoints the other edges only, of an empty one everything."""
+    if not chosen:
+        return everything(graph)
+    viewpoints = frozenset(graph.viewpoints) - chosen.viewpoints if chosen.viewpoints else frozenset()
+    edges = frozenset(graph.edges) - chosen.edges if chosen.edges else frozenset()
+    return GraphSelection(viewpoints, edges)
+
+
+def present(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+    """What of a selection there still is in the graph; the very selection when that is all of it."""
+    if all(id in graph.viewpoints for id in chosen.viewpoints) and all(key in graph.edges for key in chosen.edges):
+        return chosen
+    return GraphSelection(
+        frozenset(id for id in chosen.viewpoints if id in graph.viewpoints),
+        frozenset(key for key in chosen.edges if key in graph.edges),
+    )
+
+
+def grown(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+    """The selection with the neighbours of its viewpoints, the ends of its edges, and, where edges are selected, the
+    edges between all of these."""
+    ends = chosen.viewpoints.union(*chosen.edges)
+    more = ends.union(*(graph.neighbours(id) for id in chosen.viewpoints))
+    return GraphSelection(more, chosen.edges | inner_edges(graph, more) if chosen.edges else chosen.edges)
+
+
+def inner_edges(graph: NavGraph, viewpoints: Iterable[str]) -> frozenset[EdgeKey]:
+    """The edges both of whose ends are among `viewpoints`."""
+    inside = frozenset(viewpoints)
+    return frozenset((id, other) for id in inside for other in graph.neighbours(id) if id < other and other in inside)
+
+
+def component(graph: NavGraph, viewpoints: Iterable[str]) -> GraphSelection:
+    """All viewpoints that can be reached from any of these, whether in navigation or not, and the edges among them."""
+    seen = {id for id in viewpoints if id in graph.viewpoints}
+    front = list(seen)
+    while front:
+        for other in graph.neighbours(front.pop()):
+            if other not in seen:
+                seen.add(other)
+                front.append(other)
+    return GraphSelection(frozenset(seen), inner_edges(graph, seen))
+
+
+def path_between(graph: NavGraph, a: str, b: str) -> GraphSelection:
+    """The shortest way in metres from a to b, over viewpoints in navigation: its viewpoints and edges.
+
+    Raises EditError when one is missing or no way leads there.
+    """
+    ids = shortest_path(graph, a, b)
+    return selection(ids, zip(ids, ids[1:]))
+
+
+def shortest_path(graph: NavGraph, a: str, b: str) -> tuple[str, ...]:
+    """The ids along the shortest way in metres, a and b included: see `path_between`."""
+    import networkx as nx
+
+    for id in (a, b):
+        if id not in graph.viewpoints:
+            raise EditError(f"There is no viewpoint {id}.")
+    places = {id: np.array(v.position) for id, v in graph.viewpoints.items() if v.included or id in (a, b)}
+    network = nx.Graph()
+    network.add_nodes_from(places)
+    network.add_weighted_edges_from(
+        (u, v, float(np.linalg.norm(places[u] - places[v]))) for u, v in graph.edges if u in places and v in places
+    )
+    try:
+        return tuple(nx.shortest_path(network, a, b, weight="weight"))
+    except nx.NetworkXNoPath as error:
+        raise EditError(f"No way leads from {a} to {b}.") from error
+
+
+def within(
+    graph: NavGraph, polygon: Sequence[Sequence[float]] | NDArray[np.floating], z: tuple[float, float] | None = None
+) -> GraphSelection:
+    """The viewpoints inside a polygon (N, 2) of x, y metres, world, and the edges between them; with `z` only those
+    whose camera is between these two heights. A box is a polygon of four corners."""
+    corners = np.asarray(polygon, np.float64).reshape(-1, 2)
+    if len(corners) < 3 or not graph.viewpoints:
+        return NOTHING
+    ids = list(graph.viewpoints)
+    places = np.array([v.position for v in graph.viewpoints.values()])
+    found = inside_polygon(places[:, :2], corners)
+    if z is not None:
+        found &= (places[:, 2] >= z[0]) & (places[:, 2] <= z[1])
+    chosen = frozenset(ids[i] for i in np.flatnonzero(found).tolist())
+    return GraphSelection(chosen, inner_edges(graph, chosen))
+
+
+def inside_polygon(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 2) lie inside the polygon of corners (M, 2), by the even-odd rule."""
+    found = np.zeros(len(points), bool)
+    x, y = points[:, 0], points[:, 1]
+    for (x0, y0), (x1, y1) in zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist()):
+        if y0 == y1:
+            continue
+        crosses = (y0 > y) != (y1 > y)
+        found ^= crosses & (x < (x1 - x0) * (y - y0) / (y1 - y0) + x0)
+    return found
