@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.submaps.types import Submap
 
@@ -30,6 +31,7 @@ class Contents:
     scene_stamp   changes whenever a model was written; None while there is no model at all
     model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
     stages        names of the stages that ended well
+    thresholds    what the graph was decided with
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     """
 
@@ -43,6 +45,7 @@ class Contents:
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
     stages: frozenset[str] = frozenset()
     outline: NDArray[np.float64] | None = None
+    thresholds: MappingConfig = field(default_factory=MappingConfig)
 
     @property
     def missing_verb(self) -> str:
@@ -104,6 +107,8 @@ class ProjectReader:
     def updates(self) -> Iterator[Contents]:
         """The contents after each part that had changed, quick parts first; nothing when nothing did.
         Raises InputError when a file of the project is damaged."""
+        from nvsim.project.thresholds import thresholds_of
+
         project = self._project
         models = self._models()
         revision = project.revision()
@@ -143,6 +148,8 @@ class ProjectReader:
             if value is None and before is None:
                 continue
             self._contents = replace(self._contents, **{part: value})
+            if part == "graph":
+                self._contents = replace(self._contents, thresholds=thresholds_of(project))
             if part == "scene_stamp":
                 self._contents = replace(self._contents, model_info=self._model_info())
             yield self._contents

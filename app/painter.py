@@ -89,6 +89,15 @@ class Painter:
                 return submap, pixels, OPENGL
         return submap, _by_kernels(model, camera, channel), CPU
 
+    def look(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
+        """The submap that answered and what its kernels measure; without a background of its own, over nothing."""
+        if not isinstance(self._opened, Models):
+            return self._opened(camera, channels)
+        from nvsim.render.model import render_model
+
+        submap, model = self._opened.at(camera)
+        return submap, render_model(model, camera, channels)
+
     def compare(self) -> bool:
         """Times one frame of one renderer where the last still picture stood; False when nothing is left to time."""
         if self._still is None or self._broken or self._hopeless or not isinstance(self._opened, Models):

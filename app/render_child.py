@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.painter import Models, Painter, Remark, Renderer
+from app.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.renderer_choice import AUTOMATIC, CPU
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
@@ -117,17 +118,30 @@ def serve(connection: Connection, source: RenderSource) -> None:
         return
     try:
         connection.send(Opened(time.perf_counter() - begin))
+        panoramas = PanoramaDrawing(painter.look)
         while True:
-            _use_the_pause(painter, connection)
-            request: Request = connection.recv()
+            _use_the_pause(painter, panoramas, connection)
+            request: Request | PanoramaRequest = connection.recv()
+            if isinstance(request, PanoramaRequest):
+                panoramas.begin(request)
+                continue
             connection.send(_answer(painter, request))
             _send_remarks(painter, connection)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return  # the window is gone
 
 
-def _use_the_pause(painter: Painter, connection: Connection) -> None:
-    """Compares the renderers, frame by frame, until something is asked for."""
+def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, connection: Connection) -> None:
+    """Draws the panorama that was asked for, view by view, then compares the renderers, frame by frame, until something
+    is asked for."""
+    try:
+        while not connection.poll() and panoramas.waits:
+            finished = panoramas.step()
+            if finished is not None:
+                connection.send(finished)
+    except Exception as error:
+        panoramas.stop()
+        connection.send(Trouble(f"The panorama could not be drawn: {error}", traceback.format_exc()))
     try:
         while not connection.poll() and painter.compare():
             pass

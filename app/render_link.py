@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import threading
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from multiprocessing.process import BaseProcess
 from PySide6.QtCore import QObject, Signal
 
 from app.painter import Remark
+from app.panorama_child import Panorama, PanoramaRequest
 from app.render_child import Opened, Picture, RenderSource, Request, Trouble, serve
 
 RESTARTS = 2  # a process that dies more often than this stays dead
@@ -65,11 +67,12 @@ class _Life:
 class RenderLink(QObject):
     """One request is on its way at a time; a newer one replaces the one of the same view that waits.
 
-    opened(float) seconds; arrived(Picture); troubled(Trouble); remarked(Remark).
+    opened(float) seconds; arrived(Picture); panoramaArrived(Panorama); troubled(Trouble); remarked(Remark).
     """
 
     opened = Signal(float)
     arrived = Signal(object)
+    panoramaArrived = Signal(object)
     troubled = Signal(object)
     remarked = Signal(object)
     _heard = Signal(int, object)  # from the reading thread: life number, message
@@ -83,6 +86,7 @@ class RenderLink(QObject):
         self._ready = False
         self._sent: Request | None = None
         self._waiting: dict[str, Request] = {}  # by view; who has waited longest is first
+        self._panorama: PanoramaRequest | None = None  # the one that is not finished
         self._heard.connect(self._on_heard)
 
     @property
@@ -115,6 +119,18 @@ class RenderLink(QObject):
         except OSError:
             self._waiting[request.view] = request  # the reading thread reports the death
 
+    def ask_panorama(self, request: PanoramaRequest | None) -> None:
+        """Has a panorama drawn in the pauses between pictures, in place of the one that was asked for before; None asks
+        for none. It comes several times, each finer than the one before."""
+        self._panorama = request
+        if request is not None:
+            self._send_panorama()
+
+    def _send_panorama(self) -> None:
+        if self._panorama is not None and self._ready and self._life is not None:
+            with contextlib.suppress(OSError):  # the reading thread reports the death, and the next life is asked again
+                self._life.connection.send(self._panorama)
+
     def close(self) -> None:
         """Ends the process and the reading thread; may be called again."""
         self._number += 1
@@ -137,10 +153,15 @@ class RenderLink(QObject):
             self._ready = True
             self.opened.emit(message.seconds)
             self._send_waiting()
+            self._send_panorama()
         elif isinstance(message, Picture):
             self._sent = None
             self._send_waiting()
             self.arrived.emit(message)
+        elif isinstance(message, Panorama):
+            if self._panorama is not None and message.key == self._panorama.key:
+                self._panorama = None if message.final else self._panorama
+                self.panoramaArrived.emit(message)
         elif isinstance(message, Remark):
             self.remarked.emit(message)
         elif isinstance(message, Trouble):

@@ -7,6 +7,7 @@ from app.actions import Action
 from app.parts.camera import CameraPart
 from app.parts.files import FilePart
 from app.parts.frames import FramePart
+from app.parts.inspector import InspectorPart
 from app.parts.jobs import JobsPart
 from app.parts.layers import LayersPart
 from app.parts.look import LookPart
@@ -24,6 +25,7 @@ PARTS: tuple[type[Part], ...] = (
     LayersPart,
     MapPart,
     DetailsPart,
+    InspectorPart,
     JobsPart,
     NewProjectPart,
     LogPart,

@@ -19,6 +19,7 @@ from nvsim.project.corrections import corrections_key
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import refresh_support, supporting_frames
+from nvsim.project.thresholds import recorded
 from nvsim.render.backends import Backend
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
@@ -88,7 +89,7 @@ def run(
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
     project.set_graph(result.graph)
-    ledger.finish(project, STAGE, time.monotonic() - started, result.report)
+    ledger.finish(project, STAGE, time.monotonic() - started, {**result.report, **recorded(config)})
     partial.unlink(missing_ok=True)
     graph = result.graph
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))

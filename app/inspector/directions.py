@@ -1,0 +1,164 @@
+"""The directions of a viewpoint: where they lead, what was measured, what was decided, in words. Knows no Qt."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.evidence_words import compass
+from app.graph_arrays import GraphArrays
+from nvsim.graph.types import Evidence, NavGraph, edge
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import DIRECTIONS
+from nvsim.mapping.explain import Explanation, explain, outline
+
+_HERE = 0.01  # metres: a step that ends this near to a viewpoint leads to it
+_FATES = {
+    "return": "the way there is free, the way back is not",
+    "distance": "it leads too far from the walk",
+    "limit": "the search had reached its limit of viewpoints",
+    "merge": "another viewpoint stands near its end and the way to it is not free",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One corridor from a viewpoint.
+
+    place      compass point, with "beside" where it is not one of the eight steps
+    neighbour  id of the viewpoint it leads to, "" for none
+    joined     whether an edge leads there
+    floor      world z of the floor at its start and at its end
+    """
+
+    evidence: Evidence
+    explanation: Explanation
+    place: str
+    neighbour: str
+    joined: bool
+    floor: tuple[float, float]
+
+    @property
+    def key(self) -> tuple[str, int]:
+        return self.evidence.key
+
+    @property
+    def lattice(self) -> bool:
+        return self.evidence.direction < DIRECTIONS and not self.evidence.joins
+
+    @property
+    def open(self) -> bool:
+        """Whether the corridor passes the thresholds."""
+        return self.explanation.decision == "open"
+
+    def polygon(self) -> NDArray[np.float64]:
+        """(4, 3) the region of interest on the floor, world."""
+        return self._on_floor(outline(self.evidence, self.explanation.corridor))
+
+    def culprit(self) -> NDArray[np.float64] | None:
+        """(4, 3) the part that decided against it; None for an open corridor."""
+        failed = self.explanation.failed
+        return None if failed is None else self._on_floor(outline(self.evidence, failed.part))
+
+    def _on_floor(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        e = self.evidence
+        forward = np.array([math.sin(e.heading), math.cos(e.heading)])
+        start = np.array(e.target) - e.length * forward
+        share = np.clip((xy - start) @ forward / max(e.length, 1e-6), 0, 1)
+        return np.column_stack([xy, self.floor[0] + share * (self.floor[1] - self.floor[0])])
+
+    @property
+    def fate(self) -> str:
+        """What became of it, in a few words for a list."""
+        failed, obstacle = self.explanation.failed, self.explanation.obstacle
+        if failed is not None:
+            where = f", {obstacle:.1f} m" if failed.word == "alpha" and obstacle is not None else ""
+            return {"alpha": "blocked", "normal": "not level", "unknown": "floor not seen"}[failed.word] + where
+        if self.joined:
+            return f"edge, {self.evidence.length:.1f} m"
+        stored = {"return": "no way back", "distance": "too far out", "limit": "limit reached", "merge": "too near"}
+        return stored.get(self.evidence.decision, "free, no edge")
+
+    @property
+    def sentence(self) -> str:
+        """The decision with what decided it."""
+        explanation, e = self.explanation, self.evidence
+        way = (
+            f"to the {self.place}" if not e.joins else f"to viewpoint {short(self.neighbour or e.joins)} ({self.place})"
+        )
+        failed = explanation.failed
+        if failed is not None:
+            words = f"{failed.name} {figure(failed.value)}, limit {figure(failed.limit)}"
+            if failed.word == "alpha" and explanation.obstacle is not None:
+                words += f", something stands at {explanation.obstacle:.1f} m"
+            elif failed.word == "normal":
+                words += ", what lies there does not face up"
+            elif failed.word == "unknown":
+                words += ", nobody saw the floor there"
+            if self.joined:
+                return f"An edge {way} against the thresholds: {words}."
+            return f"No edge {way}: {words}."
+        near = explanation.tightest
+        measured = f"{near.name} {figure(near.value)}, limit {figure(near.limit)}"
+        if self.joined:
+            return f"An edge {way}, {e.length:.2f} m: every limit holds; the nearest is {measured}."
+        reason = _FATES.get(e.decision, "")
+        if not reason and self.neighbour:
+            reason = "the corridor passes, but the edge was removed or waits for a new decision"
+        elif not reason and e.decision == "open" and not e.joins:
+            reason = "the step was free and a viewpoint near its end was joined instead"
+        return f"No edge {way}: {reason or 'the corridor passes now, and no viewpoint stands at its end'} ({measured})."
+
+
+def figure(value: float) -> str:
+    """Two digits, and a third where a value would read like the limit it misses."""
+    return f"{value:.2f}"
+
+
+def short(id: str) -> str:
+    return id if len(id) <= 10 else id[:6]
+
+
+def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: MappingConfig) -> tuple[Direction, ...]:
+    """The corridors measured from `viewpoint` as `config` decides them, clockwise from north, steps before the ones to
+    other viewpoints. Evidence of a viewpoint that was moved since is left out."""
+    row = arrays.index.get(viewpoint)
+    if row is None:
+        return ()
+    found = []
+    for direction in range(_most(graph, viewpoint)):
+        e = graph.evidence.get((viewpoint, direction))
+        if e is None or getattr(e, "stale", False) or not e.alpha.size:
+            continue
+        goal = _goal(arrays, e)
+        neighbour = "" if goal is None else arrays.ids[goal]
+        joined = bool(neighbour) and neighbour != viewpoint and edge(viewpoint, neighbour).key in graph.edges
+        low = float(arrays.feet[row, 2])
+        far = low if goal is None else float(arrays.feet[goal, 2])
+        place = compass(e.heading % (2 * math.pi))
+        found.append(Direction(e, explain(e, config), place, neighbour, joined, (low, far)))
+    return tuple(sorted(found, key=lambda d: (not d.lattice, d.evidence.heading % (2 * math.pi))))
+
+
+def _most(graph: NavGraph, viewpoint: str) -> int:
+    """One more than the largest direction: numbers are given without gaps but for removed ones."""
+    number = DIRECTIONS
+    missing = 0
+    while missing < 64:
+        missing = 0 if (viewpoint, number) in graph.evidence else missing + 1
+        number += 1
+    return number
+
+
+def _goal(arrays: GraphArrays, e: Evidence) -> int | None:
+    """The row of the viewpoint at the end of the corridor."""
+    if e.joins:
+        return arrays.index.get(e.joins)
+    if not len(arrays.positions):
+        return None
+    distance = np.hypot(arrays.positions[:, 0] - e.target[0], arrays.positions[:, 1] - e.target[1])
+    nearest = int(distance.argmin())
+    return nearest if distance[nearest] < _HERE else None

@@ -1,0 +1,196 @@
+"""The inspector's panel: the panorama, the list of directions, and the measured values of one of them."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QModelIndex, Qt, Signal
+from PySide6.QtGui import QColor, QResizeEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QBoxLayout,
+    QButtonGroup,
+    QCheckBox,
+    QFrame,
+    QHBoxLayout,
+    QHeaderView,
+    QLabel,
+    QScrollArea,
+    QSizePolicy,
+    QToolButton,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app import colors
+from app.icons import swatch
+from app.inspector.directions import Direction, short
+from app.inspector.measures import MeasureBars
+from app.inspector.panorama_view import PanoramaView
+from app.inspector.panoramas import Panoramas
+from app.inspector.state import Inspection
+
+CHANNELS = {"rgb": "Colour", "alpha": "Alpha", "normal": "Normals"}
+_WIDE = 1.7  # times as wide as high: the list stands beside the panorama
+
+
+class InspectorPanel(QScrollArea):
+    """chosen(Direction): to be gone to."""
+
+    chosen = Signal(object)
+
+    def __init__(self, inspection: Inspection, panoramas: Panoramas, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWidgetResizable(True)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self._inspection = inspection
+        content = QWidget(self)
+        self.view = PanoramaView(inspection, panoramas, content)
+        self.view.chosen.connect(self.chosen)
+        self.sentence = QLabel(content)
+        self.sentence.setWordWrap(True)
+        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
+        self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
+        self.bars = MeasureBars(content)
+        self.list = self._list(content)
+        beside = QVBoxLayout()
+        beside.setSpacing(6)
+        beside.addWidget(self.list, 1)
+        beside.addWidget(self.sentence)
+        beside.addWidget(self.bars)
+        self._halves = QBoxLayout(QBoxLayout.Direction.TopToBottom)
+        self._halves.setSpacing(6)
+        self._halves.addWidget(self.view, 3)
+        self._halves.addLayout(beside, 2)
+        layout = QVBoxLayout(content)
+        layout.setContentsMargins(8, 6, 8, 6)
+        layout.setSpacing(6)
+        layout.addLayout(self._head(content))
+        layout.addLayout(self._halves, 1)
+        self.setWidget(content)
+        inspection.changed.connect(self._fill)
+        inspection.pointed.connect(self._show_pointed)
+        self._fill()
+
+    def _head(self, parent: QWidget) -> QHBoxLayout:
+        row = QHBoxLayout()
+        row.setSpacing(2)
+        self.title = QLabel(parent)
+        font = self.title.font()
+        font.setBold(True)
+        self.title.setFont(font)
+        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        row.addWidget(self.title, 1)
+        self.channels = QButtonGroup(self)
+        for i, (channel, text) in enumerate(CHANNELS.items()):
+            button = QToolButton(parent)
+            button.setText(text)
+            button.setCheckable(True)
+            button.setAutoRaise(True)
+            button.setChecked(channel == "rgb")
+            button.setToolTip(f"Show {text.lower()} in the panorama")
+            button.setObjectName(f"panorama_{channel}")
+            button.setProperty("channel", channel)
+            self.channels.addButton(button, i)
+            row.addWidget(button)
+        self.channels.buttonClicked.connect(lambda button: self.view.set_channel(button.property("channel")))
+        self.regions = QCheckBox("Regions", parent)
+        self.regions.setChecked(True)
+        self.regions.setToolTip("Draw the regions of interest that the eight directions are decided by")
+        self.regions.toggled.connect(self.view.show_regions)
+        row.addSpacing(6)
+        row.addWidget(self.regions)
+        return row
+
+    def _list(self, parent: QWidget) -> QTreeWidget:
+        tree = QTreeWidget(parent)
+        tree.setObjectName("directions")
+        tree.setColumnCount(3)
+        tree.setHeaderLabels(["Direction", "Decision", "Leads to"])
+        tree.setRootIsDecorated(False)
+        tree.setUniformRowHeights(True)
+        tree.setMouseTracking(True)
+        tree.setFrameShape(QFrame.Shape.NoFrame)
+        tree.setAlternatingRowColors(True)
+        tree.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        tree.setMinimumHeight(8 * (tree.fontMetrics().height() + 5))
+        header = tree.header()
+        header.setStretchLastSection(False)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
+        header.setSectionResizeMode(2, QHeaderView.ResizeMode.ResizeToContents)
+        tree.itemEntered.connect(lambda item, _: self._inspection.point(self._of(item)))
+        tree.currentItemChanged.connect(self._on_current)
+        tree.itemDoubleClicked.connect(lambda item, _: self._choose(item))
+        return tree
+
+    def _of(self, item: QTreeWidgetItem) -> Direction | None:
+        return next((d for d in self._inspection.directions if d.key == item.data(0, Qt.ItemDataRole.UserRole)), None)
+
+    def set_channel(self, channel: str) -> None:
+        """One of CHANNELS."""
+        for button in self.channels.buttons():
+            if button.property("channel") == channel:
+                button.setChecked(True)
+                self.view.set_channel(channel)
+
+    def _on_current(self, item: QTreeWidgetItem | None) -> None:
+        if item is not None:
+            self._inspection.point(self._of(item))
+
+    def _choose(self, item: QTreeWidgetItem) -> None:
+        direction = self._of(item)
+        if direction is not None:
+            self.chosen.emit(direction)
+
+    def _fill(self) -> None:
+        found = self._inspection.directions
+        id = self._inspection.viewpoint
+        self.title.setText(f"Viewpoint {short(id)}" if id else "")
+        self.list.blockSignals(True)
+        self.list.clear()
+        open_mark, blocked_mark = swatch(colors.OPEN), swatch(colors.BLOCKED)
+        for direction in found:
+            way = direction.place if direction.lattice else f"{direction.place} ↝"
+            item = QTreeWidgetItem([way, direction.fate, short(direction.neighbour)])
+            item.setData(0, Qt.ItemDataRole.UserRole, direction.key)
+            item.setData(0, Qt.ItemDataRole.DecorationRole, open_mark if direction.open else blocked_mark)
+            item.setForeground(1, QColor(colors.OPEN_TEXT if direction.open else colors.BLOCKED_TEXT))
+            item.setToolTip(0, direction.sentence)
+            item.setToolTip(1, direction.sentence)
+            item.setToolTip(2, f"Double-click to stand there: {direction.neighbour}" if direction.neighbour else "")
+            self.list.addTopLevelItem(item)
+        self.list.blockSignals(False)
+        self._show_pointed()
+
+    def _show_pointed(self) -> None:
+        current = self._inspection.current
+        self.list.blockSignals(True)
+        self.list.setCurrentIndex(QModelIndex())
+        for row in range(self.list.topLevelItemCount()):
+            item = self.list.topLevelItem(row)
+            if item is not None and current is not None and item.data(0, Qt.ItemDataRole.UserRole) == current.key:
+                self.list.setCurrentItem(item)
+        self.list.blockSignals(False)
+        self.bars.show_explanation(None if current is None else current.explanation)
+        self.sentence.setText(self._words(current))
+
+    def _words(self, current: Direction | None) -> str:
+        if current is not None:
+            return current.sentence
+        found = [d for d in self._inspection.directions if d.lattice]
+        if self._inspection.viewpoint is None:
+            return "Select a viewpoint to see what was measured around it."
+        if not found:
+            return "No evidence is stored for this viewpoint: a person or a file put it there, or it was moved."
+        free = sum(d.open for d in found)
+        return f"{free} of {len(found)} directions pass the thresholds. Point at one to see its values."
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        size = self.viewport().size()
+        wide = size.width() > _WIDE * size.height()
+        way = QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom
+        self._halves.setDirection(way)
+        super().resizeEvent(event)

@@ -1,0 +1,48 @@
+"""Regions on the floor as they lie in a panorama, and which of them a direction of sight meets. Knows no Qt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.inspector.directions import Direction
+
+_FINE = 14  # points along each side of a region: straight lines on the floor are curves in a panorama
+
+
+def angles(points: NDArray[np.float64], eye: NDArray[np.float64], around: float = 0.0) -> NDArray[np.float64]:
+    """(N, 2) heading and elevation in radians of world points (N, 3) seen from `eye`; headings lie within half a turn
+    of `around`."""
+    way = points - eye
+    heading = np.arctan2(way[:, 0], way[:, 1])
+    heading = (heading - around + math.pi) % (2 * math.pi) - math.pi + around
+    return np.stack([heading, np.arctan2(way[:, 2], np.hypot(way[:, 0], way[:, 1]))], axis=1)
+
+
+def fine(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 3) a closed outline through the corners (N, 3) with points between them."""
+    share = np.linspace(0, 1, _FINE, endpoint=False)[:, None]
+    following = np.roll(corners, -1, axis=0)
+    return np.concatenate([a + share * (b - a) for a, b in zip(corners, following, strict=True)])
+
+
+def met(found: Sequence[Direction], eye: NDArray[np.float64], heading: float, elevation: float) -> Direction | None:
+    """The direction whose region lies on the floor where one looks; of several the one most in the middle."""
+    if elevation >= -1e-3:
+        return None
+    best, least = None, math.inf
+    for direction in found:
+        e = direction.evidence
+        distance = float(eye[2] - direction.floor[0]) / math.tan(-elevation)
+        turn = heading - e.heading
+        along, across = distance * math.cos(turn), abs(distance * math.sin(turn))
+        rows, cells = direction.explanation.corridor
+        half = max(abs(cells.start - e.alpha.shape[1] / 2), abs(cells.stop - e.alpha.shape[1] / 2))
+        inside = 0 <= along <= e.near + rows.stop * e.depth and across <= half * e.width / e.alpha.shape[1]
+        # A step is met before a corridor that lies upon it.
+        if inside and across + 0.02 * (not direction.lattice) < least:
+            best, least = direction, across + 0.02 * (not direction.lattice)
+    return best

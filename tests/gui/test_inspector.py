@@ -1,0 +1,200 @@
+"""The inspector: regions lie where evidence was measured, words say what decided, pointing is shared by all views."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import demo_room
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtWidgets import QApplication, QDockWidget
+from pytestqt.qtbot import QtBot
+
+from app.document import Document
+from app.inspector.directions import directions
+from app.inspector.layers import before_the_eye
+from app.inspector.sphere import angles, met
+from app.panorama_child import PanoramaDrawing, PanoramaRequest
+from app.parts.inspector import InspectorPart
+from app.window import MainWindow
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.mapping.config import MappingConfig
+
+
+def part_of(window: MainWindow) -> InspectorPart:
+    return next(part for part in window.parts if isinstance(part, InspectorPart))
+
+
+@pytest.fixture
+def part(window: MainWindow, document: Document) -> InspectorPart:
+    document.select(viewpoint=document.graph_arrays.ids[7])
+    found = part_of(window)
+    found.show_panel()
+    QApplication.processEvents()
+    return found
+
+
+def test_a_viewpoint_has_eight_regions_and_those_with_an_edge_name_their_neighbour(document: Document) -> None:
+    graph, arrays = document.contents.graph, document.graph_arrays
+    assert graph is not None
+    for id in arrays.ids[:12]:
+        found = directions(graph, arrays, id, MappingConfig())
+        assert [d.evidence.direction for d in found] == list(range(8))
+        for direction in found:
+            assert direction.polygon().shape == (4, 3)
+            assert np.allclose(direction.polygon()[:, 2], 0.0, atol=1e-9)
+            assert (direction.culprit() is None) == direction.open
+            goal = np.array(direction.evidence.target)
+            if direction.neighbour:
+                assert math.dist(goal, arrays.positions[arrays.index[direction.neighbour], :2]) < 0.01
+
+
+def test_the_sentence_names_the_value_the_limit_and_where_something_stands(document: Document) -> None:
+    graph, arrays = document.contents.graph, document.graph_arrays
+    assert graph is not None
+    blocked = [d for id in arrays.ids for d in directions(graph, arrays, id, MappingConfig()) if not d.open]
+    shut = next(d for d in blocked if d.explanation.obstacle is not None and d.explanation.obstacle > 0.5)
+    assert shut.sentence.startswith(f"No edge to the {shut.place}: ")
+    assert "limit 0." in shut.sentence and f"something stands at {shut.explanation.obstacle:.1f} m" in shut.sentence
+    paper = MappingConfig.paper()
+    free = next(d for d in directions(graph, arrays, arrays.ids[7], paper) if d.joined)
+    assert free.sentence.startswith(f"An edge to the {free.place}") and "every limit holds" in free.sentence
+
+
+def test_a_region_is_met_by_looking_at_its_middle_and_not_above_the_horizon(document: Document) -> None:
+    graph, arrays = document.contents.graph, document.graph_arrays
+    assert graph is not None
+    id = arrays.ids[7]
+    eye = arrays.positions[7]
+    found = directions(graph, arrays, id, MappingConfig())
+    for direction in found:
+        middle = direction.polygon().mean(axis=0)
+        ((heading, elevation),) = angles(middle[None], eye)
+        assert met(found, eye, heading, elevation) is direction
+        assert met(found, eye, heading, 0.2) is None
+        assert met(found, eye, heading + math.radians(22.5), elevation / 3) is None
+
+
+def test_a_region_behind_the_eye_is_cut_off_and_never_turned_inside_out() -> None:
+    camera = Camera(Intrinsics.from_fov(100, 100, 1.2), look(np.array([0.0, 0.0, 1.5]), 0.0, -0.4))
+    corners = np.array([[-0.3, -2.0, 0.0], [-0.3, 4.0, 0.0], [0.3, 4.0, 0.0], [0.3, -2.0, 0.0]])
+    seen = before_the_eye(corners, camera)
+    _, depth = camera.project(seen)
+    assert len(seen) == 4 and (depth > 0).all()
+    assert len(before_the_eye(corners - [0, 9, 0], camera)) == 0
+    np.testing.assert_array_equal(before_the_eye(corners + [0, 6, 0], camera), corners + [0, 6, 0])
+
+
+def test_the_panorama_shows_north_in_the_middle_and_comes_coarse_first() -> None:
+    renderer = demo_room.RoomSource().open()
+    drawing = PanoramaDrawing(renderer)
+    eye = (4.0, 6.0, 1.5)
+    drawing.begin(PanoramaRequest("here", eye, (96, 192)))
+    made = [p for p in (drawing.step() for _ in range(60)) if p is not None]
+    assert [p.width for p in made] == [96, 192] and [p.final for p in made] == [False, True]
+    assert not drawing.waits and drawing.step() is None
+    alpha = made[1].pixels["alpha"][..., 0].astype(float) / 255
+    assert alpha.shape == (96, 192)
+    for place, expected in (((3.9, 3.7, 0.75), 0.99), ((4.0, 7.5, 0.0), 0.0), ((6.7, 7.0, 1.1), 0.99)):
+        ((heading, elevation),) = angles(np.array([place]), np.array(eye))
+        column, row = round((heading / (2 * math.pi) + 0.5) * 192), round((0.5 - elevation / math.pi) * 96)
+        assert alpha[row, column % 192] == pytest.approx(expected, abs=0.05), place
+
+
+def test_a_newer_panorama_takes_the_place_of_one_that_is_not_finished() -> None:
+    drawing = PanoramaDrawing(demo_room.RoomSource().open())
+    drawing.begin(PanoramaRequest("old", (4.0, 6.0, 1.5), (64,)))
+    for _ in range(5):
+        assert drawing.step() is None
+    drawing.begin(PanoramaRequest("new", (5.0, 6.0, 1.5), (64,)))
+    made = [p for p in (drawing.step() for _ in range(40)) if p is not None]
+    assert [p.key for p in made] == ["new"]
+
+
+def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
+    part: InspectorPart, qtbot: QtBot
+) -> None:
+    panel, view = part.panel, part.panel.view
+    panel.resize(400, 500)
+    view.resize(400, 200)
+    direction = next(d for d in part.inspection.directions if d.neighbour)
+    middle = direction.polygon().mean(axis=0)
+    seen = angles(middle[None], part.inspection.eye)
+    ((x, y),) = view.to_pixels(seen)
+    heading, elevation = view.to_angles(QPointF(x, y))
+    assert (heading, elevation) == pytest.approx(tuple(seen[0]))
+    qtbot.mouseMove(view, QPoint(round(x) % view.width(), round(y)))
+    QApplication.processEvents()
+    assert part.inspection.current is direction
+    assert panel.sentence.text() == direction.sentence
+    assert panel.list.currentItem() is not None and panel.list.currentItem().text(0) == direction.place
+    assert not part._marks._items["pointed"].path().isEmpty()
+    assert "mean alpha" in panel.bars.accessibleDescription()
+
+
+def test_a_click_on_a_region_goes_to_the_neighbour(part: InspectorPart, window: MainWindow, qtbot: QtBot) -> None:
+    view, document = part.panel.view, window.document
+    direction = next(d for d in part.inspection.directions if d.neighbour)
+    ((x, y),) = view.to_pixels(angles(direction.polygon().mean(axis=0)[None], part.inspection.eye))
+    place = QPoint(round(x) % view.width(), round(y))
+    qtbot.mouseClick(view, Qt.MouseButton.LeftButton, pos=place)
+    assert document.selection.viewpoint == direction.neighbour
+    assert part.inspection.viewpoint == direction.neighbour
+
+
+def test_a_drag_turns_the_panorama_and_chooses_nothing(part: InspectorPart, window: MainWindow, qtbot: QtBot) -> None:
+    view, before = part.panel.view, window.document.selection
+    heading = view.to_angles(QPointF(view.width() / 2, 10))[0]
+    qtbot.mousePress(view, Qt.MouseButton.LeftButton, pos=QPoint(100, 100))
+    qtbot.mouseMove(view, QPoint(160, 100))
+    qtbot.mouseRelease(view, Qt.MouseButton.LeftButton, pos=QPoint(160, 100))
+    assert view.to_angles(QPointF(view.width() / 2, 10))[0] % (2 * math.pi) != pytest.approx(heading % (2 * math.pi))
+    assert window.document.selection == before
+
+
+def test_the_panorama_arrives_from_the_drawing_process_and_is_kept(
+    window: MainWindow, document: Document, qtbot: QtBot
+) -> None:
+    part = part_of(window)
+    document.select(viewpoint=document.graph_arrays.ids[3])
+    part.show_panel()
+    window.show_source(demo_room.RoomSource())
+    qtbot.waitUntil(lambda: part.panoramas.current is not None and part.panoramas.current.final, timeout=60_000)
+    assert not part.panoramas.drawing
+    picture = part.panel.view.grab().toImage()
+    assert len({picture.pixelColor(x, picture.height() - 20).name() for x in range(0, picture.width(), 7)}) > 5
+    kept = part.panoramas.current
+    document.select(viewpoint=document.graph_arrays.ids[4])
+    document.select(viewpoint=document.graph_arrays.ids[3])
+    assert part.panoramas.current is kept
+    window.show_source(None)
+
+
+def test_nothing_is_drawn_while_nobody_looks(part: InspectorPart, window: MainWindow) -> None:
+    assert part.panoramas._wanted is not None
+    dock = window.findChild(QDockWidget, "dock_inspector")
+    assert dock is not None
+    dock.hide()
+    QApplication.processEvents()
+    assert part.panoramas._wanted is None
+
+
+def test_other_thresholds_change_the_words_at_once(part: InspectorPart) -> None:
+    usual = [d.open for d in part.inspection.directions]
+    part.inspection.try_out(replace(MappingConfig(), tau_alpha=0.0))
+    assert not any(d.open for d in part.inspection.directions)
+    assert "limit 0.00" in part.inspection.directions[0].sentence
+    part.inspection.try_out(None)
+    assert [d.open for d in part.inspection.directions] == usual
+
+
+def test_channel_and_regions_come_back_with_the_next_window(part: InspectorPart, window: MainWindow, qtbot) -> None:
+    part.panel.set_channel("alpha")
+    part.panel.regions.setChecked(False)
+    part.store(window.settings)
+    part.panel.set_channel("rgb")
+    part.panel.regions.setChecked(True)
+    part.restore(window.settings)
+    assert part.panel.view.channel == "alpha" and not part.panel.view.shows_regions
