@@ -19,6 +19,7 @@ from app.frames.matter import Failure, Matter, Reader
 from app.frames.model import coverage_words
 from app.frames.page import FramePage
 from app.frames.state import FrameState
+from app.layers.frame_mask import FrameMaskLayer
 from app.notices import Notices
 from app.render_child import Picture, Request
 from app.scene_view import SceneView
@@ -43,7 +44,6 @@ class FrameBrowser(QObject):
     opened = Signal()
     left = Signal()
     toolChanged = Signal(str)
-    maskChanged = Signal()
 
     def __init__(
         self, document: Document, scene: SceneView, state: FrameState, notices: Notices, parent: QObject | None = None
@@ -56,6 +56,8 @@ class FrameBrowser(QObject):
         self._reader = Reader(self)
         self._candidates = FrameLink(self)
         self.corrector = Corrector(self._reader, self)
+        self.over_scene = FrameMaskLayer()
+        scene.overlays.add(self.over_scene, below="graph")
         self.tool = ""
         self.index: int | None = None  # of the frame on the page
         self.matter: Matter | None = None
@@ -70,6 +72,7 @@ class FrameBrowser(QObject):
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self._on_selection)
+        self._scene.overlays.changed.connect(self._on_selection)
         self._scene.link.arrived.connect(self._on_picture)
         self._scene.link.opened.connect(lambda _: self._soon.start())
         self._state.changed.connect(self._say_title)
@@ -157,6 +160,7 @@ class FrameBrowser(QObject):
         self.index = self.matter = self._asked_for = None
         for layer in self.layers:
             layer.painted = None
+        self._show_over_scene()
         self.page.canvas.show_photo(None, keep_zoom=False)
         if self.is_open:
             self.left.emit()
@@ -179,7 +183,7 @@ class FrameBrowser(QObject):
         self._ask_render()
         if self.tool == "points" or any(self._layer[name].shown for name in CANDIDATES):
             self._want_candidates()
-        self.maskChanged.emit()
+        self._show_over_scene()
 
     def _show_mask(self, matter: Matter) -> None:
         correction = self.corrector.correction
@@ -189,6 +193,14 @@ class FrameBrowser(QObject):
             self._layer["floor"].painted = pictures.tint(matter.mask, self._layer["floor"].color)
         if matter.machine is not None:
             self._layer["machine"].painted = pictures.tint(matter.machine, self._layer["machine"].color)
+
+    def _show_over_scene(self) -> None:
+        painted = self._layer["floor"].painted
+        if self.matter is None or painted is None:
+            self.over_scene.show(None, None)
+        else:
+            self.over_scene.show(self.matter.frame.camera, painted.image)
+        self._scene.update()
 
     # The render -------------------------------------------------------------------------------------------------
 
@@ -261,7 +273,7 @@ class FrameBrowser(QObject):
         if correction is not None and self.index is not None:
             self._state.learn(self.index, correction.coverage, correction.is_corrected)
         self.page.canvas.update()
-        self.maskChanged.emit()
+        self._scene.update()
 
     def _on_written(self, index: int) -> None:
         if self.index == index:
@@ -293,7 +305,7 @@ class FrameBrowser(QObject):
 
     def _on_selection(self) -> None:
         frame = self._document.selection.frame
-        if self.is_open and frame is not None:
+        if frame is not None and (self.is_open or self.over_scene.shown):
             self._take(frame)
 
     def _on_layer(self, layer: FrameLayer) -> None:

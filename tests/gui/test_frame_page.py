@@ -417,3 +417,34 @@ def test_a_step_of_the_brush_takes_under_ten_milliseconds_on_a_large_image(opene
     browser.corrector.brush._last = None
     print(f"median {np.median(times):.1f} ms, 95th percentile {np.quantile(times, 0.95):.1f} ms")
     assert np.median(times) < 40
+
+
+def test_the_mask_lies_over_the_3d_view_too_and_follows_the_brush(opened, qtbot: QtBot) -> None:
+    window, browser = opened
+    window.actions_table["leave_frame"].trigger()
+    overlays = window.scene.overlays
+    overlays.set_shown("frame_mask", True)
+    window.document.select(frame=6)
+    qtbot.waitUntil(lambda: browser.matter.index == 6, timeout=10_000)
+    assert not overlays["frame_mask"].missing and not browser.is_open
+    window.scene.snap_to_frame(6)
+    qtbot.waitUntil(lambda: np.allclose(window.scene.pose.position, browser.matter.frame.camera.position))
+    before = window.scene.grab().toImage()
+    browser.open(6)
+    with_tool(opened, "brush")
+    browser.corrector.brush.radius = 60
+    stroke(qtbot, browser, (320, 100), (330, 100))
+    window.actions_table["leave_frame"].trigger()
+    after = window.scene.grab().toImage()
+    changed = [
+        (x, y)
+        for x in range(0, after.width(), 8)
+        for y in range(0, after.height() - 60, 8)
+        if before.pixel(x, y) != after.pixel(x, y)
+    ]
+    x, y = np.mean(changed, axis=0)
+    camera = window.scene.overlay_camera
+    wanted, _ = camera.project(
+        browser.matter.frame.camera.position + browser.matter.frame.camera.rays()[100, 325][None].astype(float)
+    )
+    assert np.hypot(*(wanted[0] - (x, y))) < 20
