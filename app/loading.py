@@ -32,6 +32,7 @@ class Contents:
     model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
     stages        names of the stages that ended well
     thresholds    what the graph was decided with
+    live          whether all that is to be seen is in training still
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     """
 
@@ -46,19 +47,21 @@ class Contents:
     stages: frozenset[str] = frozenset()
     outline: NDArray[np.float64] | None = None
     thresholds: MappingConfig = field(default_factory=MappingConfig)
+    live: bool = False
 
     @property
     def missing_verb(self) -> str:
         """The command that makes what the project lacks next: "" when nothing is missing or no project is open."""
-        if self.path is None or self.outline is not None or (self.graph is not None and self.scene_stamp is not None):
+        trained = self.scene_stamp is not None and not self.live
+        if self.path is None or self.outline is not None or (self.graph is not None and trained):
             return ""
         if self.capture is None:
             return "" if self.graph is not None else "import"
         if not self.submaps:
             return "submaps"
-        if "floors" not in self.stages and self.scene_stamp is None:
+        if "floors" not in self.stages and not trained:
             return "floors"
-        return "train" if self.scene_stamp is None else "map"
+        return "map" if trained else "train"
 
     @property
     def missing(self) -> tuple[str, str] | None:
@@ -74,8 +77,8 @@ class Contents:
             return "The trajectory is not divided into submaps yet.", f"nvsim submaps {project}"
         if self.missing_verb == "floors":
             return "The floor is not found in the frames yet.", f"nvsim floors {project}"
-        if self.scene_stamp is None and self.capture is not None:
-            return "No submap is trained yet, so there is no reconstruction to see.", f"nvsim train {project}"
+        if (self.scene_stamp is None or self.live) and self.capture is not None:
+            return "No submap is trained to the end yet.", f"nvsim train {project}"
         if self.graph is None:
             return "No navigation graph is built yet.", f"nvsim map {project}"
         return None
@@ -151,11 +154,15 @@ class ProjectReader:
             if part == "graph":
                 self._contents = replace(self._contents, thresholds=thresholds_of(project))
             if part == "scene_stamp":
-                self._contents = replace(self._contents, model_info=self._model_info())
+                info = self._model_info()
+                self._contents = replace(self._contents, model_info=info, live=value is not None and not info)
             yield self._contents
 
     def _models(self) -> Hashable | None:
-        found = [(p.parent.name, _file_stamp(p)) for p in sorted(self._project.layout.models.glob("*/model.json"))]
+        layout = self._project.layout
+        found: list[Hashable] = [(p.parent.name, _file_stamp(p)) for p in sorted(layout.models.glob("*/model.json"))]
+        # Who draws looks for new states of these by itself.
+        found += [p.parent.name for p in sorted(layout.checkpoints.glob("live_*/model.json"))]
         return tuple(found) or None
 
     def _model_info(self) -> dict[int, dict[str, object]]:

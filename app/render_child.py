@@ -6,6 +6,7 @@ time, and because a window must survive whatever happens in a kernel.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 import traceback
@@ -22,8 +23,10 @@ from app.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.renderer_choice import AUTOMATIC, CPU
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
+from nvsim.project.layout import Layout
 from nvsim.splats.types import SubmapModel
 
+LOOK_AGAIN = 1.0  # seconds between two looks for a new state of a model in training
 WHOLE = -1  # in place of a submap's index: the whole building without its ceilings
 
 
@@ -43,22 +46,48 @@ class ProjectSource:
     memory_budget: int | None = None
 
     def open(self) -> Models:
+        return Models(ProjectModels(self).at)
+
+
+class ProjectModels:
+    """The models of a project. Those in training are read again when they have been saved again."""
+
+    def __init__(self, source: ProjectSource) -> None:
+        """Raises InputError when there is none."""
+        self._source = source
+        self._looked = time.monotonic()
+        self._stamp = self._live_stamp()
+        self._load()
+
+    def at(self, camera: Camera) -> tuple[int, SubmapModel]:
+        """The submap that answers for the camera, and its model."""
+        if self._stamp and time.monotonic() - self._looked > LOOK_AGAIN:
+            self._looked = time.monotonic()
+            stamp = self._live_stamp()
+            if stamp and stamp != self._stamp:
+                self._stamp = stamp
+                self._load()
+        if self._cutaway.is_outside(camera.position):
+            return WHOLE, self._cutaway.model
+        return self._scene.model_at(camera.position)
+
+    def _live_stamp(self) -> tuple[tuple[str, int], ...]:
+        found = sorted(Layout(self._source.path).checkpoints.glob("live_*/model.json"))
+        with contextlib.suppress(OSError):  # replaced at this moment; there is a next time
+            return tuple((str(p), p.stat().st_mtime_ns) for p in found)
+        return ()
+
+    def _load(self) -> None:
         from app.cutaway import Cutaway
         from nvsim.project.project import Project
 
-        with Project.open(self.path) as project:
-            scene = project.scene(self.memory_budget)
+        with Project.open(self._source.path) as project:
+            scene = project.scene(self._source.memory_budget, live=True)
             submaps, support = project.submaps(), project.support()
         if scene is None:
-            raise InputError(f"{self.path} has no trained model.")
-        cutaway = Cutaway(scene, submaps, None if support is None else support.at)
-
-        def at(camera: Camera) -> tuple[int, SubmapModel]:
-            if cutaway.is_outside(camera.position):
-                return WHOLE, cutaway.model
-            return scene.model_at(camera.position)
-
-        return Models(at)
+            raise InputError(f"{self._source.path} has no trained model.")
+        self._scene = scene
+        self._cutaway = Cutaway(scene, submaps, None if support is None else support.at)
 
 
 @dataclass(frozen=True, eq=False)

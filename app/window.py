@@ -115,7 +115,7 @@ class MainWindow(QMainWindow):
                 docks[row.name].raise_()
         self.resizeDocks([docks["submaps"], docks["map"]], [330, 380], Qt.Orientation.Horizontal)
         self.resizeDocks([docks["map"], docks["details"]], [400, 420], Qt.Orientation.Vertical)
-        self.resizeDocks([docks["jobs"]], [150], Qt.Orientation.Vertical)
+        self.resizeDocks([docks["jobs"]], [215], Qt.Orientation.Vertical)
 
     def _connect(self) -> None:
         self.scene.troubled.connect(self._on_trouble)

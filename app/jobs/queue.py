@@ -61,7 +61,10 @@ class JobHandle(QObject):
         if self.state == "running":
             if self.wish is not None:
                 return "Pausing at the last checkpoint…" if self.wish == "pause" else "Ending…"
-            return "Starting…" if progress is None else f"{progress.stage}: {progress.detail}".rstrip(": ")
+            if progress is None or progress.done == 0:
+                lines = self.history.lines
+                return lines[-1].text if lines and lines[-1].text != "Started." else "Starting…"
+            return f"{progress.stage}: {progress.detail}".rstrip(": ")
         return standing.message if self.state == "done" else ""
 
     @property

@@ -121,7 +121,7 @@ class JobPanel(QWidget):
         self.table.setItemDelegateForColumn(PROGRESS, ProgressBar(self.table))
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(header.ResizeMode.Interactive)
-        for column, width in enumerate((150, 82, 110, 66, 92, 62, 92, 200)):
+        for column, width in enumerate((140, 80, 96, 84, 62, 84, 60, 200)):
             header.resizeSection(column, width)
         assert len(COLUMNS) == 8
         header.setStretchLastSection(True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QPainter, QPaintEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QSizePolicy, QWidget
 
 from app.jobs.queue import JobQueue
 from app.panels.job_table import duration
@@ -90,6 +90,7 @@ class JobStatus(QWidget):
         row.setContentsMargins(4, 0, 8, 0)
         row.addWidget(self.words)
         row.addWidget(self.bar)
+        self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Preferred)
         queue.changed.connect(self.refresh)
         queue.progressed.connect(self.refresh)
         self.refresh()

@@ -16,6 +16,7 @@ from app.panels.jobs import JobPanel, waiting_words
 from app.panels.stage_bar import JobStatus, StageBar
 from app.parts.part import Dock, Part
 from nvsim.errors import InputError
+from nvsim.events import Preview
 
 
 def _action(verb: str, section: int, tip: str, shortcut: str = "") -> Action:
@@ -53,6 +54,7 @@ class JobsPart(Part):
         w = self.workspace
         self.panel = JobPanel(w.document, w.jobs)
         self.panel.againWanted.connect(self._open_again)
+        w.jobs.heard.connect(self._on_heard)
         w.jobs.ended.connect(self._on_ended)
         w.jobs.found.connect(self._on_found)
         return (Dock("jobs", "Jobs", self.panel, "bottom", titled=False),)
@@ -148,6 +150,12 @@ class JobsPart(Part):
             self.open_form(handle.job.order.verb)
         else:
             self.workspace.notices.info(f"“{handle.title}” has no settings to change; Go on runs it again.")
+
+    def _on_heard(self, handle: JobHandle, event: object) -> None:
+        """A model in training was saved again: the view draws it as it is now."""
+        scene = self.workspace.scene
+        if isinstance(event, Preview) and handle.running and not scene.drawing:
+            scene.set_channel(scene.channel)
 
     def _on_ended(self, handle: JobHandle) -> None:
         notices, state = self.workspace.notices, handle.state

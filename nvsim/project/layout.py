@@ -100,5 +100,9 @@ class Layout:
     def checkpoint(self, submap: int) -> Path:
         return self.checkpoints / f"submap_{submap:03d}.ckpt"
 
+    def live(self, submap: int) -> Path:
+        """The model as it was a moment ago, of a training that goes on or was cut off; only to be looked at."""
+        return self.checkpoints / f"live_{submap:03d}"
+
     def preview(self, submap: int) -> Path:
         return self.pictures / f"preview_{submap:03d}.jpg"

@@ -191,12 +191,13 @@ class Project:
 
         return FloorSupport.load(self.layout.support)
 
-    def scene(self, memory_budget: int | None = None) -> SceneModel | None:
+    def scene(self, memory_budget: int | None = None, live: bool = False) -> SceneModel | None:
         """The ensemble of the submap models that exist, with `memory_budget` bytes for those in memory (see
-        SceneModel); None while there is none."""
+        SceneModel); None while there is none. With `live` the models in training stand in for those that are not
+        finished."""
         submaps = self.submaps()
-        folders = [self.layout.model(s.index) for s in submaps]
-        found = [f if (f / "model.json").is_file() else None for f in folders]
+        places = [[self.layout.model(s.index), *([self.layout.live(s.index)] if live else [])] for s in submaps]
+        found = [next((f for f in folders if (f / "model.json").is_file()), None) for folders in places]
         if not any(found):
             return None
         from nvsim.splats.scene import SceneModel

@@ -15,6 +15,7 @@ from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Metric, Preview, Progress, Warning, silent
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
 from nvsim.training.config import TrainingConfig
@@ -46,6 +47,7 @@ def train_submap(
     submap: int = 0,
     listen: Listener = silent,
     preview: Path | None = None,
+    live: Path | None = None,
 ) -> SubmapModel:
     """The floor-aware model of one submap (paper, section III-C).
 
@@ -55,6 +57,7 @@ def train_submap(
     checkpoint  a file that is written now and then, and continued from when it belongs to the same inputs
     submap      goes into the events
     preview     a picture file that is rewritten now and then, see `training.preview`
+    live        a folder where the model as it is then is saved beside every picture, for whoever watches
 
     The result depends on the inputs, `seed` and the number of threads alone, interrupted or not, once the kernels are
     compiled (`compilation.compile_ahead`); a run that goes on with another number of threads differs by the rounding of
@@ -73,7 +76,7 @@ def train_submap(
         run = _Run(views, cloud, floor, config, seed, submap, listen)
         if checkpoint is not None:
             run.attach(checkpoint, files.fingerprint(views, cloud, floor, config, seed))
-        return run.finish(preview)
+        return run.finish(preview, live)
     finally:
         numba.set_num_threads(threads)
         torch.set_num_threads(torch_threads)
@@ -132,7 +135,7 @@ class _Run:
         changed = "" if progress["threads"] == threads else f", threads: {threads} instead of {progress['threads']}"
         self._listen(Log(f"Submap {self._submap} continues from step {self._step}{changed}.", STAGE))
 
-    def finish(self, preview: Path | None) -> SubmapModel:
+    def finish(self, preview: Path | None, live: Path | None = None) -> SubmapModel:
         """All remaining steps."""
         c = self._config
         started = reported = saved = time.monotonic()
@@ -147,7 +150,7 @@ class _Run:
                 self._report(values, (self._step - counted) / max(now - reported, 1e-9))
                 reported, counted = now, self._step
             if preview is not None and (last or now >= due):
-                self._show(preview)
+                self._show(preview, None if last else live)
                 after = time.monotonic()
                 due = after + max(PREVIEW_SECONDS, (after - now) / PREVIEW_SHARE)
             if self._path is not None and (last or now - saved >= c.checkpoint_seconds):
@@ -186,7 +189,9 @@ class _Run:
         for name, value in figures.items():
             self._listen(Metric(STAGE, name, float(value), step, self._submap))
 
-    def _show(self, path: Path) -> None:
+    def _show(self, path: Path, live: Path | None) -> None:
+        if live is not None:
+            save_model(self.fit.model(self._info()), live)
         view = self._sizes[min(1, len(self._sizes) - 1)][len(self._views) // 2]
         write_preview(self.fit, view, path)
         self._listen(

@@ -243,3 +243,21 @@ def test_measured_parts_are_numbers_that_make_up_the_step() -> None:
     json.dumps(figures)
     assert figures["step_ms"] > 0
     assert sum(figures[f"{part}_ms"] for part in PARTS) <= 3 * figures["step_ms"]
+
+
+def test_the_model_so_far_can_be_looked_at_while_training_goes_on(
+    room: SyntheticRoom, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from nvsim.splats.files import load_model
+
+    monkeypatch.setattr(trainer, "PREVIEW_SECONDS", 0.0)
+    seen: list[int] = []
+
+    def listen(event: object) -> None:
+        if isinstance(event, Preview) and (tmp_path / "live" / "model.json").is_file():
+            seen.append(int(load_model(tmp_path / "live").info["steps"]))
+
+    train_submap(
+        room.views, room.cloud, room.floor, SMALL, listen=listen, preview=tmp_path / "p.jpg", live=tmp_path / "live"
+    )
+    assert seen and seen == sorted(seen) and seen[0] < SMALL.steps

@@ -46,8 +46,10 @@ def train(
         submap=index,
         listen=listen,
         preview=layout.preview(index),
+        live=layout.live(index),
     )
     save_model(model, folder)
+    shutil.rmtree(layout.live(index), ignore_errors=True)
     return time.monotonic() - started, {"gaussians": len(model.gaussians), "views": len(views), **model.info}
 
 

@@ -4,6 +4,7 @@ model folder per submap."""
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from collections.abc import Sequence
 from typing import Any
 
@@ -63,6 +64,7 @@ def run(
         submap = next(s for s in chosen if s.index == index)
         if not ledger.begin(project, STAGE, train_key(project, submap, config), index):
             project.layout.checkpoint(index).unlink(missing_ok=True)
+            shutil.rmtree(project.layout.live(index), ignore_errors=True)
 
     if all(t.alone for t in waiting):
         for task in waiting:
