@@ -20,6 +20,7 @@ from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
 from nvsim.perception.splatting import splat_depth
 
+_HIGH = 0.25  # metres above the floor from which on nobody takes a thing for floor
 _SPECK = 0.02  # metres: half-width of a point that hides next to nothing
 
 
@@ -121,12 +122,22 @@ class GeometricFloor:
 
     def likeness(self, camera: Camera, image: Image) -> Float32:
         """(h, w) float32 at the working size, 0 to 1: how much `image` (H, W, 3) looks like floor, by the colours that
-        `learn` has seen; without them, by the colours around the floor that geometry shows in the image itself."""
+        `learn` has seen; without them, by the colours around the floor that geometry shows in the image itself. 0 on
+        what stands high: a table may be of the same wood."""
         seen = self.project(camera)
         view = self._glimpse(seen, image)
         if self._appearance is None:
             return grow(seen.floor, seen.floor | seen.unsure | seen.hidden, view.image).astype(np.float32)
-        return np.where(seen.distance > 0, self._appearance.likeness(view), 0).astype(np.float32)
+        with np.errstate(invalid="ignore"):
+            hits = camera.position + seen.before[..., None] * self._small(camera).rays()
+            high = hits[..., 2] - self.surface.height_at(np.nan_to_num(hits[..., :2])) > _HIGH
+        standing_high = np.isfinite(seen.before) & high & ~seen.floor
+        return np.where((seen.distance > 0) & ~standing_high, self._appearance.likeness(view), 0).astype(np.float32)
+
+    @property
+    def knows_floor(self) -> bool:
+        """Whether the cloud is dense enough to show floor, so that floor it does not show is in doubt."""
+        return not self._is_sparse and self._standing.confirmed is not None
 
     def _glimpse(self, seen: Projection, image: Image) -> Glimpse:
         import cv2

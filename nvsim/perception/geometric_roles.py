@@ -43,7 +43,7 @@ class CloudNormals:
         small = camera.scaled(width, height)
         rays = small.rays()
         normals = np.zeros((height, width, 3), np.float32)
-        ground = seen.floor | seen.unsure
+        ground = seen.floor if self.floor.knows_floor else seen.floor | seen.unsure
         normals[ground] = (0, 0, 1)
         rows, columns = np.nonzero(np.isfinite(seen.before) & ~ground)
         if self.cloud is not None and len(rows) and len(self.cloud.points) >= _NEIGHBOURS:

@@ -15,7 +15,7 @@ from nvsim.perception.hybrid import HybridFloor, HybridSteps
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 
-_VERSION = 1  # raised when the same inputs give something else
+_VERSION = 2  # raised when the same inputs give something else
 _MASKS = ("semantic", "horizontal", "candidates", "prompted")
 
 

@@ -34,7 +34,7 @@ def view(x: float, y: float, tilt: float = -20) -> Camera:
     return Camera(Intrinsics.from_fov(320, 240, math.radians(75)), look(np.array([x, y, 1.5]), 0.0, math.radians(tilt)))
 
 
-def cast(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def cast(camera: Camera, desk_like_floor: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(H, W, 3) image, (H, W) 0 wall, 1 floor, 2 desk top, 3 desk front; (H, W, 3) normals; by ray and plane."""
     eye, rays = camera.position, camera.rays().astype(np.float64)
     best = np.full(rays.shape[:2], np.inf)
@@ -55,7 +55,15 @@ def cast(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     place = eye + best[..., None] * rays
     index = np.clip(((place[..., :2] + 4) * 20).astype(int), 0, 199)
     floor = 100 + 60 * PATTERN[index[..., 1], index[..., 0]]
-    shade = np.choose(kind, [np.full_like(floor, 220), floor, np.full_like(floor, 40), np.full_like(floor, 60)])
+    shade = np.choose(
+        kind,
+        [
+            np.full_like(floor, 220),
+            floor,
+            floor if desk_like_floor else np.full_like(floor, 40),
+            np.full_like(floor, 60),
+        ],
+    )
     return np.repeat(shade[..., None], 3, axis=-1).astype(np.uint8), kind, normals
 
 
@@ -88,6 +96,13 @@ def test_what_looks_like_the_known_floor_is_told_from_what_does_not() -> None:
     assert np.mean(probability[near] >= 0.5) > 0.8
     assert np.mean(probability[kind == 3] >= 0.5) < 0.1
     assert not (probability[camera.rays()[..., 2] > 0] > 0).any()  # nobody sees floor above the horizon
+
+
+def test_a_desk_of_the_floors_own_wood_is_not_taken_for_floor() -> None:
+    camera = view(0.2, -1.0)
+    image, kind, _ = cast(camera, desk_like_floor=True)
+    probability = FloorLooks(learnt()).floor_probability(image, camera)
+    assert np.mean(probability[kind == 2] >= 0.5) < 0.1
 
 
 def test_the_hybrid_of_geometric_roles_finds_the_floor_and_not_the_desk() -> None:
