@@ -2,86 +2,32 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QPainter, QPainterPath, QPen
-from PySide6.QtWidgets import QGraphicsSceneMouseEvent, QStyleOptionGraphicsItem, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QColor, QMouseEvent
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from app import colors
 from app.cameras import ViewPose
 from app.document import Document
 from app.loading import PARTS
+from app.map_camera import CameraMarker
+from app.map_graph import GraphItem
 from app.theme import is_dark
 from nvsim.occupancy.types import FREE, OCCUPIED
 
 PICK_PIXELS = 10
 
 
-class CameraMarker(pg.GraphicsObject):
-    """Where the 3D camera is and what it sees: a dot with a wedge, constant in pixels. Dragging moves the camera.
-
-    dragged(float x, float y) in metres.
-    """
-
-    dragged = Signal(float, float)
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.setFlag(self.GraphicsItemFlag.ItemIgnoresTransformations)
-        self.setZValue(50)
-        self.setCursor(Qt.CursorShape.SizeAllCursor)
-        self.setToolTip("The camera of the 3D view; drag it to move")
-        self._wedge = math.radians(70)
-        self._heading = 0.0
-
-    def show_pose(self, pose: ViewPose) -> None:
-        x, y, _ = pose.position
-        self.setPos(x, y)
-        self._heading = pose.heading
-        self.update()
-
-    def boundingRect(self) -> QRectF:
-        return QRectF(-34, -34, 68, 68)
-
-    def shape(self) -> QPainterPath:
-        path = QPainterPath()
-        path.addEllipse(QPointF(0, 0), 9, 9)
-        return path
-
-    def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        # On the screen y points down, so heading 0 (north) is up and turns clockwise.
-        painter.rotate(math.degrees(self._heading))
-        fill = QColor(colors.CAMERA)
-        fill.setAlpha(70)
-        painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(fill)
-        degrees = math.degrees(self._wedge)
-        painter.drawPie(QRectF(-32, -32, 64, 64), round(16 * (90 - degrees / 2)), round(16 * degrees))
-        painter.setPen(QPen(QColor("#ffffff"), 1.5))
-        painter.setBrush(QColor(colors.CAMERA))
-        painter.drawEllipse(QPointF(0, 0), 5.5, 5.5)
-
-    def mousePressEvent(self, event: QGraphicsSceneMouseEvent) -> None:
-        if event.button() == Qt.MouseButton.LeftButton:
-            event.accept()
-        else:
-            event.ignore()
-
-    def mouseMoveEvent(self, event: QGraphicsSceneMouseEvent) -> None:
-        place = self.mapToParent(event.pos())
-        self.dragged.emit(place.x(), place.y())
-
-
 class MapView(QWidget):
-    """cameraDragged(x, y): at once; cameraPlaced(x, y): a double-click, to be flown to. Metres, world."""
+    """cameraDragged(x, y): at once; cameraPlaced(x, y): a double-click, to be flown to. Metres, world.
+    hovered(str or None): the cursor came to another viewpoint."""
 
     cameraDragged = Signal(float, float)
     cameraPlaced = Signal(float, float)
+    hovered = Signal(object)
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -100,15 +46,12 @@ class MapView(QWidget):
 
         self._occupancy = pg.ImageItem(axisOrder="row-major")
         self._occupancy.setZValue(0)
-        self._edges = pg.PlotCurveItem(connect="pairs", pen=pg.mkPen(colors.EDGE, width=1.4))
-        self._edges.setZValue(20)
-        self._nodes = pg.ScatterPlotItem(size=8, pen=pg.mkPen(colors.NODE_OUTLINE), brush=pg.mkBrush(colors.NODE))
-        self._nodes.setZValue(30)
+        self.graph = GraphItem(document)
         self._picked = pg.ScatterPlotItem(size=15, pen=pg.mkPen("#3a2c05", width=2), brush=pg.mkBrush(colors.SELECTED))
         self._picked.setZValue(40)
         self.camera = CameraMarker()
         self._walks: dict[int, pg.PlotCurveItem] = {}  # submap -> its part of the trajectory
-        for item in (self._occupancy, self._edges, self._nodes, self._picked, self.camera):
+        for item in (self._occupancy, self.graph, self._picked, self.camera):
             self.plot.addItem(item)
         self._scale = pg.ScaleBar(size=5, width=4, suffix="m")
         self._scale.setParentItem(self.plot.getViewBox())
@@ -116,12 +59,37 @@ class MapView(QWidget):
         self.camera.hide()
         self._scale.hide()
         self.camera.dragged.connect(self.cameraDragged)
+        self.plot.viewport().setMouseTracking(True)
+        self.plot.viewport().installEventFilter(self)
         self.plot.scene().sigMouseClicked.connect(self._on_click)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self._draw_selection)
         self._dress()
         self._on_contents(frozenset(PARTS))
+
+    def show_hovered(self, viewpoint: str | None) -> None:
+        """Marks the viewpoint under the cursor, be it of this view or of the 3D view."""
+        if viewpoint != self.graph.hovered:
+            self.graph.hovered = viewpoint
+            self.graph.update()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.MouseMove and isinstance(event, QMouseEvent) and not event.buttons():
+            hovered = self._under(event.position())
+            if hovered != self.graph.hovered:
+                self.show_hovered(hovered)
+                self.hovered.emit(hovered)
+        elif event.type() == QEvent.Type.Leave and self.graph.hovered is not None:
+            self.show_hovered(None)
+            self.hovered.emit(None)
+        return super().eventFilter(watched, event)
+
+    def _under(self, point: QPointF) -> str | None:
+        x, y = self.to_world(point)
+        reach = PICK_PIXELS * self.plot.getViewBox().viewPixelSize()[0]
+        row = _nearest(self._document.graph_arrays.positions, QPointF(x, y), reach)
+        return None if row is None else self._document.graph_arrays.ids[row]
 
     def show_pose(self, pose: ViewPose) -> None:
         """Moves the camera marker."""
@@ -202,14 +170,14 @@ class MapView(QWidget):
         self._draw_selection()
 
     def _draw_graph(self) -> None:
-        arrays = self._document.graph_arrays
-        ends = arrays.positions[arrays.edges].reshape(-1, 3)
-        self._edges.setData(ends[:, 0], ends[:, 1])
-        self._nodes.setData(arrays.positions[:, 0], arrays.positions[:, 1])
+        self.graph.refresh()
         self._draw_selection()
 
     def _draw_selection(self) -> None:
         point = self._document.selected_point if not self._document.selection.submap else None
+        self.graph.update()
+        if self._document.selection.viewpoint is not None:
+            point = None  # the graph's own drawing marks it
         self._picked.setData([] if point is None else [point[0]], [] if point is None else [point[1]])
         chosen = self._document.selection.submap
         for owner, item in self._walks.items():

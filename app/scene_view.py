@@ -38,12 +38,14 @@ REST = 100  # milliseconds without movement until the sharp picture is asked for
 
 
 class SceneView(QWidget):
-    """poseChanged(ViewPose); pictureShown(Picture) after it was painted; troubled(Trouble); remarked(Remark)."""
+    """poseChanged(ViewPose); pictureShown(Picture) after it was painted; troubled(Trouble); remarked(Remark);
+    hovered(str or None): the cursor came to another viewpoint."""
 
     poseChanged = Signal(object)
     pictureShown = Signal(object)
     troubled = Signal(object)
     remarked = Signal(object)
+    hovered = Signal(object)
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -67,6 +69,8 @@ class SceneView(QWidget):
         self._picture: Picture | None = None
         self._image: QImage | None = None
         self._unseen = False
+        self._camera_of: object = None
+        self._overlay_camera = self.navigation.pose.camera(1, 1)
         self._number = 0
         self._placed = self.navigation.pose  # where the program, not the person, put the camera
         self._rest = QTimer(self, singleShot=True, interval=REST)
@@ -96,6 +100,12 @@ class SceneView(QWidget):
     def drawing(self) -> bool:
         """Whether a picture is under way or about to be asked for."""
         return self._rest.isActive() or self.link.busy
+
+    def show_hovered(self, viewpoint: str | None) -> None:
+        """Marks the viewpoint under the cursor, be it of this view or of the map."""
+        if viewpoint != self.overlays.graph.hovered:
+            self.overlays.graph.hovered = viewpoint
+            self.update()
 
     def show_source(self, source: RenderSource | None) -> None:
         """Draws this reconstruction from now on; None shows the overlays alone."""
@@ -226,9 +236,15 @@ class SceneView(QWidget):
     def overlay_camera(self) -> Camera:
         """The camera of what is on the screen, in logical pixels."""
         width, height = max(1, self.width()), max(1, self.height())
-        if self._picture is None:
-            return self.pose.camera(width, height)
-        return self._picture.request.camera.scaled(width, height)
+        key = (self.pose if self._picture is None else self._picture.request.number, width, height)
+        if self._camera_of != key:
+            # The same camera for the same picture: layers keep what they worked out for it.
+            self._camera_of = key
+            if self._picture is None:
+                self._overlay_camera = self.pose.camera(width, height)
+            else:
+                self._overlay_camera = self._picture.request.camera.scaled(width, height)
+        return self._overlay_camera
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
@@ -260,9 +276,9 @@ class SceneView(QWidget):
             return
         hovered = self.pick_viewpoint(event.position())
         if hovered != self.overlays.graph.hovered:
-            self.overlays.graph.hovered = hovered
             self.setCursor(Qt.CursorShape.PointingHandCursor if hovered else Qt.CursorShape.ArrowCursor)
-            self.update()
+            self.show_hovered(hovered)
+            self.hovered.emit(hovered)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         if self.navigation.release() and event.button() == Qt.MouseButton.LeftButton:

@@ -11,13 +11,12 @@ from PySide6.QtGui import QColor, QPainter, QPen
 from app import colors
 from app.document import Document
 from app.graph_arrays import GraphArrays
+from app.graph_ink import LARGE, GraphInk
+from app.kept_drawing import KeptDrawing
 from app.layers.layer import Layer
 from app.picking import NEAR, projected_segments
-from app.primitives import Primitives, disc
 from nvsim.geometry.camera import Camera
 
-# Beyond this many lines their smooth edges cost more than they give.
-SMOOTH_LINES = 4000
 _NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor
 _NODE_PIXELS = (3.5, 42.0)  # least and most radius of a disc
 _MARGIN = 20  # pixels beside the picture whose discs still reach into it
@@ -27,7 +26,7 @@ _MARGIN = 20  # pixels beside the picture whose discs still reach into it
 class Seen:
     """The viewpoints as one camera sees them; arrays have a row for each viewpoint.
 
-    pixels (N, 2), depths (N,) in metres, seen (N,), radius (N,) in pixels; order (K,) those seen, far ones first
+    pixels (N, 2), depths (N,) in metres, seen (N,), radii (N, 2) in pixels; order (K,) those seen, far ones first
     """
 
     camera: Camera
@@ -35,7 +34,7 @@ class Seen:
     pixels: NDArray[np.float64]
     depths: NDArray[np.float64]
     seen: NDArray[np.bool_]
-    radius: NDArray[np.float64]
+    radii: NDArray[np.float64]
     order: NDArray[np.int64]
 
     @staticmethod
@@ -45,8 +44,36 @@ class Seen:
         seen = (depths > NEAR) & (pixels > -_MARGIN).all(axis=1)
         seen &= (pixels[:, 0] < k.width + _MARGIN) & (pixels[:, 1] < k.height + _MARGIN)
         radius = np.clip(_NODE_METRES * k.fy / np.maximum(depths, NEAR), *_NODE_PIXELS)
+        # A disc that lies on the floor looks flatter the more level the view of it is.
+        toward = arrays.feet - camera.position
+        flat = np.abs(toward[:, 2]) / np.maximum(np.linalg.norm(toward, axis=1), 1e-9)
+        radii = np.stack([radius, np.maximum(radius * np.maximum(flat, 0.3), 2.5)], axis=1)
         order = np.flatnonzero(seen)
-        return Seen(camera, arrays, pixels, depths, seen, radius, order[np.argsort(-depths[order])])
+        return Seen(camera, arrays, pixels, depths, seen, radii, order[np.argsort(-depths[order])])
+
+    def lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What is in view of the edges, as `projected_segments` gives it: ends in pixels (M, 4), depth (M,)."""
+        k, edges = self.camera.intrinsics, self.arrays.edges
+        front = self.depths > NEAR
+        # Which sides of the picture an end lies beyond, as bits: an edge with both ends beyond one is out of view.
+        beyond = (
+            1 * (self.pixels[:, 0] < 0)
+            + 2 * (self.pixels[:, 0] > k.width)
+            + 4 * (self.pixels[:, 1] < 0)
+            + 8 * (self.pixels[:, 1] > k.height)
+        ).astype(np.uint8)
+        a, b = edges[:, 0], edges[:, 1]
+        both = front[a] & front[b]
+        rows = np.flatnonzero(both & ((beyond[a] & beyond[b]) == 0))
+        whole = np.concatenate([self.pixels[a[rows]], self.pixels[b[rows]]], axis=1)
+        depth = np.minimum(self.depths[a[rows]], self.depths[b[rows]])
+        # Few pass the eye; only these have to be cut.
+        passing = np.flatnonzero(~both & (front[a] | front[b]))
+        if not len(passing):
+            return whole, depth
+        feet = self.arrays.feet
+        cut, _, cut_depth = projected_segments(self.camera, feet[a[passing]], feet[b[passing]])
+        return np.concatenate([whole, cut]), np.concatenate([depth, cut_depth])
 
 
 class GraphLayer(Layer):
@@ -58,11 +85,9 @@ class GraphLayer(Layer):
     def __init__(self, document: Document) -> None:
         self._document = document
         self.hovered: str | None = None
-        self._primitives = Primitives()
-        self._node = disc(colors.NODE, colors.NODE_OUTLINE)
-        self._left_out = disc(colors.TRAJECTORY, "#20252b")
-        self._selected = disc(colors.SELECTED, "#3a2c05", 36)
+        self._ink = GraphInk()
         self._latest: Seen | None = None
+        self._kept = KeptDrawing()
 
     @property
     def missing(self) -> str:
@@ -77,44 +102,33 @@ class GraphLayer(Layer):
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         arrays = self._document.graph_arrays
-        if arrays.ids:
-            self._paint_edges(painter, camera, arrays)
-            self._paint_viewpoints(painter, self.seen(camera))
+        if not arrays.ids:
+            return
+        view = self.seen(camera)
+        if len(arrays.edges) > LARGE:
+            k = camera.intrinsics
+            self._kept.paint(painter, k.width, k.height, view, lambda p: self._paint_all(p, view))
+        else:
+            self._paint_all(painter, view)
+        self._paint_marked(painter, view)
 
-    def _paint_edges(self, painter: QPainter, camera: Camera, arrays: GraphArrays) -> None:
-        ends = arrays.feet[arrays.edges]
-        lines, _, depth = projected_segments(camera, ends[:, 0], ends[:, 1])
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing, len(lines) < SMOOTH_LINES)
-        for near, far, width, opacity in ((12.0, np.inf, 1.2, 170), (5.0, 12.0, 1.8, 190), (0.0, 5.0, 2.6, 225)):
-            color = QColor(colors.EDGE)
-            color.setAlpha(opacity)
-            painter.setPen(QPen(color, width))
-            self._primitives.draw_lines(painter, lines[(depth >= near) & (depth < far)])
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    def _paint_all(self, painter: QPainter, view: Seen) -> None:
+        lines, depth = view.lines()
+        self._ink.draw_edges(painter, lines, depth)
+        rows = view.order
+        self._ink.draw_viewpoints(painter, view.pixels[rows], view.radii[rows], view.arrays.included[rows])
 
-    def _paint_viewpoints(self, painter: QPainter, view: Seen) -> None:
-        arrays, radius = view.arrays, view.radius
-        # A disc that lies on the floor looks flatter the more level the view of it is.
-        toward = arrays.feet - view.camera.position
-        flat = np.abs(toward[:, 2]) / np.maximum(np.linalg.norm(toward, axis=1), 1e-9)
-        shape = np.stack([radius, np.maximum(radius * np.maximum(flat, 0.3), 2.5)], axis=1)
-        for sprite, among in ((self._left_out, ~arrays.included), (self._node, arrays.included)):
-            rows = view.order[among[view.order]]
-            self._primitives.draw_sprites(painter, view.pixels[rows], shape[rows] / 12, sprite)
+    def _paint_marked(self, painter: QPainter, view: Seen) -> None:
+        arrays = view.arrays
         selected = arrays.index.get(self._document.selection.viewpoint or "")
         hovered = arrays.index.get(self.hovered or "")
-        for row, scale in ((hovered, 1.25), (selected, 1.0)):
+        for row in (hovered, selected):
             if row is not None and view.seen[row]:
-                sprite = self._selected if row == selected else self._node
-                size = np.maximum(shape[[row]], 4.0) * scale * 1.35 / (sprite.width() / 4)
-                self._primitives.draw_sprites(painter, view.pixels[[row]], size, sprite)
+                self._ink.draw_marked(painter, view.pixels[row], view.radii[row], row == selected)
         if selected is not None:
-            self._paint_stem(painter, view.camera, arrays.feet[selected], arrays.positions[selected])
-
-    def _paint_stem(self, painter: QPainter, camera: Camera, foot: np.ndarray, eye: np.ndarray) -> None:
-        lines, _, _ = projected_segments(camera, foot[None], eye[None])
-        painter.setPen(QPen(QColor(colors.SELECTED), 1.6))
-        self._primitives.draw_lines(painter, lines)
-        pixel, depth = camera.project(eye[None])
-        if depth[0] > NEAR:
-            self._primitives.draw_sprites(painter, pixel, np.full((1, 2), 0.2), self._selected)
+            foot, eye = arrays.feet[[selected]], arrays.positions[[selected]]
+            lines, _, _ = projected_segments(view.camera, foot, eye)
+            self._ink.draw_lines(painter, lines, QPen(QColor(colors.SELECTED), 1.6))
+            pixel, depth = view.camera.project(eye)
+            if depth[0] > NEAR:
+                self._ink.draw_marked(painter, pixel[0], np.full(2, 4.0), selected=True)

@@ -42,7 +42,7 @@ class LabelLayer(Layer):
         font.setPointSizeF(8)
         painter.setFont(font)
         for row in rows:
-            anchor = QPointF(view.pixels[row, 0] + view.radius[row] + 4, view.pixels[row, 1] + 8)
+            anchor = QPointF(view.pixels[row, 0] + view.radii[row, 0] + 4, view.pixels[row, 1] + 8)
             fill = QColor(58, 44, 5, 220) if row == selected else QColor(16, 20, 26, 170)
             ink = QColor(colors.SELECTED if row == selected else "#dfe7ee")
             chip(painter, anchor, short_id(arrays.ids[row]), ink, fill)

@@ -26,6 +26,8 @@ class MapPart(Part):
     def docks(self) -> tuple[Dock, ...]:
         view = MapView(self.workspace.document)
         self.workspace.scene.poseChanged.connect(view.show_pose)
+        self.workspace.scene.hovered.connect(view.show_hovered)
+        view.hovered.connect(self.workspace.scene.show_hovered)
         view.cameraDragged.connect(self._drag_camera)
         view.cameraPlaced.connect(self._place_camera)
         return (Dock("map", "Map", view, "right"),)
