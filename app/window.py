@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, Signal
 from PySide6.QtGui import QCloseEvent
-from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QStackedWidget, QTabWidget, QToolBar, QWidget
+from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QStackedWidget, QTabBar, QTabWidget, QToolBar, QWidget
 
 from app.actions import ActionTable
 from app.document import Document
@@ -64,6 +64,9 @@ class MainWindow(QMainWindow):
         self._connect()
         self.resize(1480, 920)
         self._restore()
+        # A hidden window that is laid out again leaves the tab bars of the time before where they stood.
+        for bar in self.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
+            bar.hide()
         self._dress()
         self._on_contents(frozenset({"capture"}))
 
@@ -100,19 +103,16 @@ class MainWindow(QMainWindow):
         self.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
         above: dict[str, QDockWidget] = {}  # area -> the lowest dock there
-        for row in self._rows:
-            dock = docks[row.name]
-            if row.tab:
-                self.tabifyDockWidget(docks[row.tab], dock)
-            elif row.area in above:
-                self.splitDockWidget(above[row.area], dock, Qt.Orientation.Vertical)
+        for row in (r for r in self._rows if not r.tab):
+            if row.area in above:
+                self.splitDockWidget(above[row.area], docks[row.name], Qt.Orientation.Vertical)
             else:
-                self.addDockWidget(_AREAS[row.area], dock)
-            if not row.tab:
-                above[row.area] = dock
-        for row in self._rows:
-            if not row.tab:
-                docks[row.name].raise_()
+                self.addDockWidget(_AREAS[row.area], docks[row.name])
+            above[row.area] = docks[row.name]
+        for row in (r for r in self._rows if r.tab):
+            self.tabifyDockWidget(docks[row.tab], docks[row.name])
+        for row in (r for r in self._rows if not r.tab):
+            docks[row.name].raise_()
         self.resizeDocks([docks["submaps"], docks["map"]], [330, 380], Qt.Orientation.Horizontal)
         self.resizeDocks([docks["map"], docks["details"]], [400, 420], Qt.Orientation.Vertical)
         self.resizeDocks([docks["jobs"]], [215], Qt.Orientation.Vertical)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import demo_room
 import pytest
-from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import QApplication, QDockWidget, QToolBar
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtWidgets import QApplication, QDockWidget, QTabBar, QToolBar
 from pytestqt.qtbot import QtBot
 
 from app import theme
@@ -110,6 +110,14 @@ def test_next_and_previous_frame_walk_along(window: MainWindow, document: Docume
     for id, expected in (("next_frame", 0), ("next_frame", 1), ("previous_frame", 0), ("previous_frame", 119)):
         window.actions_table[id].trigger()
         assert document.selection.frame == expected
+
+
+def test_every_group_of_tabs_has_one_bar(window: MainWindow, qtbot: QtBot) -> None:
+    qtbot.wait(10)
+    direct = Qt.FindChildOption.FindDirectChildrenOnly
+    bars = [b for b in window.findChildren(QTabBar, options=direct) if b.isVisible()]
+    texts = [[bar.tabText(i) for i in range(bar.count())] for bar in bars]
+    assert texts and all(texts.count(t) == 1 for t in texts)
 
 
 def test_opening_and_closing_windows_leaves_none(settings: QSettings, qtbot: QtBot) -> None:
