@@ -176,6 +176,11 @@ class MainWindow(QMainWindow):
         self.notices.error(f"Cannot write {path}; choose a writable folder and a name ending in .png.")
         return False
 
+    def show_dock(self, name: str) -> None:
+        """Brings a panel to the front. Raises KeyError when there is none of that name."""
+        self._docks[name].show()
+        self._docks[name].raise_()
+
     def reset_layout(self) -> None:
         """Every panel where it was at first."""
         self.restoreState(self._default_layout, LAYOUT_VERSION)

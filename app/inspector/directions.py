@@ -129,9 +129,9 @@ def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: Map
     if row is None:
         return ()
     found = []
-    for direction in range(_most(graph, viewpoint)):
-        e = graph.evidence.get((viewpoint, direction))
-        if e is None or getattr(e, "stale", False) or not e.alpha.size:
+    for key in graph.evidence_of.get(viewpoint, ()):
+        e = graph.evidence[key]
+        if e.viewpoint != viewpoint or e.stale or not e.alpha.size:
             continue
         goal = _goal(arrays, e)
         neighbour = "" if goal is None else arrays.ids[goal]
@@ -141,16 +141,6 @@ def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: Map
         place = compass(e.heading % (2 * math.pi))
         found.append(Direction(e, explain(e, config), place, neighbour, joined, (low, far)))
     return tuple(sorted(found, key=lambda d: (not d.lattice, d.evidence.heading % (2 * math.pi))))
-
-
-def _most(graph: NavGraph, viewpoint: str) -> int:
-    """One more than the largest direction: numbers are given without gaps but for removed ones."""
-    number = DIRECTIONS
-    missing = 0
-    while missing < 64:
-        missing = 0 if (viewpoint, number) in graph.evidence else missing + 1
-        number += 1
-    return number
 
 
 def _goal(arrays: GraphArrays, e: Evidence) -> int | None:

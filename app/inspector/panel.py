@@ -51,15 +51,15 @@ class InspectorPanel(QScrollArea):
         self.sentence = QLabel(content)
         self.sentence.setWordWrap(True)
         self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.sentence.setMinimumHeight(3 * self.sentence.fontMetrics().lineSpacing())
+        self.sentence.setMinimumHeight(2 * self.sentence.fontMetrics().lineSpacing())
         self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
         self.bars = MeasureBars(content)
         self.list = self._list(content)
         beside = QVBoxLayout()
         beside.setSpacing(6)
-        beside.addWidget(self.list, 1)
         beside.addWidget(self.sentence)
         beside.addWidget(self.bars)
+        beside.addWidget(self.list, 1)
         self._halves = QBoxLayout(QBoxLayout.Direction.TopToBottom)
         self._halves.setSpacing(6)
         self._halves.addWidget(self.view, 3)
@@ -148,7 +148,8 @@ class InspectorPanel(QScrollArea):
     def _fill(self) -> None:
         found = self._inspection.directions
         id = self._inspection.viewpoint
-        self.title.setText(f"Viewpoint {short(id)}" if id else "")
+        self.title.setText(short(id) if id else "")
+        self.title.setToolTip(f"Viewpoint {id}" if id else "")
         self.list.blockSignals(True)
         self.list.clear()
         open_mark, blocked_mark = swatch(colors.OPEN), swatch(colors.BLOCKED)

@@ -14,6 +14,7 @@ from app.parts.look import LookPart
 from app.parts.new_project import NewProjectPart
 from app.parts.panels import DetailsPart, LogPart, MapPart, SubmapPart
 from app.parts.part import Part
+from app.parts.thresholds import ThresholdPart
 from app.parts.view import ViewPart
 
 PARTS: tuple[type[Part], ...] = (
@@ -26,6 +27,7 @@ PARTS: tuple[type[Part], ...] = (
     MapPart,
     DetailsPart,
     InspectorPart,
+    ThresholdPart,
     JobsPart,
     NewProjectPart,
     LogPart,

@@ -93,9 +93,7 @@ class InspectorPart(Part):
 
     def show_panel(self) -> None:
         """Brings the panel to the front."""
-        dock = self._dock()
-        dock.show()
-        dock.raise_()
+        self.workspace.window.show_dock("inspector")
 
     def _dock(self) -> QDockWidget:
         dock = self.workspace.window.findChild(QDockWidget, "dock_inspector")

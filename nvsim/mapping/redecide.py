@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.graph.trace import Touched, remember
 from nvsim.graph.types import Edge, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.draft import SAME
@@ -55,7 +56,7 @@ class Redecider:
         self.ids = tuple(graph.viewpoints)
         row = {id: i for i, id in enumerate(self.ids)}
         count = len(self.ids)
-        self._evidence = [e for e in graph.evidence.values() if e.viewpoint in row and not getattr(e, "stale", False)]
+        self._evidence = [e for e in graph.evidence.values() if e.viewpoint in row and not e.stale]
         self._at = np.array([row[e.viewpoint] for e in self._evidence], np.int64)
         self._stack = EvidenceStack(self._evidence, self._at, count)
         viewpoints = graph.viewpoints.values()
@@ -117,7 +118,7 @@ class Redecider:
         ends = {(min(row[a], row[b]), max(row[a], row[b])): e for (a, b), e in self.graph.edges.items()}
         held = [ends.get((int(a), int(b))) for a, b in zip(self._a, self._b, strict=True)]
         self._present = np.array([e is not None for e in held], bool)
-        free = [e is not None and e.origin in MACHINE and not getattr(e, "locked", False) for e in held]
+        free = [e is not None and e.origin in MACHINE and not e.locked for e in held]
         self._free = np.array(free, bool)
         self._degree = np.bincount(np.array(list(ends), np.int64).reshape(-1), minlength=len(self.ids))
 
@@ -167,12 +168,17 @@ class Redecider:
         for a, b in redecision.appear.tolist():
             made = edge(self.ids[a], self.ids[b], origins[a, b])
             edges[made.key] = made
-        evidence = dict(self.graph.evidence)
+        evidence, changed = dict(self.graph.evidence), []
         for i, e in enumerate(self._evidence):
             word = self._word(e, int(redecision.codes[i]), bool(redecision.back_closed[i]))
             if word != e.decision:
                 evidence[e.key] = replace(e, decision=word)
-        return replace(self.graph, edges=edges, evidence=evidence)
+                changed.append(e.key)
+        after = replace(self.graph, edges=edges, evidence=evidence)
+        pairs = np.concatenate([redecision.disappear, redecision.appear]).tolist()
+        touched = tuple(edge(self.ids[a], self.ids[b]).key for a, b in pairs)
+        remember(after, self.graph, Touched((), touched, tuple(changed)))
+        return after
 
     def _word(self, e: Evidence, code: int, closed: bool) -> str:
         if code != _OPEN:

@@ -1,0 +1,218 @@
+"""The panel of threshold sliders: what is tried, what it would change, and the buttons that make it so."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app import colors
+from app.document import Document
+from app.forms.fields import field_docs
+from app.inspector.state import graph_of
+from app.thresholds.slider import MARKS, ThresholdRow
+from app.thresholds.table import THRESHOLDS, changed, preset
+from app.thresholds.trial import Trial
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.redecide import Redecision
+
+_RULES = {"worst": "Mean, worst row and cell", "mean": "Mean alone (the paper's)"}
+
+
+class ThresholdPanel(QScrollArea):
+    """applied(): a person wants the edges as they are shown; built(): the map built again with these thresholds."""
+
+    applied = Signal()
+    built = Signal()
+
+    def __init__(self, trial: Trial, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWidgetResizable(True)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self._trial, self._document = trial, document
+        content = QWidget(self)
+        layout = QVBoxLayout(content)
+        layout.setContentsMargins(10, 8, 10, 8)
+        layout.setSpacing(5)
+        self.outcome, self.notes = QLabel(content), QLabel(content)
+        self.outcome.setTextFormat(Qt.TextFormat.RichText)
+        font = self.outcome.font()
+        font.setPointSizeF(font.pointSizeF() + 1.5)
+        self.outcome.setFont(font)
+        self.outcome.setWordWrap(True)
+        self.notes.setWordWrap(True)
+        self.notes.setForegroundRole(self.notes.palette().ColorRole.PlaceholderText)
+        docs = field_docs(MappingConfig)
+        layout.addWidget(self.outcome)
+        layout.addLayout(self._buttons(content))
+        layout.addWidget(self.notes)
+        layout.addSpacing(4)
+        layout.addLayout(self._rules(content, docs))
+        self.rows = {t.field: ThresholdRow(t, docs.get(t.field, ""), content) for t in THRESHOLDS}
+        width = max(row.name.fontMetrics().horizontalAdvance(row.name.text()) for row in self.rows.values()) + 8
+        for row in self.rows.values():
+            row.name.setFixedWidth(width)
+            row.chosen.connect(self._choose)
+            layout.addWidget(row)
+        layout.addLayout(self._presets(content))
+        layout.addStretch(1)
+        self.setWidget(content)
+        trial.changed.connect(self.refresh)
+        self.refresh()
+
+    def _buttons(self, parent: QWidget) -> QHBoxLayout:
+        row = QHBoxLayout()
+        self.apply = QPushButton("Apply", parent)
+        self.reset = QPushButton("Reset", parent)
+        self.reset.setToolTip("Back to the thresholds that the project's graph was built with")
+        self.build = QPushButton("Build again…", parent)
+        self.build.setToolTip(
+            "Run `nvsim map --reapply` with these thresholds: it also looks where steps lead that newly open"
+        )
+        self.apply.clicked.connect(self.applied)
+        self.reset.clicked.connect(lambda: self._trial.set_config(self._trial.project_config))
+        self.build.clicked.connect(self.built)
+        for button in (self.apply, self.reset, self.build):
+            row.addWidget(button)
+        row.addStretch(1)
+        return row
+
+    def _rules(self, parent: QWidget, docs: dict[str, str]) -> QHBoxLayout:
+        row = QHBoxLayout()
+        self.rule = QComboBox(parent)
+        for key, text in _RULES.items():
+            self.rule.addItem(text, key)
+        self.rule.setToolTip(f"<p>{docs.get('rule', '')}</p>")
+        self.rule.setAccessibleName("Rule")
+        self.both_ways = QCheckBox("Both ways", parent)
+        self.both_ways.setToolTip(f"<p>{docs.get('both_ways', '')}</p>")
+        self.rule.currentIndexChanged.connect(lambda _: self._choose("rule", self.rule.currentData()))
+        self.both_ways.toggled.connect(lambda on: self._choose("both_ways", on))
+        row.addWidget(self.rule, 1)
+        row.addWidget(self.both_ways)
+        return row
+
+    def _presets(self, parent: QWidget) -> QHBoxLayout:
+        row = QHBoxLayout()
+        row.setSpacing(4)
+        for key, text, tip in (
+            ("project", "Project's", "The thresholds that the project's graph was built with"),
+            ("default", "Defaults", "The defaults of NVSim"),
+            ("paper", "Paper's", "The decision of the paper: the means over the corridor, one way"),
+        ):
+            mark = QLabel(f'<span style="color:{MARKS[key]}">▲</span>', parent)
+            button = QPushButton(text, parent)
+            button.setFlat(True)
+            button.setObjectName(f"preset_{key}")
+            button.setToolTip(f"{tip}; the mark of this colour under each slider")
+            button.clicked.connect(lambda _=False, k=key: self.take_preset(k))
+            row.addWidget(mark)
+            row.addWidget(button)
+        row.addStretch(1)
+        return row
+
+    def take_preset(self, name: str) -> None:
+        """All sliders where "project", "default" or "paper" has them."""
+        self._trial.set_config(preset(self._trial.project_config, self._sources()[name]))
+
+    def _sources(self) -> dict[str, MappingConfig]:
+        return {"project": self._trial.project_config, "default": MappingConfig(), "paper": MappingConfig.paper()}
+
+    def _choose(self, field: str, value: object) -> None:
+        self._trial.set_config(changed(self._trial.config, field, value))
+
+    # Showing ---------------------------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        config, sources = self._trial.config, self._sources()
+        with QSignalBlocker(self.rule), QSignalBlocker(self.both_ways):
+            self.rule.setCurrentIndex(list(_RULES).index(config.rule))
+            self.both_ways.setChecked(config.both_ways)
+        for threshold in THRESHOLDS:
+            marks = {name: threshold.of(source) for name, source in sources.items()}
+            decides = config.rule == "worst" or not threshold.worst_only
+            self.rows[threshold.field].show_value(threshold.of(config), marks, decides)
+        reason = self.obstacle
+        self.apply.setEnabled(reason is None)
+        self.apply.setToolTip(
+            "Change the edges of the graph as shown: one step of the history, which can be undone"
+            if reason is None
+            else f"Not now: {reason}."
+        )
+        self.reset.setEnabled(self._trial.differs)
+        self.build.setEnabled(self._document.project is not None and graph_of(self._document) is not None)
+        self.outcome.setText(self._headline())
+        self.notes.setText(self._notes())
+
+    @property
+    def obstacle(self) -> str | None:
+        """Why nothing can be applied; None when it can."""
+        if graph_of(self._document) is None:
+            return "no navigation graph is built yet"
+        if self._trial.preparing:
+            return "the evidence is still being summed up"
+        if not self._trial.outcome:
+            return "these thresholds change no edge"
+        editing = getattr(self._document, "editing", None)
+        if editing is None or not editing.writable:
+            return "the graph cannot be edited in this window"
+        return None
+
+    def _headline(self) -> str:
+        outcome = self._trial.outcome
+        if graph_of(self._document) is None:
+            return "No navigation graph is built yet."
+        if self._trial.preparing:
+            return "Summing up the evidence…"
+        if outcome is None:
+            return "Move a slider to see what it would change."
+        if not outcome:
+            return "No edge appears or disappears."
+        more, less = len(outcome.appear), len(outcome.disappear)
+        return (
+            f'<span style="color:{colors.OPEN_TEXT}"><b>+{more:,}</b></span> {_edges(more)} would appear, '
+            f'<span style="color:{colors.BLOCKED_TEXT}"><b>−{less:,}</b></span> would disappear'
+        )
+
+    def _notes(self) -> str:
+        outcome = self._trial.outcome
+        return "" if outcome is None else " ".join(notes(outcome))
+
+
+def notes(outcome: Redecision) -> list[str]:
+    """What else follows, one sentence each."""
+    found = []
+    if outcome.lonely:
+        found.append(
+            f"{outcome.lonely:,} {_things(outcome.lonely, 'viewpoint loses its', 'viewpoints lose their')} last edge."
+        )
+    if outcome.kept:
+        found.append(
+            f"{outcome.kept:,} {_things(outcome.kept, 'edge stays', 'edges stay')}: made or locked by a person."
+        )
+    if outcome.unanswered:
+        found.append(f"Of {outcome.unanswered:,} that appear nobody measured the way back.")
+    if outcome.beyond:
+        found.append(
+            f"{outcome.beyond:,} {_things(outcome.beyond, 'step leads', 'steps lead')} to new ground; "
+            "only a new build looks there."
+        )
+    return found
+
+
+def _edges(count: int) -> str:
+    return _things(count, "edge", "edges")
+
+
+def _things(count: int, one: str, many: str) -> str:
+    return one if count == 1 else many

@@ -1,0 +1,112 @@
+"""A slider for one threshold, with marks where the project, the defaults and the paper have it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPolygonF, QWheelEvent
+from PySide6.QtWidgets import (
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QLabel,
+    QSizePolicy,
+    QSlider,
+    QStyle,
+    QStyleOptionSlider,
+    QWidget,
+)
+
+from app import colors
+from app.thresholds.table import Threshold
+
+MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.SELECTED}
+
+
+class MarkedSlider(QSlider):
+    """Integer steps; the marks are small triangles beneath the groove."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(Qt.Orientation.Horizontal, parent)
+        self._marks: dict[str, int] = {}
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+
+    def set_marks(self, marks: Mapping[str, int]) -> None:
+        self._marks = dict(marks)
+        self.update()
+
+    def sizeHint(self) -> QSize:
+        hint = super().sizeHint()
+        return QSize(hint.width(), hint.height() + 8)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        super().paintEvent(event)
+        option = QStyleOptionSlider()
+        self.initStyleOption(option)
+        style, control = self.style(), QStyle.ComplexControl.CC_Slider
+        handle = style.subControlRect(control, option, QStyle.SubControl.SC_SliderHandle, self)
+        span = self.width() - handle.width()
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        for name, step in self._marks.items():
+            x = handle.width() / 2 + QStyle.sliderPositionFromValue(self.minimum(), self.maximum(), step, span)
+            painter.setBrush(QColor(MARKS[name]))
+            bottom = self.height() - 0.5
+            painter.drawPolygon(QPolygonF([QPointF(x - 4, bottom), QPointF(x, bottom - 6), QPointF(x + 4, bottom)]))
+        painter.end()
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        event.ignore()  # scrolling through the panel must not change what the pointer happens to be over
+
+
+class _Figure(QDoubleSpinBox):
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        event.ignore()
+
+
+class ThresholdRow(QWidget):
+    """chosen(str field, float value): a person moved it."""
+
+    chosen = Signal(str, float)
+
+    def __init__(self, threshold: Threshold, help: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.threshold = threshold
+        self.setObjectName(f"threshold_{threshold.field}")
+        self.setToolTip(f"<p>{help} ({threshold.field})</p>")
+        self.name = QLabel(threshold.name, self)
+        self.slider = MarkedSlider(self)
+        self.slider.setRange(0, threshold.steps)
+        self.slider.setPageStep(max(1, threshold.steps // 20))
+        self.slider.setAccessibleName(threshold.name)
+        self.figure = _Figure(self)
+        self.figure.setRange(threshold.low, threshold.high)
+        self.figure.setSingleStep(threshold.step)
+        self.figure.setDecimals(2 if threshold.step < 0.1 else 1)
+        self.figure.setSuffix(f" {threshold.unit}" if threshold.unit else "")
+        self.figure.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self.figure.setAccessibleName(threshold.name)
+        self.figure.setFixedWidth(self.figure.fontMetrics().horizontalAdvance("00.00 m") + 34)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(6)
+        layout.addWidget(self.name)
+        layout.addWidget(self.slider, 1)
+        layout.addWidget(self.figure)
+        self.slider.valueChanged.connect(lambda step: self.chosen.emit(threshold.field, threshold.to_value(step)))
+        self.figure.valueChanged.connect(lambda value: self.chosen.emit(threshold.field, round(value, 6)))
+
+    def show_value(self, value: float, marks: Mapping[str, float], decides: bool) -> None:
+        """`decides`: whether the rule asks for it."""
+        with QSignalBlocker(self.slider), QSignalBlocker(self.figure):
+            self.slider.setValue(self.threshold.to_step(value))
+            self.figure.setValue(value)
+        self.slider.set_marks({name: self.threshold.to_step(v) for name, v in marks.items()})
+        moved = decides and self.threshold.to_step(value) != self.threshold.to_step(marks["project"])
+        font = self.name.font()
+        font.setBold(moved)
+        self.name.setFont(font)
+        self.name.setForegroundRole(QPalette.ColorRole.WindowText if decides else QPalette.ColorRole.PlaceholderText)
+        self.slider.setEnabled(decides)
+        self.figure.setEnabled(decides)

@@ -1,0 +1,71 @@
+"""The thresholds that stored evidence can be decided by again, with the range of each. Knows no Qt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from nvsim.mapping.config import WIDEST, MappingConfig
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """One slider.
+
+    field       of MappingConfig
+    name, unit  in words; unit "" for a share
+    low, high   what the slider reaches
+    step        of the slider and of its figure
+    worst_only  whether only the rule "worst" asks for it
+    """
+
+    field: str
+    name: str
+    low: float
+    high: float
+    step: float = 0.01
+    unit: str = ""
+    worst_only: bool = False
+
+    def of(self, config: MappingConfig) -> float:
+        return float(getattr(config, self.field))
+
+    @property
+    def steps(self) -> int:
+        return round((self.high - self.low) / self.step)
+
+    def to_step(self, value: float) -> int:
+        return min(max(round((value - self.low) / self.step), 0), self.steps)
+
+    def to_value(self, step: int) -> float:
+        # Rounded, so that 0.95 is 0.95 and not a neighbour of it.
+        return round(self.low + step * self.step, 6)
+
+
+THRESHOLDS = (
+    Threshold("tau_alpha", "Mean alpha below", 0.0, 1.0),
+    Threshold("row_alpha", "Row's alpha below", 0.0, 1.0, worst_only=True),
+    Threshold("cell_alpha", "Cell's alpha below", 0.0, 1.0, worst_only=True),
+    Threshold("tau_normal", "Mean normal above", 0.0, 1.0),
+    Threshold("row_normal", "Row's normal above", 0.0, 1.0, worst_only=True),
+    Threshold("support", "Known floor, least", 0.0, 1.0),
+    Threshold("robot_radius", "Robot's radius", 0.0, 0.45, unit="m"),
+    Threshold("margin", "Margin at each side", 0.0, 0.2, unit="m"),
+    Threshold("max_distance", "Far from the walk", 0.5, 10.0, 0.1, "m"),
+)
+FIXED = ("tau_dist", "merge_radius", "lattice_offset", "cover_distance", "max_viewpoints", "view_size")
+"""What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""
+
+
+def changed(config: MappingConfig, field: str, value: Any) -> MappingConfig:
+    """`config` with another value. A robot that would be wider than what was measured is made as wide as that."""
+    values = {**vars(config), field: value}
+    other = {"robot_radius": "margin", "margin": "robot_radius"}.get(field)
+    if other is not None:
+        values[other] = round(max(0.0, min(values[other], WIDEST / 2 - value)), 6)
+    return MappingConfig(**values)
+
+
+def preset(config: MappingConfig, like: MappingConfig) -> MappingConfig:
+    """`config` with the thresholds of `like`, and its own of what cannot be decided again."""
+    return MappingConfig(**{name: getattr(config if name in FIXED else like, name) for name in vars(config)})

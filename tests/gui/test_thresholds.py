@@ -1,0 +1,135 @@
+"""Threshold sliders: what they would change is counted and drawn at once, and made so in one step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+from app.document import Document
+from app.parts.inspector import InspectorPart
+from app.parts.thresholds import ThresholdPart
+from app.thresholds.preview import ends
+from app.thresholds.table import FIXED, THRESHOLDS, changed, preset
+from app.window import MainWindow
+from nvsim.mapping.config import MappingConfig
+
+
+@pytest.fixture
+def part(window: MainWindow) -> ThresholdPart:
+    return next(p for p in window.parts if isinstance(p, ThresholdPart))
+
+
+def tried(part: ThresholdPart, qtbot: QtBot) -> None:
+    """Waits until what is tried is decided."""
+    trial = part.trial
+    qtbot.waitUntil(lambda: trial.outcome is not None and trial.outcome.config == trial.config, timeout=10_000)
+
+
+def test_every_threshold_has_a_slider_or_a_reason_to_have_none() -> None:
+    named = {t.field for t in THRESHOLDS} | set(FIXED) | {"rule", "both_ways"}
+    assert named == set(vars(MappingConfig()))
+    for threshold in THRESHOLDS:
+        for config in (MappingConfig(), MappingConfig.paper()):
+            value = threshold.of(config)
+            assert threshold.to_value(threshold.to_step(value)) == pytest.approx(value)
+
+
+def test_a_robot_too_wide_for_the_evidence_gives_up_its_margin() -> None:
+    assert changed(MappingConfig(), "robot_radius", 0.45).margin == 0.0
+    assert changed(MappingConfig(robot_radius=0.4), "margin", 0.2).robot_radius == pytest.approx(0.25)
+    like = preset(MappingConfig(tau_dist=2.0), MappingConfig.paper())
+    assert like.rule == "mean" and like.tau_dist == 2.0
+
+
+def test_a_slider_counts_and_draws_what_would_disappear(part: ThresholdPart, document: Document, qtbot: QtBot) -> None:
+    assert document.contents.graph is not None
+    edges = len(document.contents.graph.edges)
+    row = part.panel.rows["tau_alpha"]
+    row.slider.setValue(0)
+    tried(part, qtbot)
+    outcome = part.trial.outcome
+    # Diagonals of the demo room end beside their viewpoint: those edges have no evidence, and stay.
+    assert outcome is not None and 0 < len(outcome.disappear) < edges and outcome.lonely > 0
+    gone = len(outcome.disappear)
+    assert f"−{gone:,}" in part.panel.outcome.text() and "last edge" in part.panel.notes.text()
+    assert row.figure.value() == 0.0 and row.name.font().bold()
+    assert ends(part.trial, document)["disappear"].shape == (gone, 2, 3)
+    x, _ = part._marks._items["disappear"].getData()
+    assert len(x) == 2 * gone
+    picture = part.workspace.scene.grab().toImage()
+    assert not picture.isNull()
+    part.panel.reset.click()
+    tried(part, qtbot)
+    assert not part.trial.outcome and "No edge appears" in part.panel.outcome.text()
+    assert not part.panel.apply.isEnabled() and "change no edge" in part.panel.apply.toolTip()
+
+
+def test_many_moves_in_one_turn_are_decided_once(part: ThresholdPart, qtbot: QtBot, monkeypatch) -> None:
+    part.trial.prepare()
+    qtbot.waitUntil(lambda: part.trial.redecider is not None, timeout=10_000)
+    decided = []
+    monkeypatch.setattr(part.trial.redecider, "decide", lambda config, f=part.trial.redecider.decide: (
+        decided.append(config), f(config))[1])  # fmt: skip
+    for step in range(20, 60):
+        part.panel.rows["row_alpha"].slider.setValue(step)
+    tried(part, qtbot)
+    assert len(decided) == 1 and decided[0].row_alpha == pytest.approx(0.59)
+
+
+def test_presets_set_all_sliders_and_mark_their_places(part: ThresholdPart, qtbot: QtBot) -> None:
+    part.panel.take_preset("paper")
+    tried(part, qtbot)
+    assert part.trial.config.rule == "mean" and not part.trial.config.both_ways
+    row = part.panel.rows["support"]
+    assert row.figure.value() == 0.5 and row.slider._marks["paper"] == 50 and row.slider._marks["default"] == 70
+    assert not part.panel.rows["row_alpha"].slider.isEnabled(), "the paper's rule does not ask about rows"
+    part.panel.take_preset("project")
+    assert not part.trial.differs
+
+
+def test_the_inspector_speaks_of_the_thresholds_that_are_tried(
+    part: ThresholdPart, window: MainWindow, document: Document, qtbot: QtBot
+) -> None:
+    inspector = next(p for p in window.parts if isinstance(p, InspectorPart))
+    document.select(viewpoint=document.graph_arrays.ids[7])
+    assert any(d.open for d in inspector.inspection.directions)
+    part.panel.rows["tau_alpha"].figure.setValue(0.0)
+    assert not any(d.open for d in inspector.inspection.directions)
+    tried(part, qtbot)
+
+
+def test_a_graph_that_is_read_anew_starts_with_its_own_thresholds(
+    part: ThresholdPart, document: Document, qtbot: QtBot
+) -> None:
+    part.panel.rows["tau_alpha"].slider.setValue(10)
+    tried(part, qtbot)
+    contents = document.contents
+    assert contents.graph is not None
+    built = replace(MappingConfig(), row_alpha=0.33)
+    document.set_contents(replace(contents, graph=replace(contents.graph), thresholds=built))
+    assert part.trial.config == built and part.trial.outcome is None
+    QApplication.processEvents()
+
+
+def test_building_again_orders_the_job_with_what_is_tried(
+    part: ThresholdPart, document: Document, tmp_path, monkeypatch, qtbot: QtBot
+) -> None:
+    document.set_contents(replace(document.contents, path=tmp_path))
+    ordered: list = []
+    monkeypatch.setattr(part.workspace.jobs, "start", lambda *a: ordered.append(a))
+    part.panel.rows["row_alpha"].figure.setValue(0.35)
+    tried(part, qtbot)
+    part.panel.build.click()
+    ((verb, arguments, project, _),) = ordered
+    assert verb == "map" and project == tmp_path and "--reapply" in arguments
+    assert arguments[arguments.index("--row-alpha") + 1] == "0.35"
+
+
+def test_closing_while_the_evidence_is_summed_up_leaves_nothing(part: ThresholdPart, settings: QSettings) -> None:
+    part.trial.prepare()
+    part.store(settings)
+    assert part.trial._thread is None
