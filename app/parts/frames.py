@@ -13,6 +13,7 @@ from app.frames.canvas import MODES
 from app.frames.link import FrameLink
 from app.frames.state import FrameState
 from app.panels.frames import FramePanel
+from app.panels.help import HelpWindow
 from app.parts.part import Dock, Part, Workspace
 from app.reasons import with_frame, with_masks
 from app.tones import CHANNELS
@@ -82,12 +83,8 @@ class FramePart(Part):
             check="off",
             enabled=with_masks,
         ),
-        Action(
-            "mask_undo", "Undo", "Take back the last change of the mask (Ctrl+Z)", _MENU, 3, enabled=with_masks
-        ),
-        Action(
-            "mask_redo", "Redo", "Do the change of the mask again (Ctrl+Y)", _MENU, 3, enabled=with_masks
-        ),
+        Action("mask_undo", "Undo", "Take back the last change of the mask (Ctrl+Z)", _MENU, 3, enabled=with_masks),
+        Action("mask_redo", "Redo", "Do the change of the mask again (Ctrl+Y)", _MENU, 3, enabled=with_masks),
         Action(
             "mask_revert",
             "Re&vert",
@@ -104,7 +101,13 @@ class FramePart(Part):
             3,
             enabled=with_masks,
         ),
-    )  # fmt: skip
+        Action(
+            "help_frames",
+            "Frames and &masks",
+            "How frames are compared with renders, and how their floor masks are corrected",
+            "&Help",
+        ),
+    )
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
@@ -127,6 +130,7 @@ class FramePart(Part):
         handlers: dict[str, Callable[..., object]] = {
             "open_frame": self._open,
             "leave_frame": self._leave,
+            "help_frames": lambda: HelpWindow("frames", self.workspace.window).show(),
             "mask_undo": corrector.undo,
             "mask_redo": corrector.redo,
             "mask_revert": corrector.revert,

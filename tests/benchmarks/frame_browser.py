@@ -1,0 +1,125 @@
+"""How smooth the frame browser is: `python -m tests.benchmarks.frame_browser` prints medians and 99th percentiles in
+milliseconds of scrolling 2,000 frames, of a step of the brush on 1920x1440, and of growing a region."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+sys.path.insert(0, str(Path(__file__).parents[1] / "gui"))
+
+import cv2  # noqa: E402
+import demo_room  # noqa: E402
+import numpy as np  # noqa: E402
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QApplication  # noqa: E402
+
+from app.document import Document  # noqa: E402
+from app.frames import pictures  # noqa: E402
+from app.frames.canvas import Canvas  # noqa: E402
+from app.frames.correction import Correction  # noqa: E402
+from app.frames.files import thumbnail_path  # noqa: E402
+from app.frames.layers import standard_layers  # noqa: E402
+from app.frames.link import FrameLink  # noqa: E402
+from app.frames.tools import Brush  # noqa: E402
+from app.loading import Contents  # noqa: E402
+from app.panels.frames import FramePanel  # noqa: E402
+from nvsim.perception.regions import grow_region  # noqa: E402
+from nvsim.project.layout import Layout  # noqa: E402
+
+LEFT, NONE = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+
+
+def timed(step: Callable[[int], object], count: int) -> str:
+    times = []
+    for i in range(count):
+        begin = time.perf_counter()
+        step(i)
+        times.append(1e3 * (time.perf_counter() - begin))
+    return f"median {np.median(times):6.2f}   99 % {np.quantile(times, 0.99):6.2f}   most {max(times):6.2f} ms"
+
+
+def scrolling(folder: Path) -> str:
+    """Thumbnails are on disk and none is loaded: each step shows a page of new ones."""
+    walk = demo_room.capture(2000)
+    rng = np.random.default_rng(0)
+    for frame in walk.frames:
+        path = thumbnail_path(Layout(folder), frame.image_path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path), cv2.resize(rng.integers(0, 255, (12, 16, 3), np.uint8), (160, 120)))
+    document = Document()
+    document.set_contents(Contents(folder, walk, demo_room.submaps(walk)))
+    panel = FramePanel(document, FrameLink())
+    panel.resize(330, 900)
+    panel.show()
+    bar = panel.list.verticalScrollBar()
+
+    def step(i: int) -> None:
+        bar.setValue(bar.maximum() * i // 300)
+        QApplication.processEvents()
+
+    found = timed(step, 300)
+    panel.close()
+    return found
+
+
+def brushing() -> str:
+    """The photo with its mask, fitted into 1100x800, and a brush of 60 pixels radius: an event of the mouse until what
+    it changed is painted."""
+    layers = standard_layers()
+    floor = next(layer for layer in layers if layer.name == "floor")
+    image = np.random.default_rng(0).integers(0, 255, (1440, 1920, 3), np.uint8)
+    mask = np.zeros((1440, 1920), bool)
+    correction = Correction(mask, mask)
+    canvas = Canvas(layers)
+    floor.painted = pictures.tint(mask, floor.color)
+    canvas.show_photo(pictures.photo(image), keep_zoom=False)
+    canvas.set_mode("photo")
+
+    def painted(box: object) -> None:
+        pictures.retint(floor.painted, correction.mask, floor.color, box)
+        canvas.refresh(box)
+
+    brush = Brush(painted, lambda: None, lambda _: None, canvas.update)
+    brush.take(correction)
+    brush.radius = 60.0
+    canvas.tool = brush
+    canvas.resize(1100, 800)
+    canvas.show()
+    QApplication.processEvents()
+    QTest.mousePress(canvas, LEFT, NONE, QPoint(100, 100))
+
+    def step(i: int) -> None:
+        QTest.mouseMove(canvas, QPoint(100 + 7 * (i % 120), 100 + 2 * i))
+        QApplication.processEvents()
+
+    found = timed(step, 240)
+    canvas.close()
+    return found
+
+
+def growing() -> str:
+    camera = demo_room.capture(8).frames[2].camera
+    view = demo_room.cast(camera)
+    image = (view.rgb * 255).clip(0, 255).astype(np.uint8)
+    points, inside = np.array([(320.0, 460.0), (200.0, 440.0)]), np.array([True, False])
+    return timed(lambda _: grow_region(view.normal, image, points, inside), 30)
+
+
+def main() -> None:
+    application = QApplication(sys.argv[:1])
+    with tempfile.TemporaryDirectory() as folder:
+        print("scrolling 2,000 frames by a page    ", scrolling(Path(folder)))
+    print("a step of the brush on 1920x1440    ", brushing())
+    print("growing from two points on 640x480  ", growing())
+    application.quit()
+
+
+if __name__ == "__main__":
+    main()
