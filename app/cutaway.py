@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from app.splat_budget import chosen, covering_most
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.harmonics import terms
 from nvsim.splats.scene import SceneModel
@@ -82,7 +83,8 @@ class Cutaway:
         for submap in self._submaps:
             model = self._scene.model(submap.index)
             # Only the best of each can be among the best of all: so no more than two lots are ever in memory.
-            parts = [_best(_joined([*parts, self._part(model, submap.index)]))]
+            joined = _joined([*parts, self._part(model, submap.index)])
+            parts = [chosen(joined, covering_most(joined, MOST)) if len(joined) > MOST else joined]
             heights.append(float(np.median(model.floor.height_at(submap.positions[:, :2]))))
             mine = owner == submap.index
             colors[mine] = floor_colors(model, grid[mine], submap.positions.mean(axis=0))
@@ -94,11 +96,7 @@ class Cutaway:
         g = model.gaussians
         owner, distance = self._owner_of(g.means[:, :2])
         above = g.means[:, 2] - model.floor.height_at(g.means[:, :2])
-        return _chosen(g, (owner == index) & (above < CUT) & (above > -0.5) & (distance < 2 * REACH))
-
-
-def _chosen(g: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
-    return Gaussians(g.means[rows], g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], g.sh[rows])
+        return chosen(g, (owner == index) & (above < CUT) & (above > -0.5) & (distance < 2 * REACH))
 
 
 def _joined(parts: list[Gaussians]) -> Gaussians:
@@ -111,15 +109,6 @@ def _joined(parts: list[Gaussians]) -> Gaussians:
         np.concatenate([p.opacity_logits for p in parts]),
         np.ascontiguousarray(np.concatenate([p.sh[:, :k] for p in parts])),
     )
-
-
-def _best(g: Gaussians) -> Gaussians:
-    """The MOST Gaussians that cover most, in the order in which they came."""
-    if len(g) <= MOST:
-        return g
-    two_largest = np.sort(g.log_scales, axis=1)[:, 1:].sum(axis=1)
-    cover = two_largest - np.log1p(np.exp(-g.opacity_logits))
-    return _chosen(g, np.sort(np.argpartition(-cover, MOST)[:MOST]))
 
 
 def floor_colors(model: SubmapModel, xy: NDArray[np.floating], eye: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.renderer_choice import AUTOMATIC, CPU, OPENGL, Choice
+from app.splat_budget import SplatBudget
+from app.territory import Territory
 from app.tones import CHANNELS, picture
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
@@ -31,9 +33,11 @@ Renderer = Callable[[Camera, frozenset[str]], tuple[int, RenderOutput]]  # -> (s
 
 @dataclass(frozen=True, eq=False)
 class Models:
-    """What a source of trained models opens to: which model, and of which submap, answers for a camera."""
+    """What a source of trained models opens to: which model, and of which submap, answers for a camera; and which
+    submap is nearest to what is seen, where there are several."""
 
     at: Callable[[Camera], tuple[int, SubmapModel]]
+    territory: Territory | None = None
 
 
 @dataclass(frozen=True)
@@ -72,22 +76,26 @@ class Painter:
         self._card: Card | None = None
         self._broken = self._hopeless = False
         self._choice = Choice()
+        self._budget = SplatBudget()
         self._still: Camera | None = None  # of the last still colour picture that either renderer may draw
 
-    def paint(self, camera: Camera, channel: str, wanted: str, moving: bool) -> tuple[int, Pixels, str]:
+    def paint(
+        self, camera: Camera, channel: str, wanted: str, moving: bool, budget: int = 0
+    ) -> tuple[int, Pixels, str]:
         """The submap that answered, (H, W, 4) blue, green, red, 255, and the renderer that drew it. `wanted` is one of
-        PREFERENCES."""
+        PREFERENCES; no more than `budget` Gaussians are drawn unless it is 0."""
         if not isinstance(self._opened, Models):
             submap, view = self._opened(camera, CHANNELS[channel])
             return submap, picture(view, channel), CPU
         submap, model = self._opened.at(camera)
+        model = self._budget.within(model, budget)
         both = channel == "rgb" and wanted == AUTOMATIC
         self._still = camera if both and not moving else None
         if channel == "rgb" and (wanted == OPENGL or (both and self._choice.faster(submap) == OPENGL)):
             pixels = self._by_opengl(model, camera, insisted=wanted == OPENGL)
             if pixels is not None:
                 return submap, pixels, OPENGL
-        return submap, _by_kernels(model, camera, channel), CPU
+        return submap, _by_kernels(model, camera, channel, self._opened.territory), CPU
 
     def look(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
         """The submap that answered and what its kernels measure; without a background of its own, over nothing."""
@@ -171,10 +179,14 @@ def _is_bare(model: SubmapModel) -> bool:
     return model.background is None and model.texture is None
 
 
-def _by_kernels(model: SubmapModel, camera: Camera, channel: str) -> Pixels:
+def _by_kernels(model: SubmapModel, camera: Camera, channel: str, territory: Territory | None = None) -> Pixels:
     from nvsim.render.model import render_model
 
     channels = CHANNELS[channel]
+    if channel == "hole":
+        return picture(render_model(replace(model, background=None, texture=None), camera, channels), channel)
+    if channel == "submap" and territory is not None:
+        return territory.tinted(render_model(model, camera, channels), camera)
     if channel == "rgb" and _is_bare(model):
         view = render_model(model, camera, channels | {"alpha"})
         assert view.rgb is not None and view.alpha is not None

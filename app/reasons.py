@@ -29,6 +29,12 @@ def with_scene(document: Document) -> Reason:
     return None if document.contents.scene_stamp is not None else "no submap is trained yet"
 
 
+def with_submaps(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return with_scene(document)
+
+
 def with_graph(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from app.painter import Models, Painter, Remark, Renderer
 from app.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.renderer_choice import AUTOMATIC, CPU
+from app.territory import Territory
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.project.layout import Layout
@@ -46,11 +47,13 @@ class ProjectSource:
     memory_budget: int | None = None
 
     def open(self) -> Models:
-        return Models(ProjectModels(self).at)
+        models = ProjectModels(self)
+        return Models(models.at, models.territory)
 
 
 class ProjectModels:
-    """The models of a project. Those in training are read again when they have been saved again."""
+    """The models of a project. Those in training are read again when they have been saved again. `territory` says which
+    submap is nearest to a place."""
 
     def __init__(self, source: ProjectSource) -> None:
         """Raises InputError when there is none."""
@@ -88,12 +91,14 @@ class ProjectModels:
             raise InputError(f"{self._source.path} has no trained model.")
         self._scene = scene
         self._cutaway = Cutaway(scene, submaps, None if support is None else support.at)
+        self.territory = Territory(submaps)
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
     """number rises; channel is one of tones.CHANNELS; moving says that the eye has not come to rest; renderer is one of
-    renderer_choice.PREFERENCES; view names who asks, so that a newer wish replaces only its own."""
+    renderer_choice.PREFERENCES; view names who asks, so that a newer wish replaces only its own;
+    budget is the most Gaussians that are drawn, 0 for all."""
 
     number: int
     camera: Camera
@@ -101,6 +106,7 @@ class Request:
     moving: bool
     renderer: str = AUTOMATIC
     view: str = "scene"
+    budget: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +194,9 @@ def _send_remarks(painter: Painter, connection: Connection) -> None:
 def _answer(painter: Painter, request: Request) -> Picture | Trouble:
     begin = time.perf_counter()
     try:
-        submap, pixels, renderer = painter.paint(request.camera, request.channel, request.renderer, request.moving)
+        submap, pixels, renderer = painter.paint(
+            request.camera, request.channel, request.renderer, request.moving, request.budget
+        )
     except Exception as error:
         return Trouble(f"A view could not be drawn: {error}", traceback.format_exc())
     return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), renderer)

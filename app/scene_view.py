@@ -6,35 +6,21 @@ overlays are drawn with the camera of the picture beneath them, so that the two 
 
 from __future__ import annotations
 
-import numpy as np
-from PySide6.QtCore import QPointF, QRectF, Qt, QTimer, Signal
-from PySide6.QtGui import (
-    QFocusEvent,
-    QImage,
-    QKeyEvent,
-    QMouseEvent,
-    QPainter,
-    QPaintEvent,
-    QResizeEvent,
-    QWheelEvent,
-)
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app import cameras
 from app.cameras import ViewPose
 from app.document import Document
 from app.graph_surface import SceneSurface
 from app.loading import PARTS
 from app.navigation import Navigation
 from app.overlays import Overlays
-from app.pacing import Pacing
-from app.render_child import Picture, RenderSource, Request, Trouble
-from app.render_link import RenderLink
-from app.renderer_choice import AUTOMATIC
+from app.picture_feed import PictureFeed
+from app.places import Places
+from app.render_child import Picture, RenderSource
 from app.status import paint_ground, paint_status
 from nvsim.geometry.camera import Camera
-
-REST = 100  # milliseconds without movement until the sharp picture is asked for
 
 
 class SceneView(QWidget):
@@ -60,26 +46,24 @@ class SceneView(QWidget):
         self.overlays.changed.connect(self.update)
         self.surface = SceneSurface(self, document)
         self.navigation = Navigation(self)
-        self.link = RenderLink(self)
-        self.pacing = Pacing()
-        self.channel = "rgb"
-        self.renderer = AUTOMATIC
-        self.note = ""  # what the view waits for
+        self.places = Places(document, self.navigation, lambda: self.width() / max(1, self.height()))
+        self.home = self.places.home
+        self.look_over = self.places.look_over
+        self.look_from_above = self.places.look_from_above
+        self.focus_on_selection = self.places.focus_on_selection
+        self.snap_to_frame = self.places.snap_to_frame
+        self.go_to_position = self.places.go_to_position
+        self.feed = PictureFeed(self._device_size, lambda: self.pose, self)
+        self.link = self.feed.link
         self.hint = ""  # what the project lacks
-        self._picture: Picture | None = None
-        self._image: QImage | None = None
-        self._unseen = False
+        self._painted: Picture | None = None  # the picture that was last painted
         self._camera_of: object = None
         self._overlay_camera = self.navigation.pose.camera(1, 1)
-        self._number = 0
         self._placed = self.navigation.pose  # where the program, not the person, put the camera
-        self._rest = QTimer(self, singleShot=True, interval=REST)
-        self._rest.timeout.connect(self._ask_sharp)
         self.navigation.moved.connect(self._on_moved)
-        self.link.arrived.connect(self._on_picture)
-        self.link.opened.connect(lambda _: self._on_opened())
-        self.link.troubled.connect(self._on_trouble)
-        self.link.remarked.connect(self.remarked)
+        self.feed.changed.connect(self.update)
+        self.feed.troubled.connect(self.troubled)
+        self.feed.remarked.connect(self.remarked)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self.update)
@@ -94,12 +78,44 @@ class SceneView(QWidget):
     @property
     def picture(self) -> Picture | None:
         """The picture on the screen."""
-        return self._picture
+        return self.feed.picture
 
     @property
     def drawing(self) -> bool:
         """Whether a picture is under way or about to be asked for."""
-        return self._rest.isActive() or self.link.busy
+        return self.feed.drawing
+
+    @property
+    def channel(self) -> str:
+        """One of tones.CHANNELS."""
+        return self.feed.channel
+
+    @property
+    def renderer(self) -> str:
+        """One of renderer_choice.PREFERENCES."""
+        return self.feed.renderer
+
+    @property
+    def note(self) -> str:
+        """What the view waits for."""
+        return self.feed.note
+
+    def show_source(self, source: RenderSource | None) -> None:
+        """Draws this reconstruction from now on; None shows the overlays alone."""
+        self.feed.show(source)
+
+    def set_channel(self, channel: str) -> None:
+        self.feed.channel = channel
+        self.feed.ask_sharp()
+
+    def set_renderer(self, renderer: str) -> None:
+        self.feed.renderer = renderer
+        self.feed.ask_sharp()
+
+    def set_budget(self, budget: int) -> None:
+        """Draws so many Gaussians at most, those that cover most; 0 draws all."""
+        self.feed.budget = budget
+        self.feed.ask_sharp()
 
     def show_hovered(self, viewpoint: str | None) -> None:
         """Marks the viewpoint under the cursor, be it of this view or of the map."""
@@ -107,127 +123,27 @@ class SceneView(QWidget):
             self.overlays.graph.hovered = viewpoint
             self.update()
 
-    def show_source(self, source: RenderSource | None) -> None:
-        """Draws this reconstruction from now on; None shows the overlays alone."""
-        self._picture = self._image = None
-        if source is None:
-            self.link.close()
-            self.note = ""
-        else:
-            self.note = "Loading the reconstruction…"
-            self.link.open(source)
-        self.update()
-
-    def set_channel(self, channel: str) -> None:
-        """One of tones.CHANNELS."""
-        self.channel = channel
-        self._ask_sharp()
-
-    def set_renderer(self, renderer: str) -> None:
-        """One of renderer_choice.PREFERENCES."""
-        self.renderer = renderer
-        self._ask_sharp()
-
-    def _home_pose(self) -> ViewPose:
-        contents = self._document.contents
-        if contents.capture is not None and contents.capture.frames and contents.scene_stamp is not None:
-            return cameras.seen_from_frame(contents.capture.frames[0].camera)
-        return cameras.overview(self._document.extent)
-
-    def _place(self) -> None:
-        self._placed = self._home_pose()
-        self.navigation.set_pose(self._placed)
-
-    def home(self) -> None:
-        """Where the walk began; without a reconstruction, a view over walk and graph."""
-        if len(self._document.extent):
-            self.navigation.go_to(self._home_pose())
-
-    def look_over(self) -> None:
-        extent = self._document.extent
-        if len(extent):
-            self.navigation.go_to(cameras.overview(extent))
-
-    def look_from_above(self) -> None:
-        extent = self._document.extent
-        if len(extent):
-            self.navigation.go_to(cameras.top_view(extent, self.width() / max(1, self.height())))
-
-    def focus_on_selection(self) -> None:
-        point = self._document.selected_point
-        if point is not None:
-            self.navigation.go_to(cameras.focused(self.pose, point))
-
-    def snap_to_frame(self, index: int) -> None:
-        capture = self._document.contents.capture
-        if capture is not None and 0 <= index < len(capture.frames):
-            self.navigation.go_to(cameras.seen_from_frame(capture.frames[index].camera))
-
-    def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
-        """Stands at `position` (3,) looking level; keeps the heading unless one is given."""
-        turn = self.pose.heading if heading is None else heading
-        x, y, z = (float(v) for v in position)
-        self.navigation.go_to(ViewPose((x, y, z), turn, 0.0, 3.0))
-
     def release(self) -> None:
         """Ends the drawing process; the view is not used afterwards."""
-        self._rest.stop()
         self.navigation.stop()
-        self.link.close()
-
-    # Asking for pictures ---------------------------------------------------------------------------------------
+        self.feed.release()
 
     def _device_size(self) -> tuple[int, int]:
         ratio = self.devicePixelRatioF()
         return max(1, round(self.width() * ratio)), max(1, round(self.height() * ratio))
 
-    def _ask(self, moving: bool) -> None:
-        width, height = self._device_size()
-        if moving:
-            width, height = self.pacing.moving_size(width, height)
-        self._number += 1
-        camera = self.pose.camera(width, height)
-        self.link.ask(Request(self._number, camera, self.channel, moving, self.renderer))
-
-    def _ask_sharp(self) -> None:
-        self._ask(moving=False)
-
     def _on_moved(self) -> None:
         self.poseChanged.emit(self.pose)
-        self._rest.start()
-        if self._picture is not None or self.link.ready:
-            self._ask(moving=True)
-        else:
+        if not self.feed.follow():
             self.update()
-
-    def _on_opened(self) -> None:
-        self.note = ""
-        self._ask_sharp()
-        self.update()
-
-    def _on_picture(self, picture: Picture) -> None:
-        if picture.request.view != "scene":
-            return
-        size = picture.request.camera.intrinsics
-        if picture.request.moving:
-            self.pacing.learn(size.width, size.height, *self._device_size(), picture.milliseconds)
-        self._picture = picture
-        # The image shares the array's memory; both are kept together.
-        self._image = QImage(picture.pixels.data, size.width, size.height, 4 * size.width, QImage.Format.Format_RGB32)
-        self._unseen = True
-        self.update()
-
-    def _on_trouble(self, trouble: Trouble) -> None:
-        self.note = trouble.message if trouble.fatal else self.note
-        self.troubled.emit(trouble)
-        self.update()
 
     def _on_project(self) -> None:
         self._placed = self.pose
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if len(self._document.extent) and self.pose == self._placed:
-            self._place()
+            self._placed = self.places.first
+            self.navigation.set_pose(self._placed)
         self.update()
 
     # Painting --------------------------------------------------------------------------------------------------
@@ -236,35 +152,38 @@ class SceneView(QWidget):
     def overlay_camera(self) -> Camera:
         """The camera of what is on the screen, in logical pixels."""
         width, height = max(1, self.width()), max(1, self.height())
-        key = (self.pose if self._picture is None else self._picture.request.number, width, height)
+        picture = self.feed.picture
+        key = (self.pose if picture is None else picture.request, width, height)
         if self._camera_of != key:
             # The same camera for the same picture: layers keep what they worked out for it.
             self._camera_of = key
-            if self._picture is None:
+            if picture is None:
                 self._overlay_camera = self.pose.camera(width, height)
             else:
-                self._overlay_camera = self._picture.request.camera.scaled(width, height)
+                self._overlay_camera = picture.request.camera.scaled(width, height)
         return self._overlay_camera
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
-        if self._image is not None:
+        image, picture = self.feed.image, self.feed.picture
+        if image is not None:
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-            painter.drawImage(QRectF(self.rect()), self._image)
+            painter.drawImage(QRectF(self.rect()), image)
         else:
             paint_ground(painter, self.size(), self.palette())
-        self.overlays.grid.bare = self._image is None
+        self.overlays.grid.bare = image is None
         self.overlays.paint(painter, self.overlay_camera)
-        paint_status(painter, self.size(), self.pose, self._picture, self.note or self.hint)
+        paint_status(painter, self.size(), self.pose, picture, self.note or self.hint)
         painter.end()
-        if self._unseen:
-            self._unseen = False
-            self.pictureShown.emit(self._picture)
+        if picture is not self._painted:
+            self._painted = picture
+            if picture is not None:
+                self.pictureShown.emit(picture)
 
     # Events ----------------------------------------------------------------------------------------------------
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        self._rest.start()
+        self.feed.resize()
         super().resizeEvent(event)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
@@ -290,12 +209,12 @@ class SceneView(QWidget):
         viewpoint = self.pick_viewpoint(event.position())
         if viewpoint is not None:
             arrays = self._document.graph_arrays
-            self.go_to_position(arrays.positions[arrays.index[viewpoint]])
+            self.places.go_to_position(arrays.positions[arrays.index[viewpoint]])
             return
         frame = self.pick_frame(event.position())
         if frame is not None:
             self._document.select(frame=frame)
-            self.snap_to_frame(frame)
+            self.places.snap_to_frame(frame)
 
     def _click(self, position: QPointF) -> None:
         viewpoint = self.pick_viewpoint(position)

@@ -12,6 +12,8 @@ CHANNELS = {
     "alpha": frozenset({"alpha"}),
     "normal": frozenset({"normal", "alpha"}),
     "depth": frozenset({"depth", "alpha"}),
+    "hole": frozenset({"rgb", "alpha"}),
+    "submap": frozenset({"rgb", "alpha", "depth"}),
 }
 DEPTH_RANGE = (0.3, 20.0)  # metres, logarithmic, near is bright
 
@@ -23,6 +25,8 @@ _RAMP = np.array(
     ],
     np.float32,
 )  # fmt: skip
+HOLE = np.array([255, 64, 180], np.float32)
+"""What shines through where no Gaussian is: the floor hole, and whatever else is missing."""
 _EMPTY = np.array([24, 26, 31], np.float32)
 
 
@@ -35,7 +39,9 @@ def ramp(share: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def picture(view: RenderOutput, channel: str) -> NDArray[np.uint8]:
-    """(H, W, 4) uint8, blue, green, red, 255. Raises ValueError when the channel was not rendered."""
+    """(H, W, 4) uint8, blue, green, red, 255. Raises ValueError when the channel was not rendered.
+
+    "hole" takes a view without background; "submap" gives the brightness, to which a Territory adds the colours."""
     if channel == "rgb" and view.rgb is not None:
         rgb = view.rgb * np.float32(255)
     elif channel == "alpha" and view.alpha is not None:
@@ -47,6 +53,12 @@ def picture(view: RenderOutput, channel: str) -> NDArray[np.uint8]:
         low, high = np.log(DEPTH_RANGE)
         share = (np.log(np.maximum(view.depth, DEPTH_RANGE[0])) - low) / (high - low)
         rgb = _over_empty(ramp(1 - share), view.alpha)
+    elif channel == "hole" and view.rgb is not None and view.alpha is not None:
+        weight = np.clip(view.alpha, 0, 1)[..., None]
+        rgb = view.rgb * np.float32(255) + (1 - weight) * HOLE
+    elif channel == "submap" and view.rgb is not None:
+        light = view.rgb @ np.array([0.299, 0.587, 0.114], np.float32)
+        rgb = np.repeat(light[..., None] * np.float32(255), 3, axis=-1)
     else:
         raise ValueError(f"the channel {channel!r} was not rendered")
     result = np.empty((*rgb.shape[:2], 4), np.uint8)

@@ -43,6 +43,10 @@ class LinearAppearance:
     middle: NDArray[np.float64]
     _kept: threading.local = field(default_factory=threading.local, repr=False)
 
+    def of_rows(self, rows: NDArray[np.generic]) -> LinearAppearance:
+        """See `nvsim.splats.types.Appearance`."""
+        return replace(self, features=self.features[rows], _kept=threading.local())
+
     def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
         """See `nvsim.splats.types.Appearance`."""
         sh = getattr(self._kept, "sh", None)
@@ -81,6 +85,10 @@ class NetworkAppearance:
     middle: NDArray[np.float64]
     cell: float = CELL
     _kept: threading.local = field(default_factory=threading.local, repr=False)
+
+    def of_rows(self, rows: NDArray[np.generic]) -> NetworkAppearance:
+        """See `nvsim.splats.types.Appearance`."""
+        return replace(self, features=self.features[rows], _kept=threading.local())
 
     def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
         """See `nvsim.splats.types.Appearance`."""

@@ -107,6 +107,10 @@ class Appearance(Protocol):
         not be changed in place between calls."""
         ...
 
+    def of_rows(self, rows: NDArray[np.generic]) -> Appearance:
+        """That of the Gaussians in `rows` alone."""
+        ...
+
 
 @dataclass(eq=False)
 class SubmapModel:

@@ -25,6 +25,12 @@ def test_alpha_is_grey() -> None:
     assert picture(view(), "alpha")[0].tolist() == [[255, 255, 255, 255], [0, 0, 0, 255]]
 
 
+def test_what_no_gaussian_covers_shines_in_a_colour_of_its_own() -> None:
+    covered, hole = picture(view(), "hole")[0]
+    assert covered.tolist() == [0, 127, 255, 255]
+    assert hole.tolist() == [int(min(255, 180 + 0.25 * 255)), 64, 255, 255]
+
+
 def test_an_upward_normal_is_blue_and_emptiness_is_dark() -> None:
     up, nothing = picture(view(), "normal")[0]
     assert up.tolist() == [255, 127, 127, 255] and nothing[:3].max() < 40

@@ -1,0 +1,56 @@
+"""Fewer Gaussians: which ones stay, and that what belongs to them stays with them."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+
+from app.splat_budget import SplatBudget, covering_most
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.random_room import random_room
+from nvsim.splats.appearance import LinearAppearance
+from nvsim.splats.embedding import Embedding
+from nvsim.splats.types import SubmapModel
+
+
+def model(count: int = 500) -> SubmapModel:
+    return SubmapModel(random_room(count), None, None, FloorSurface.flat(0.0))
+
+
+def test_the_ones_that_cover_most_stay_in_their_order() -> None:
+    g = random_room(400)
+    rows = covering_most(g, 100)
+    opacity = 1 / (1 + np.exp(-g.opacity_logits.astype(float)))
+    extents = np.sort(np.exp(g.log_scales.astype(float)), axis=1)
+    cover = opacity * extents[:, 1] * extents[:, 2]
+    assert (np.diff(rows) > 0).all() and len(rows) == 100
+    left_out = np.setdiff1d(np.arange(400), rows)
+    assert cover[rows].min() >= cover[left_out].max() * (1 - 1e-5)
+
+
+def test_no_budget_and_a_large_one_change_nothing() -> None:
+    m, budget = model(), SplatBudget()
+    assert budget.within(m, 0) is m and budget.within(m, 500) is m
+
+
+def test_the_thinned_model_is_kept_until_model_or_budget_change() -> None:
+    m, budget = model(), SplatBudget()
+    few = budget.within(m, 50)
+    assert len(few.gaussians) == 50 and budget.within(m, 50) is few
+    assert len(budget.within(m, 60).gaussians) == 60
+    assert budget.within(model(), 60) is not budget.within(m, 60)
+
+
+def test_colours_that_depend_on_the_position_stay_with_their_gaussians() -> None:
+    m = model()
+    rng = np.random.default_rng(0)
+    embedding = Embedding.__new__(Embedding)
+    appearance = LinearAppearance(embedding, {}, rng.random((500, 3)).astype(np.float32), np.zeros(3))
+    appearance._kept.sh = "of all"
+    few = SplatBudget().within(replace(m, appearance=appearance), 50)
+    rows = covering_most(m.gaussians, 50)
+    assert few.appearance is not None
+    assert np.array_equal(few.appearance.features, appearance.features[rows])
+    assert isinstance(few.appearance._kept, threading.local) and not hasattr(few.appearance._kept, "sh")
