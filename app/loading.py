@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from nvsim.project.jobs import JobRecord
     from nvsim.project.project import Project
 
-PARTS = ("capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "outline", "model_info", "stages")
+PARTS = (
+    "capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "outline", "model_info", "stages", "results",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,7 @@ class Contents:
     model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
     stages        names of the stages that ended well
     thresholds    what the graph was decided with
+    results       name of a stored evaluation -> when it ended and its figures
     live          whether all that is to be seen is in training still
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     """
@@ -48,6 +51,7 @@ class Contents:
     outline: NDArray[np.float64] | None = None
     thresholds: MappingConfig = field(default_factory=MappingConfig)
     live: bool = False
+    results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
 
     @property
     def missing_verb(self) -> str:
@@ -129,13 +133,15 @@ class ProjectReader:
             "submaps": (capture, stages),
             "graph": stages,
             "stages": stages,
+            "results": tuple(project.connection.execute("SELECT name, created FROM results ORDER BY name").fetchall()),
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support)),
         }
-        readers = {
+        readers: dict[str, Callable[[], Any]] = {
             "capture": project.capture,
             "submaps": project.submaps,
             "stages": lambda: frozenset(row[0] for row in stages if row[3] == "done"),
+            "results": lambda: self._results(stamps["results"]),
             "graph": project.graph,
             # The models come last: announcing them starts the drawing process, which copies sys.path, and reading a map
             # imports OpenCV, which for a moment puts a folder there whose modules hide those of the standard library.
@@ -157,6 +163,11 @@ class ProjectReader:
                 info = self._model_info()
                 self._contents = replace(self._contents, model_info=info, live=value is not None and not info)
             yield self._contents
+
+    def _results(self, created: Hashable) -> dict[str, tuple[float, dict[str, object]]]:
+        assert isinstance(created, tuple)
+        figures = self._project.results()
+        return {name: (at, figures[name]) for name, at in created if name in figures}
 
     def _models(self) -> Hashable | None:
         layout = self._project.layout

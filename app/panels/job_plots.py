@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyqtgraph
 from PySide6.QtCore import QEvent, QTimer
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from app import colors
@@ -85,7 +86,7 @@ class JobPlots(QWidget):
                 self._curves[name, submap] = self.plots[name].plot(pen=pen, name=f"submap {submap}")
             self._curves[name, submap].setData(np.array(one.steps, float), np.array(one.values, float))
 
-    def showEvent(self, event: QEvent) -> None:
+    def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
         self.draw()
 

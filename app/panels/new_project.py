@@ -32,6 +32,7 @@ TYPING = 500  # milliseconds after the last change until the check starts
 _COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
 _WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
 _MOST_PLACES = 200
+_OPTIONS = ("camera_height", "scale", "hold_out")
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class NewProjectDialog(QDialog):
         place = QPushButton("Place…", self)
         place.setEnabled(self._fixed is None)
         place.clicked.connect(self._browse_project)
-        self.height = self._editor("camera_height")
+        self.camera_height = self._editor("camera_height")
         self.scale = self._editor("scale")
         self.hold_out = self._editor("hold_out")
         grid = QGridLayout()
@@ -93,7 +94,7 @@ class NewProjectDialog(QDialog):
         grid.addWidget(self.project, 1, 1)
         grid.addWidget(place, 1, 2, 1, 2)
         for row, (words, editor) in enumerate(
-            (("Camera height", self.height), ("Scale", self.scale), ("Held out", self.hold_out)), start=2
+            (("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)), start=2
         ):
             name = QLabel(words, self)
             name.setToolTip(editor.field.flag)
@@ -182,7 +183,11 @@ class NewProjectDialog(QDialog):
         """Raises ValueError with a sentence."""
         return {
             name: editor.value()
-            for name, editor in (("camera_height", self.height), ("scale", self.scale), ("hold_out", self.hold_out))
+            for name, editor in (
+                ("camera_height", self.camera_height),
+                ("scale", self.scale),
+                ("hold_out", self.hold_out),
+            )
         }
 
     def _start_check(self) -> None:

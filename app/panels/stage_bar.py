@@ -56,6 +56,7 @@ class StageBar(QWidget):
     def _place(self) -> None:
         self.adjustSize()
         parent = self.parentWidget()
+        assert parent is not None  # given at construction
         self.move(max(0, (parent.width() - self.width()) // 2), max(0, parent.height() - self.height() - 44))
         self.raise_()
 

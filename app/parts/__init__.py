@@ -14,6 +14,7 @@ from app.parts.look import LookPart
 from app.parts.new_project import NewProjectPart
 from app.parts.panels import DetailsPart, LogPart, MapPart, SubmapPart
 from app.parts.part import Part
+from app.parts.results import ResultPart
 from app.parts.thresholds import ThresholdPart
 from app.parts.view import ViewPart
 
@@ -30,6 +31,7 @@ PARTS: tuple[type[Part], ...] = (
     ThresholdPart,
     JobsPart,
     NewProjectPart,
+    ResultPart,
     LogPart,
     LookPart,
 )

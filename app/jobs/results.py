@@ -1,0 +1,145 @@
+"""The figures that an evaluation printed or stored, as tables. Knows no Qt."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.jobs.stages import GIVES_RESULT, STAGES
+from nvsim.project.joblist import Job
+
+SUMMARY = "Summary"
+_WORDS = {
+    "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "iou": "IoU", "miou": "mean IoU", "m2": "m²",
+    "nonfloor": "no floor",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of names, rows of values; None is a value that is missing."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def numbers(self, column: int) -> list[float]:
+        """The values of a column, NaN where there is no number."""
+        return [float(v) if _is_number(v) else float("nan") for v in (row[column] for row in self.rows)]
+
+    @property
+    def plotted(self) -> list[int]:
+        """The columns worth a plot: numbers that differ, and that are no index."""
+        found = []
+        for i, name in enumerate(self.columns):
+            values = {row[i] for row in self.rows if _is_number(row[i])}
+            if len(values) > 1 and name not in ("frame", "view", "submap", "frames"):
+                found.append(i)
+        return found
+
+    def separated(self, by: str) -> str:
+        """The table as text with `by` between the values, quoted where needed."""
+        out = io.StringIO()
+        writer = csv.writer(out, delimiter=by, lineterminator="\n")
+        writer.writerow([words_of(c) for c in self.columns])
+        writer.writerows([["" if v is None else v for v in row] for row in self.rows])
+        return out.getvalue()
+
+
+@dataclass(frozen=True)
+class Result:
+    """One evaluation: what it is called, when it ended (seconds since the epoch, 0 where unknown), its tables."""
+
+    key: str
+    title: str
+    at: float
+    tables: tuple[Table, ...]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def words_of(name: str) -> str:
+    """psnr_floor -> "PSNR floor"."""
+    return " ".join(_WORDS.get(word, word) for word in name.split("_"))
+
+
+def value_words(value: object) -> str:
+    """A figure in a cell."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        size = abs(value)
+        return f"{value:,.0f}" if size >= 1000 else f"{value:.2f}" if size >= 10 else f"{value:.4f}"
+    return str(value)
+
+
+def tables_of(figures: Mapping[str, Any]) -> tuple[Table, ...]:
+    """Whatever an evaluation answers: plain figures become the summary, lists of objects and objects of objects tables
+    of their own."""
+    plain = [(k, v) for k, v in figures.items() if not isinstance(v, dict | list | tuple)]
+    tables = []
+    if plain:
+        tables.append(Table(SUMMARY, ("figure", "value"), tuple((words_of(k), v) for k, v in plain)))
+    for name, value in figures.items():
+        if isinstance(value, dict) and value and all(isinstance(v, dict) for v in value.values()):
+            first = name.removesuffix("s")
+            tables.append(_table(name, [{first: k, **v} for k, v in value.items()]))
+        elif isinstance(value, dict):
+            tables += [_table(k, v) for k, v in value.items() if _is_rows(v)]
+        elif _is_rows(value):
+            tables.append(_table(name, value))
+    return tuple(tables)
+
+
+def _is_rows(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(v, dict) for v in value)
+
+
+def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    columns = [c for c in dict.fromkeys(k for r in rows for k in r) if any(_fits(r.get(c)) for r in rows)]
+    cells = tuple(tuple(r.get(c) if _fits(r.get(c)) else None for c in columns) for r in rows)
+    words = words_of(name)
+    return Table(words[:1].upper() + words[1:], tuple(columns), cells)
+
+
+def _fits(value: object) -> bool:
+    return value is not None and not isinstance(value, dict | list | tuple)
+
+
+def result_of_job(job: Job) -> Result | None:
+    """What an evaluation that ended well printed last; None for other jobs."""
+    if job.order.verb not in GIVES_RESULT or job.standing.state != "done":
+        return None
+    try:
+        lines = job.output.read_text(errors="replace").splitlines()
+    except OSError:
+        return None
+    for line in reversed(lines):
+        try:
+            figures = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(figures, dict):
+            return Result(f"job {job.number}", job.order.title, job.standing.finished or 0.0, tables_of(figures))
+    return None
+
+
+def stored_result(name: str, at: float, figures: Mapping[str, Any]) -> Result:
+    """What a command left in the project."""
+    verb = f"evaluate {name}"
+    title = f"{STAGES[verb].title} (stored)" if verb in STAGES else f"{words_of(name)} (stored)"
+    return Result(f"stored {name}", title, at, tables_of(figures))
+
+
+def save_table(table: Table, path: Path) -> None:
+    """As CSV. Raises InputError when the disk refuses."""
+    from nvsim.atomic import write_text
+
+    write_text(path, table.separated(","))

@@ -1,0 +1,254 @@
+"""The results of evaluations: tables and plots that can be copied and saved."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyqtgraph
+from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFileDialog,
+    QHBoxLayout,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app import colors
+from app.jobs.results import Result, Table, save_table, value_words, words_of
+from app.notices import Notices
+from app.panels.submaps import table as quiet_table
+from nvsim.errors import InputError
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+
+
+class ResultModel(QAbstractTableModel):
+    """The cells of one table."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.table = Table("", (), ())
+
+    def show_table(self, table: Table) -> None:
+        self.beginResetModel()
+        self.table = table
+        self.endResetModel()
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self.table.rows)
+
+    def columnCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self.table.columns)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return words_of(self.table.columns[section]) if 0 <= section < len(self.table.columns) else None
+        return None
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid() or index.row() >= len(self.table.rows):
+            return None
+        value = self.table.rows[index.row()][index.column()]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return value_words(value)
+        if role == Qt.ItemDataRole.TextAlignmentRole and isinstance(value, int | float):
+            return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        if role == Qt.ItemDataRole.ToolTipRole and isinstance(value, float):
+            return repr(value)
+        return None
+
+
+class ResultPanel(QWidget):
+    """frameWanted(int) and submapWanted(int) when a row about one is double-clicked."""
+
+    frameWanted = Signal(int)
+    submapWanted = Signal(int)
+
+    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._notices = notices
+        self.results: list[Result] = []
+        self.list = QListWidget(self)
+        self.list.setFrameShape(QListWidget.Shape.NoFrame)
+        self.list.setSpacing(2)
+        self.list.currentRowChanged.connect(self._on_result)
+        self.tables = QComboBox(self)
+        self.tables.currentIndexChanged.connect(self._on_table)
+        self.columns = QComboBox(self)
+        self.columns.currentIndexChanged.connect(lambda _: self._draw())
+        self.copy = QPushButton("Copy", self)
+        self.copy.setToolTip("Copy the table with tabs, as spreadsheets take it (Ctrl+C)")
+        self.copy.clicked.connect(self._copy)
+        self.save = QPushButton("Save CSV…", self)
+        self.save.clicked.connect(self._choose_csv)
+        self.save_plot = QPushButton("Save plot…", self)
+        self.save_plot.clicked.connect(self._choose_plot)
+        self.model = ResultModel(self)
+        self.view = quiet_table(self.model, self)
+        self.view.doubleClicked.connect(self._on_double_clicked)
+        QShortcut(QKeySequence.StandardKey.Copy, self.view, self._copy, context=Qt.ShortcutContext.WidgetShortcut)
+        self.plot = pyqtgraph.PlotWidget(self)
+        self.plot.setMenuEnabled(False)
+        self.plot.hideButtons()
+        self.plot.showGrid(y=True, alpha=0.15)
+        self.plot.setMinimumWidth(160)
+        self.empty = QLabel("Jobs > Evaluate fills this panel.", self)
+        self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
+        self.empty.setContentsMargins(12, 8, 12, 8)
+        bar = QHBoxLayout()
+        bar.setContentsMargins(4, 3, 4, 3)
+        bar.addWidget(self.tables)
+        bar.addWidget(self.copy)
+        bar.addWidget(self.save)
+        bar.addStretch(1)
+        middle = QWidget(self)
+        column = QVBoxLayout(middle)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(bar)
+        column.addWidget(self.view, 1)
+        above = QHBoxLayout()
+        above.setContentsMargins(4, 3, 4, 3)
+        above.addWidget(self.columns)
+        above.addWidget(self.save_plot)
+        above.addStretch(1)
+        right = QWidget(self)
+        beside = QVBoxLayout(right)
+        beside.setContentsMargins(0, 0, 0, 0)
+        beside.setSpacing(0)
+        beside.addLayout(above)
+        beside.addWidget(self.plot, 1)
+        self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
+        for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
+            self.splitter.addWidget(widget)
+            self.splitter.setStretchFactor(self.splitter.count() - 1, stretch)
+        self.splitter.setSizes([190, 420, 330])
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.empty)
+        layout.addWidget(self.splitter, 1)
+        self._dress()
+        self.show_results([])
+
+    # Showing ----------------------------------------------------------------------------------------------------
+
+    def show_results(self, results: list[Result]) -> None:
+        """Lists these, newest first; a new one is shown at once."""
+        results = sorted(results, key=lambda r: -r.at)
+        if [(r.key, r.at) for r in results] == [(r.key, r.at) for r in self.results] and results:
+            return
+        row = self.list.currentRow()
+        chosen = self.results[row].key if 0 <= row < len(self.results) else ""
+        newest = bool(results) and results[0].key not in {r.key for r in self.results}
+        self.results = results
+        self.list.blockSignals(True)
+        self.list.clear()
+        for result in results:
+            when = time.strftime("%d %b %H:%M", time.localtime(result.at)) if result.at else ""
+            item = QListWidgetItem(f"{result.title}\n{when}" if when else result.title)
+            self.list.addItem(item)
+        self.list.blockSignals(False)
+        self.empty.setVisible(not results)
+        self.splitter.setVisible(bool(results))
+        keys = [r.key for r in results]
+        if results:
+            self.list.setCurrentRow(0 if newest or chosen not in keys else keys.index(chosen))
+
+    @property
+    def table(self) -> Table:
+        """The table that is shown."""
+        return self.model.table
+
+    def _on_result(self, row: int) -> None:
+        tables = self.results[row].tables if 0 <= row < len(self.results) else ()
+        former = self.tables.currentText()
+        self.tables.blockSignals(True)
+        self.tables.clear()
+        self.tables.addItems([t.title for t in tables])
+        self.tables.setCurrentText(former)
+        self.tables.blockSignals(False)
+        self._on_table(self.tables.currentIndex())
+
+    def _on_table(self, index: int) -> None:
+        row = self.list.currentRow()
+        tables = self.results[row].tables if 0 <= row < len(self.results) else ()
+        self.model.show_table(tables[index] if 0 <= index < len(tables) else Table("", (), ()))
+        former = self.columns.currentText()
+        self.columns.blockSignals(True)
+        self.columns.clear()
+        self.columns.addItems([words_of(self.table.columns[i]) for i in self.table.plotted])
+        self.columns.setCurrentText(former)
+        self.columns.blockSignals(False)
+        self._draw()
+
+    def _draw(self) -> None:
+        self.plot.clear()
+        plotted, chosen = self.table.plotted, self.columns.currentIndex()
+        shown = 0 <= chosen < len(plotted)
+        for widget in (self.columns, self.save_plot):
+            widget.setEnabled(shown)
+        if not shown:
+            return
+        values = np.array(self.table.numbers(plotted[chosen]))
+        known = np.flatnonzero(np.isfinite(values))
+        if len(values) > 60:
+            self.plot.plot(known, values[known], pen=pyqtgraph.mkPen(colors.NODE, width=1.5))
+        else:
+            bars = pyqtgraph.BarGraphItem(x=known, height=values[known], width=0.7, brush=colors.NODE, pen=None)
+            self.plot.addItem(bars)
+        names = [str(row[0]) for row in self.table.rows]
+        step = max(1, len(names) // 8)
+        self.plot.getAxis("bottom").setTicks([[(i, names[i][:14]) for i in range(0, len(names), step)]])
+        self.plot.setTitle(self.columns.currentText(), size="9pt", color=self.palette().text().color())
+        self.plot.autoRange()
+
+    # Taking it away ---------------------------------------------------------------------------------------------
+
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setText(self.table.separated("\t"))
+
+    def _choose_csv(self) -> None:
+        name, _ = QFileDialog.getSaveFileName(self, "Save table", f"{self.table.title}.csv", "CSV (*.csv)")
+        if name:
+            try:
+                save_table(self.table, Path(name))
+                self._notices.info(f"Saved {name}.")
+            except InputError as error:
+                self._notices.error(str(error))
+
+    def _choose_plot(self) -> None:
+        name, _ = QFileDialog.getSaveFileName(self, "Save plot", f"{self.columns.currentText()}.png", "PNG (*.png)")
+        if name and self.plot.grab().save(name):
+            self._notices.info(f"Saved {name}.")
+        elif name:
+            self._notices.error(f"Cannot write {name}; choose a writable folder and a name ending in .png.")
+
+    def _on_double_clicked(self, index: QModelIndex) -> None:
+        row = dict(zip(self.table.columns, self.table.rows[index.row()], strict=True))
+        if isinstance(row.get("frame"), int):
+            self.frameWanted.emit(row["frame"])
+        elif str(row.get("submap", "")).isdigit():
+            self.submapWanted.emit(int(row["submap"]))
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.PaletteChange:
+            self._dress()
+        super().changeEvent(event)
+
+    def _dress(self) -> None:
+        palette = self.palette()
+        self.plot.setBackground(palette.base().color())
+        for side in ("left", "bottom"):
+            self.plot.getAxis(side).setPen(palette.placeholderText().color())
+            self.plot.getAxis(side).setTextPen(palette.text().color())

@@ -1,0 +1,137 @@
+"""From a capture to a project: the check in plain words, then the import and everything after it, by the buttons."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import tiny_capture
+from PySide6.QtCore import QMimeData, QPoint, QPointF, QSettings, Qt, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QApplication, QMenu
+from pytestqt.qtbot import QtBot
+
+from app.jobs.check import CheckResult, Group, result_of
+from app.panels.new_project import NewProjectDialog
+from app.panels.stage_bar import StageBar
+from app.parts.new_project import NewProjectPart
+from app.session import Session
+
+SECONDS = 120_000
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny_capture.write_capture(tmp_path_factory.mktemp("building"))
+
+
+@pytest.fixture
+def session(qtbot: QtBot, settings: QSettings) -> Iterator[Session]:
+    made = Session(settings)
+    qtbot.addWidget(made.window)
+    made.window.show()
+    yield made
+    made.close()
+
+
+def part_of(session: Session) -> NewProjectPart:
+    return next(p for p in session.window.parts if isinstance(p, NewProjectPart))
+
+
+def test_findings_are_grouped_by_what_is_the_matter() -> None:
+    findings = [
+        {"severity": "error", "message": "the image is missing", "where": f"frame {i}", "consequence": "lost"}
+        for i in range(3)
+    ] + [{"severity": "warning", "message": "the scale is unknown", "where": "x", "consequence": "asked"}]
+    result = result_of(json.dumps({"refused": True, "findings": findings}))
+    assert [(g.message, len(g.places)) for g in result.groups] == [
+        ("the image is missing", 3),
+        ("the scale is unknown", 1),
+    ]
+    assert result.wants_scale and result.sentence == "This capture cannot be used as it is."
+    with pytest.raises(ValueError, match="not a data check"):
+        result_of('{"psnr": 3}')
+
+
+def test_a_folder_without_a_capture_is_explained_and_cannot_be_imported(qtbot: QtBot, tmp_path: Path) -> None:
+    (tmp_path / "pictures").mkdir()
+    dialog = NewProjectDialog(tmp_path / "pictures")
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
+    qtbot.addWidget(dialog)
+    dialog.show()
+    qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
+    assert "cannot be used" in dialog.verdict.text() and not dialog.run_button.isEnabled()
+    assert "empty folder" in dialog.findings.topLevelItem(0).text(0)
+    dialog.reject()
+
+
+def test_the_scale_is_asked_for_where_it_is_unknown(qtbot: QtBot, tmp_path: Path) -> None:
+    dialog = NewProjectDialog()
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
+    qtbot.addWidget(dialog)
+    dialog.project.setText(str(tmp_path / "new.nvsim"))
+    dialog.show_result(CheckResult(False, (Group("warning", "the scale is unknown", "it asks", ("x",)),)))
+    assert not dialog.run_button.isEnabled() and "how high the cameras were" in dialog.verdict.text()
+    dialog.show_result(CheckResult(False, ()))
+    assert dialog.run_button.isEnabled()
+    dialog.project.setText(str(tmp_path))
+    assert dialog.run_button.isEnabled()
+    (tmp_path / "thesis.tex").write_text("")
+    dialog.project.setText(f"{tmp_path}/")
+    assert "holds other files" in dialog.problem.text() and not dialog.run_button.isEnabled()
+
+
+def test_a_dropped_capture_becomes_a_project_and_the_next_stage_is_offered(
+    qtbot: QtBot, session: Session, capture: Path, tmp_path: Path
+) -> None:
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(capture))])
+    copy, left, none = Qt.DropAction.CopyAction, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+    for event in (
+        QDragEnterEvent(QPoint(50, 50), copy, data, left, none),
+        QDropEvent(QPointF(50, 50), copy, data, left, none),
+    ):
+        QApplication.sendEvent(session.window, event)
+        assert event.isAccepted()
+    (dialog,) = session.window.findChildren(NewProjectDialog)
+    assert dialog.capture.text() == str(capture) and dialog.project.text().endswith("capture.nvsim")
+    project = tmp_path / "rooms.nvsim"
+    dialog.project.setText(str(project))
+    qtbot.waitUntil(lambda: dialog.run_button.isEnabled(), timeout=SECONDS)
+    assert dialog.verdict.text().startswith("The capture")
+
+    qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
+    jobs = session.window.jobs
+    assert [h.job.order.verb for h in jobs.handles] == ["import"]
+    qtbot.waitUntil(lambda: session.document.contents.capture is not None, timeout=SECONDS)
+    qtbot.waitUntil(lambda: jobs.handles[0].state == "done", timeout=SECONDS)
+    (bar,) = session.window.findChildren(StageBar)
+    qtbot.waitUntil(bar.isVisible, timeout=SECONDS)
+    assert bar.stage.text() == "Cut into submaps only"
+    tiny_capture.write_settings(project)
+    qtbot.mouseClick(bar.stage, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: len(session.document.contents.submaps) == 1, timeout=SECONDS)
+    assert jobs.handles[1].job.order.arguments[-2:] == ("--count", "1")
+    qtbot.waitUntil(lambda: not jobs.running, timeout=SECONDS)
+
+
+def test_projects_that_were_open_are_offered_again(
+    qtbot: QtBot, session: Session, settings: QSettings, tmp_path: Path
+) -> None:
+    from nvsim.project.project import Project
+
+    for name in ("one.nvsim", "two.nvsim"):
+        Project.create_or_open(tmp_path / name).close()
+        session.open(tmp_path / name)
+    part = part_of(session)
+    assert [p.name for p in part.recent()] == ["two.nvsim", "one.nvsim"]
+    assert "Open &recent" in [a.text() for m in session.window.menuBar().findChildren(QMenu) for a in m.actions()]
+    (menu,) = [m for m in session.window.findChildren(QMenu) if m.title() == "Open &recent"]
+    menu.aboutToShow.emit()
+    menu.actions()[1].trigger()
+    assert session.document.project == tmp_path / "one.nvsim"
+    assert session.window.empty.imports.isVisible()  # it has no capture yet
+    (tmp_path / "two.nvsim" / "project.db").unlink()
+    assert [p.name for p in part.recent()] == ["one.nvsim"]
