@@ -12,6 +12,7 @@ from app.parts.jobs import JobsPart
 from app.parts.layers import LayersPart
 from app.parts.look import LookPart
 from app.parts.new_project import NewProjectPart
+from app.parts.palette import PalettePart
 from app.parts.panels import DetailsPart, LogPart, MapPart, SubmapPart
 from app.parts.part import Part
 from app.parts.results import ResultPart
@@ -34,6 +35,7 @@ PARTS: tuple[type[Part], ...] = (
     ResultPart,
     LogPart,
     LookPart,
+    PalettePart,
 )
 
 ACTIONS: tuple[Action, ...] = tuple(action for part in PARTS for action in part.ACTIONS)

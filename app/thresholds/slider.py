@@ -20,7 +20,8 @@ from PySide6.QtWidgets import (
 from app import colors
 from app.thresholds.table import Threshold
 
-MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.SELECTED}
+MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.WARNING_TEXT}
+_SIZES = {"project": 6.0, "default": 4.5, "paper": 3.0}  # pixels: of several at one place all are seen
 
 
 class MarkedSlider(QSlider):
@@ -49,11 +50,13 @@ class MarkedSlider(QSlider):
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setPen(Qt.PenStyle.NoPen)
-        for name, step in self._marks.items():
+        for name, step in sorted(self._marks.items(), key=lambda mark: -_SIZES[mark[0]]):
             x = handle.width() / 2 + QStyle.sliderPositionFromValue(self.minimum(), self.maximum(), step, span)
             painter.setBrush(QColor(MARKS[name]))
-            bottom = self.height() - 0.5
-            painter.drawPolygon(QPolygonF([QPointF(x - 4, bottom), QPointF(x, bottom - 6), QPointF(x + 4, bottom)]))
+            bottom, size = self.height() - 0.5, _SIZES[name]
+            painter.drawPolygon(
+                QPolygonF([QPointF(x - size, bottom), QPointF(x, bottom - 1.3 * size), QPointF(x + size, bottom)])
+            )
         painter.end()
 
     def wheelEvent(self, event: QWheelEvent) -> None:

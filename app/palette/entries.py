@@ -1,0 +1,92 @@
+"""What the palette offers: the commands of the table, and the viewpoints and frames whose names fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from app.actions import ActionTable
+from app.document import Document
+from app.palette.fuzzy import fit
+
+MOST_PLACES = 6
+_LETTERS = 3  # typed, until viewpoints and frames are looked through
+
+
+@dataclass(frozen=True)
+class Entry:
+    """title     what it does
+    place     the menu it stands in, or what kind of thing it is
+    shortcut  as it is shown
+    reason    why it cannot run now, "" when it can
+    run       does it
+    marks     where the typed letters stand in the title
+    """
+
+    title: str
+    place: str
+    shortcut: str
+    reason: str
+    run: Callable[[], object]
+    marks: tuple[int, ...] = ()
+
+
+def commands(table: ActionTable, document: Document) -> list[Entry]:
+    """All commands in the order of the menus."""
+    found = []
+    for entry in table.entries:
+        action = table[entry.id]
+        reason = entry.enabled(document) or ""
+        title = entry.text.replace("&", "").removesuffix("…")
+        if entry.check and not entry.group:
+            title += " (on)" if action.isChecked() else " (off)"
+        found.append(Entry(title, entry.menu.replace("&", ""), action.shortcut().toString(), reason, action.trigger))
+    return found
+
+
+def fitting(entries: list[Entry], typed: str, recent: list[str]) -> list[Entry]:
+    """Those that fit, the best first, those that cannot run last. With nothing typed those used lately come first."""
+    if not typed.strip():
+        order = {title: i for i, title in enumerate(recent)}
+        return sorted(entries, key=lambda e: (bool(e.reason), order.get(_bare(e.title), len(order))))
+    scored = []
+    for entry in entries:
+        found = fit(typed, entry.title)
+        if found is None:
+            wider = fit(typed, f"{entry.title} {entry.place}")
+            found = None if wider is None else (wider[0] - 20, tuple(m for m in wider[1] if m < len(entry.title)))
+        if found is not None:
+            marked = Entry(entry.title, entry.place, entry.shortcut, entry.reason, entry.run, found[1])
+            scored.append((bool(entry.reason), -found[0], marked))
+    scored.sort(key=lambda s: s[:2])
+    return [entry for *_, entry in scored]
+
+
+def places(
+    document: Document, typed: str, go_to_viewpoint: Callable[[str], object], go_to_frame: Callable[[int], object]
+) -> list[Entry]:
+    """Viewpoints whose id begins with, and frames whose name holds what was typed."""
+    wanted = typed.strip().casefold()
+    if len(wanted) < _LETTERS:
+        return []
+    found: list[Entry] = []
+    for id in document.graph_arrays.ids:
+        if id.casefold().startswith(wanted):
+            found.append(Entry(id, "Go to viewpoint", "", "", partial(go_to_viewpoint, id), tuple(range(len(wanted)))))
+            if len(found) == MOST_PLACES:
+                break
+    capture = document.contents.capture
+    frames: list[Entry] = []
+    for i, frame in enumerate(capture.frames if capture is not None else ()):
+        at = frame.name.casefold().find(wanted)
+        if at >= 0:
+            marks = tuple(range(at, at + len(wanted)))
+            frames.append(Entry(frame.name, "Go to frame", "", "", partial(go_to_frame, i), marks))
+            if len(frames) == MOST_PLACES:
+                break
+    return [*found, *frames]
+
+
+def _bare(title: str) -> str:
+    return title.removesuffix(" (on)").removesuffix(" (off)")

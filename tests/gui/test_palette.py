@@ -1,0 +1,104 @@
+"""The command palette: finds what was meant, says why something cannot run, gives the focus back."""
+
+from __future__ import annotations
+
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+
+from app.document import Document
+from app.palette.entries import Entry
+from app.palette.fuzzy import fit
+from app.parts import ACTIONS
+from app.parts.palette import PalettePart
+from app.window import MainWindow
+
+
+@pytest.fixture
+def part(window: MainWindow) -> PalettePart:
+    return next(p for p in window.parts if isinstance(p, PalettePart))
+
+
+def rows(part: PalettePart) -> list[Entry]:
+    return [part.view.list.item(i).data(Qt.ItemDataRole.UserRole) for i in range(part.view.list.count())]
+
+
+def best(typed: str, *texts: str) -> str:
+    scored = {text: found for text in texts if (found := fit(typed, text)) is not None}
+    return max(scored, key=lambda text: scored[text][0])
+
+
+def test_starts_of_words_and_runs_fit_better_than_scattered_letters() -> None:
+    assert best("fs", "Full screen", "Offsets", "Show files") == "Full screen"
+    assert best("focus", "Focus on selection", "Frame of cameras used") == "Focus on selection"
+    assert best("norm", "Normals", "Panorama of rooms") == "Normals"
+    assert fit("zz", "Normals") is None
+    assert fit("screen full", "Full screen") is not None, "in any order"
+    assert fit("fsel", "Focus on selection") == (fit("FSEL", "Focus on selection"))
+
+
+def test_marked_letters_are_those_that_were_typed() -> None:
+    found = fit("ovw", "Overview")
+    assert found is not None and "".join("Overview"[i] for i in found[1]).lower() == "ovw"
+
+
+def test_every_command_is_offered_and_those_that_cannot_run_say_why(part: PalettePart) -> None:
+    part.view.open()
+    offered = rows(part)
+    assert len(offered) == len(ACTIONS) - 1
+    kinds = [bool(e.reason) for e in offered]
+    assert kinds == sorted(kinds), "what cannot run comes last"
+    part.view.line.setText("focus on sel")
+    first = rows(part)[0]
+    assert first.title == "Focus on selection" and first.reason == "nothing is selected"
+    assert first.shortcut == "F"
+
+
+def test_return_runs_what_is_chosen_and_closes(part: PalettePart, window: MainWindow, qtbot: QtBot) -> None:
+    part.view.open()
+    assert part.view.isVisible()
+    qtbot.keyClicks(part.view.line, "alpha")
+    qtbot.keyClick(part.view.line, Qt.Key.Key_Return)
+    assert not part.view.isVisible() and window.scene.channel == "alpha"
+    part.view.open()
+    assert rows(part)[0].title == "Alpha", "what was used lately comes first"
+    qtbot.keyClick(part.view.line, Qt.Key.Key_Escape)
+    assert not part.view.isVisible()
+
+
+def test_a_command_that_cannot_run_stays_open_under_its_reason(part: PalettePart, qtbot: QtBot) -> None:
+    part.view.open()
+    qtbot.keyClicks(part.view.line, "turn upright")
+    qtbot.keyClick(part.view.line, Qt.Key.Key_Return)
+    assert part.view.isVisible() and rows(part)[0].reason
+
+
+def test_viewpoints_and_frames_are_found_by_name(
+    part: PalettePart, document: Document, qtbot: QtBot, window: MainWindow
+) -> None:
+    id = document.graph_arrays.ids[5]
+    part.view.open()
+    part.view.line.setText(id[:8])
+    assert rows(part)[0].title == id
+    qtbot.keyClick(part.view.line, Qt.Key.Key_Return)
+    assert document.selection.viewpoint == id
+    part.view.open()
+    part.view.line.setText("frame_00017")
+    qtbot.keyClick(part.view.line, Qt.Key.Key_Return)
+    assert document.selection.frame == 17
+
+
+def test_up_and_down_go_round(part: PalettePart, qtbot: QtBot) -> None:
+    part.view.open()
+    qtbot.keyClick(part.view.line, Qt.Key.Key_Up)
+    assert part.view.list.currentRow() == part.view.list.count() - 1
+    qtbot.keyClick(part.view.line, Qt.Key.Key_Down)
+    assert part.view.list.currentRow() == 0
+
+
+def test_what_was_used_comes_back_with_the_next_window(part: PalettePart, window: MainWindow) -> None:
+    part._recent = ["Home"]
+    part.store(window.settings)
+    part._recent = []
+    part.restore(window.settings)
+    assert part._recent == ["Home"]
