@@ -69,6 +69,7 @@ class ActionTable(QObject):
         # Several parts put their commands into one menu: its sections come together here.
         self.entries = sorted(actions, key=lambda a: (MENUS.index(a.menu), a.section))
         self.actions: dict[str, QAction] = {}
+        self._reasons: dict[str, Reason] = {}
         groups: dict[str, QActionGroup] = {}
         for entry in self.entries:
             action = QAction(entry.text, self)
@@ -86,6 +87,7 @@ class ActionTable(QObject):
             self.actions[entry.id] = action
         document.contentsChanged.connect(self.refresh)
         document.selectionChanged.connect(self.refresh)
+        document.editing.stepsChanged.connect(self.refresh)
         self.refresh()
 
     def __getitem__(self, id: str) -> QAction:
@@ -95,6 +97,9 @@ class ActionTable(QObject):
         """Asks every action whether it can run."""
         for entry in self.entries:
             action, reason = self.actions[entry.id], entry.enabled(self._document)
+            if self._reasons.get(entry.id, "") == reason:
+                continue  # setting tips costs more than asking
+            self._reasons[entry.id] = reason
             action.setEnabled(reason is None)
             shortcut = f" ({entry.shortcut})" if entry.shortcut else ""
             tip = f"{entry.tip}{shortcut}" if reason is None else f"{entry.tip}{shortcut}\nNot now: {reason}."

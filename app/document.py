@@ -1,4 +1,5 @@
-"""The state of the window: what the project holds and what is selected. Views render from it and own nothing else."""
+"""The state of the window: what the project holds, the graph as it is edited, and what is selected. Views render from
+it and own nothing else."""
 
 from __future__ import annotations
 
@@ -9,10 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Signal
 
+from app.editing import Editing
 from app.graph_arrays import GraphArrays, TrajectoryArrays
 from app.jobs.queue import JobQueue
 from app.loading import PARTS, Contents
-from nvsim.graph.types import Viewpoint
+from nvsim.graph.difference import Difference
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import NavGraph, Viewpoint
 
 
 @dataclass(frozen=True)
@@ -29,10 +33,12 @@ class Selection:
 
 class Document(QObject):
     """projectChanged() when another project takes the place of this one, before its parts are announced;
-    contentsChanged(frozenset of names from loading.PARTS); selectionChanged()."""
+    contentsChanged(frozenset of names from loading.PARTS), "graph" among them when another graph was opened;
+    graphChanged(Difference) after an edit, an undo or a redo; selectionChanged()."""
 
     projectChanged = Signal()
     contentsChanged = Signal(object)
+    graphChanged = Signal(object)
     selectionChanged = Signal()
 
     def __init__(self, path: Path | None = None, parent: QObject | None = None) -> None:
@@ -42,6 +48,10 @@ class Document(QObject):
         self.jobs: JobQueue | None = None  # of the open project, where a window shows it
         self.graph_arrays = GraphArrays()
         self.trajectory = TrajectoryArrays()
+        self.editing = Editing(self)
+        self._following = False  # the editing's selection follows ours, or ours follows it
+        self.editing.graphChanged.connect(self._on_edit)
+        self.editing.selectionChanged.connect(self._follow_editing)
 
     @property
     def contents(self) -> Contents:
@@ -53,21 +63,37 @@ class Document(QObject):
 
     @property
     def project(self) -> Path | None:
-        """The folder of the open project; None for a splat file."""
-        return None if self._contents.outline is not None or (self.path and self.path.is_file()) else self.path
+        """The folder of the open project; None for a splat file and for a graph of its own."""
+        file = self._contents.graph_file
+        if self._contents.outline is not None or (file is not None and file.foreign):
+            return None
+        return None if self.path and self.path.is_file() else self.path
+
+    @property
+    def graph(self) -> NavGraph | None:
+        """The graph as it is edited; this is what views show, not what the project last stored."""
+        return self.editing.graph
 
     @property
     def selection(self) -> Selection:
+        """The one thing of which details are shown. Several viewpoints or edges are selected in `editing.selection`."""
         return self._selection
 
     def set_contents(self, contents: Contents) -> None:
         """Takes a newly read state; says which parts differ by identity."""
         before, self._contents = self._contents, contents
         changed = frozenset(part for part in PARTS if getattr(before, part) is not getattr(contents, part))
-        if "graph" in changed:
-            self.graph_arrays = GraphArrays.of(contents.graph)
         if changed & {"capture", "submaps"}:
             self.trajectory = TrajectoryArrays.of(contents.capture, contents.submaps)
+        if "graph" in changed or before.path != contents.path:
+            if before.path != contents.path:
+                self._selection = Selection()
+            self._following = True  # what is shown as selected is settled below
+            self.editing.open(contents.graph, contents.graph_file)
+            self._following = False
+            self.graph_arrays = GraphArrays.of(self.graph)
+        if changed & {"graph", "occupancy", "capture"}:
+            self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
         if before.path != contents.path:
             self._selection = Selection()
             self.projectChanged.emit()
@@ -83,7 +109,37 @@ class Document(QObject):
         wanted = Selection(viewpoint, frame, submap)
         if wanted != self._selection and self._holds(wanted):
             self._selection = wanted
+            self._lead_editing()
             self.selectionChanged.emit()
+        elif wanted == self._selection and self.editing.selection:
+            self._lead_editing()
+            self.selectionChanged.emit()
+
+    def _lead_editing(self) -> None:
+        """What is selected in the graph becomes what was selected here."""
+        if self._following:
+            return
+        id = self._selection.viewpoint
+        self._following = True
+        self.editing.select(GraphSelection(frozenset() if id is None else frozenset({id})))
+        self._following = False
+
+    def _follow_editing(self) -> None:
+        """One viewpoint that is selected in the graph is the thing selected; several, or edges, are none."""
+        if self._following:
+            return
+        chosen = self.editing.selection
+        one = next(iter(chosen.viewpoints)) if len(chosen.viewpoints) == 1 and not chosen.edges else None
+        if one is not None or chosen.viewpoints or chosen.edges or self._selection.viewpoint is not None:
+            self._selection = Selection(viewpoint=one if one in self.graph_arrays.index else None)
+        self.selectionChanged.emit()
+
+    def _on_edit(self, change: Difference) -> None:
+        graph = self.graph
+        self.graph_arrays = GraphArrays() if graph is None else self.graph_arrays.updated(graph, change)
+        if not self._holds(self._selection):
+            self._selection = Selection()
+        self.graphChanged.emit(change)
 
     def _holds(self, selection: Selection) -> bool:
         if selection.viewpoint is not None:
@@ -96,7 +152,7 @@ class Document(QObject):
 
     @property
     def selected_viewpoint(self) -> Viewpoint | None:
-        graph, id = self._contents.graph, self._selection.viewpoint
+        graph, id = self.graph, self._selection.viewpoint
         return None if graph is None or id is None else graph.viewpoints.get(id)
 
     @property

@@ -149,6 +149,15 @@ class SceneSurface(_Surface):
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         return projected_segments(self._view.overlay_camera, a, b)
 
+    def pick_viewpoint(self, point: QPointF) -> str | None:
+        return super().pick_viewpoint(point) if self._view.overlays["graph"].shown else None
+
+    def pick_edge(self, point: QPointF) -> tuple[str, str] | None:
+        return super().pick_edge(point) if self._view.overlays["graph"].shown else None
+
+    def pick_frame(self, point: QPointF) -> int | None:
+        return super().pick_frame(point) if self._view.overlays["trajectory"].shown else None
+
     def floor_point(self, point: QPointF) -> Place | None:
         """Where the ray through the pixel meets the floor; the floor's height is that of the nearest known place."""
         camera = self._view.overlay_camera

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.graph_files import GraphFile, ProjectGraph
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
@@ -37,6 +38,7 @@ class Contents:
     results       name of a stored evaluation -> when it ended and its figures
     live          whether all that is to be seen is in training still
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
+    graph_file    where the graph is saved; None where it cannot be
     """
 
     path: Path | None = None
@@ -52,6 +54,7 @@ class Contents:
     thresholds: MappingConfig = field(default_factory=MappingConfig)
     live: bool = False
     results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
+    graph_file: GraphFile | None = None
 
     @property
     def missing_verb(self) -> str:
@@ -70,7 +73,7 @@ class Contents:
     @property
     def missing(self) -> tuple[str, str] | None:
         """What the project lacks next, in words, and the command that makes it; None when everything is there."""
-        if self.outline is not None:
+        if self.outline is not None or (self.graph_file is not None and self.graph_file.foreign):
             return None
         project = f"--project {self.path}" if self.path else "--project PATH"
         if self.path is None:
@@ -104,7 +107,7 @@ class ProjectReader:
         from nvsim.project.project import Project
 
         self._project: Project = Project.open(path)
-        self._contents = Contents(path)
+        self._contents = Contents(path, graph_file=ProjectGraph(path))
         self._stamps: dict[str, Hashable] = {}
         self._revision: int | None = None
 

@@ -64,6 +64,7 @@ class MapView(QWidget):
         self.plot.scene().sigMouseClicked.connect(self._on_click)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
+        document.graphChanged.connect(self._draw_graph)
         document.selectionChanged.connect(self._draw_selection)
         self._dress()
         self._on_contents(frozenset(PARTS))
@@ -122,6 +123,16 @@ class MapView(QWidget):
             low, high = extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5
             self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
 
+    def centre_on(self, x: float, y: float, size: float) -> None:
+        """Shows x, y in the middle and at least `size` metres around it; comes nearer only from far too wide."""
+        shown = self.plot.getViewBox().viewRect()
+        if min(shown.width(), shown.height()) > 8 * size:
+            size *= 3
+        width = height = size
+        if size <= min(shown.width(), shown.height()) <= 8 * size:
+            width, height = shown.width(), shown.height()
+        self.plot.setRange(QRectF(x - width / 2, y - height / 2, width, height), padding=0)
+
     def _on_project(self) -> None:
         self._framed = False
         self._scale.hide()
@@ -169,7 +180,7 @@ class MapView(QWidget):
             self._walks[int(owner)] = item
         self._draw_selection()
 
-    def _draw_graph(self) -> None:
+    def _draw_graph(self, _: object = None) -> None:
         self.graph.refresh()
         self._draw_selection()
 

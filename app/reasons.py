@@ -38,7 +38,7 @@ def with_submaps(document: Document) -> Reason:
 def with_graph(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED
-    return None if document.contents.graph is not None else "no navigation graph is built yet"
+    return None if document.graph is not None else "no navigation graph is built yet"
 
 
 def with_trajectory(document: Document) -> Reason:

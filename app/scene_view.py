@@ -66,6 +66,7 @@ class SceneView(QWidget):
         self.feed.remarked.connect(self.remarked)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
+        document.graphChanged.connect(self.update)
         document.selectionChanged.connect(self.update)
         self._on_contents(frozenset(PARTS))
 
@@ -226,11 +227,11 @@ class SceneView(QWidget):
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
         """The id under a pixel, of what is drawn."""
-        return self.surface.pick_viewpoint(point) if self.overlays["graph"].shown else None
+        return self.surface.pick_viewpoint(point)
 
     def pick_frame(self, point: QPointF) -> int | None:
         """The index of the frame under a pixel, of what is drawn."""
-        return self.surface.pick_frame(point) if self.overlays["trajectory"].shown else None
+        return self.surface.pick_frame(point)
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         self.navigation.wheel(event)

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QStackedWidget, 
 from app.actions import ActionTable
 from app.document import Document
 from app.jobs.queue import JobQueue
+from app.modes.stage import Stage
 from app.notices import NoticeArea, Notices
 from app.painter import Remark
 from app.panels.empty import EmptyState
@@ -49,8 +50,9 @@ class MainWindow(QMainWindow):
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
         self.jobs = document.jobs = JobQueue(self)
+        self.modes = Stage(document, self)
         document.projectChanged.connect(self._on_project)
-        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self)
+        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self)
         self.parts = [part(workspace) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
         self.panels = {dock.name: dock.widget for dock in docks}
@@ -144,7 +146,7 @@ class MainWindow(QMainWindow):
             self.empty.say(*missing, contents.missing_verb, contents.path is not None)
         name = contents.path.name if contents.path else ""
         self.setWindowTitle(f"{name} – NVSim" if name else "NVSim")
-        graph, capture = contents.graph, contents.capture
+        graph, capture = self.document.graph, contents.capture
         words = [
             f"{len(capture.frames):,} frames" if capture else "",
             f"{len(contents.submaps)} submaps" if contents.submaps else "",

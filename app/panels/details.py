@@ -94,15 +94,21 @@ class DetailsPanel(QScrollArea):
         layout.addStretch(1)
         self.setWidget(content)
         document.selectionChanged.connect(self.refresh)
-        document.contentsChanged.connect(lambda parts: parts & {"graph", "capture", "submaps"} and self.refresh())
+        document.graphChanged.connect(self.refresh)
+        document.contentsChanged.connect(self._on_contents)
         self.refresh()
 
-    def refresh(self) -> None:
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if parts & {"graph", "capture", "submaps"}:
+            self.refresh()
+
+    def refresh(self, _: object = None) -> None:
         selection, contents = self._document.selection, self._document.contents
         viewpoint = self._document.selected_viewpoint
-        if viewpoint is not None and contents.graph is not None:
-            found = findings(contents.graph, viewpoint.id)
-            neighbours = contents.graph.neighbours(viewpoint.id)
+        graph = self._document.graph
+        if viewpoint is not None and graph is not None:
+            found = findings(graph, viewpoint.id)
+            neighbours = graph.neighbours(viewpoint.id)
             x, y, z = viewpoint.position
             self._show(
                 f"Viewpoint {short_id(viewpoint.id)}",

@@ -5,17 +5,21 @@ from __future__ import annotations
 
 from app.actions import Action
 from app.parts.camera import CameraPart
+from app.parts.checking import CheckPart
+from app.parts.editing import EditPart
 from app.parts.files import FilePart
 from app.parts.frames import FramePart
 from app.parts.inspector import InspectorPart
 from app.parts.jobs import JobsPart
 from app.parts.layers import LayersPart
 from app.parts.look import LookPart
+from app.parts.modes import ModePart
 from app.parts.new_project import NewProjectPart
 from app.parts.palette import PalettePart
 from app.parts.panels import DetailsPart, LogPart, MapPart, SubmapPart
 from app.parts.part import Part
 from app.parts.results import ResultPart
+from app.parts.selecting import SelectPart
 from app.parts.thresholds import ThresholdPart
 from app.parts.view import ViewPart
 
@@ -34,6 +38,10 @@ PARTS: tuple[type[Part], ...] = (
     NewProjectPart,
     ResultPart,
     LogPart,
+    ModePart,
+    EditPart,
+    SelectPart,
+    CheckPart,
     LookPart,
     PalettePart,
 )

@@ -15,6 +15,7 @@ from app.jobs.queue import JobQueue
 from app.notices import Notices
 
 if TYPE_CHECKING:
+    from app.modes.stage import Stage
     from app.scene_view import SceneView
     from app.window import MainWindow
 
@@ -46,6 +47,7 @@ class Workspace:
     notices: Notices
     scene: SceneView
     jobs: JobQueue  # what runs long goes through it
+    modes: Stage  # how the mouse edits the graph in both views
     window: MainWindow  # parent of dialogs, and the way to the other parts' panels
 
 

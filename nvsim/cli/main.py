@@ -21,6 +21,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("train", "fit the floor-aware Gaussian model of each submap"),
     "map": ("map", "walk the models and build the navigation graph"),
     "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
+    "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),
     "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
     "export splats": ("export_splats", "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF"),
     "evaluate views": ("evaluate_views", "PSNR, SSIM and LPIPS of the frames held out of training"),

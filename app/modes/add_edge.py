@@ -1,0 +1,106 @@
+"""Adding edges: click one viewpoint, then the other, or drag from one to the other. Shift goes on from the second."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QPainter
+
+from app.graph_surface import GraphSurface
+from app.modes.ink import dots, label, line
+from app.modes.mode import Mode, Pointer
+from nvsim.graph.selection import GraphSelection
+
+
+class AddEdgeMode(Mode):
+    name = "add_edge"
+    hint = "Click two viewpoints to join them, or drag from one to the other · Shift goes on from the second"
+    cursor = Qt.CursorShape.CrossCursor
+    _start: str | None = None
+    _now: Pointer | None = None
+
+    def enter(self) -> None:
+        chosen = self.desk.editing.selection.viewpoints
+        self._start = next(iter(chosen)) if len(chosen) == 1 else None
+
+    def click(self, pointer: Pointer) -> bool:
+        there = pointer.viewpoint
+        if there is None:
+            self.desk.editing.refuse("An edge joins two viewpoints: click one.")
+        elif self._held is None:
+            self._begin(there)
+        else:
+            self._join(there, pointer.adds)
+        return True
+
+    def takes_drag(self, start: Pointer) -> bool:
+        there = start.viewpoint
+        if there is not None:
+            self._begin(there)
+        return there is not None
+
+    def drag(self, start: Pointer, now: Pointer) -> None:
+        self.hover(now)
+
+    def drop(self, start: Pointer, now: Pointer) -> None:
+        there = now.viewpoint
+        if there is None:
+            self.cancel()
+            self.desk.editing.refuse("The edge must end at a viewpoint.")
+        elif there != self._held:
+            self._join(there, now.adds)
+
+    def hover(self, pointer: Pointer) -> bool:
+        pointer.surface.widget.setCursor(self.cursor)
+        self._now = pointer
+        self.desk.refresh()
+        return True
+
+    def cancel(self) -> bool:
+        was, self._start, self._now = self._held is not None, None, None
+        self.desk.refresh()
+        return was
+
+    def leave(self) -> None:
+        self.cancel()
+
+    @property
+    def _held(self) -> str | None:
+        """Where the edge begins, as long as it is there."""
+        return self._start if self._start in self.desk.document.graph_arrays.index else None
+
+    def _begin(self, id: str) -> None:
+        self._start = id
+        self.desk.editing.select(GraphSelection(frozenset({id})))
+        self.desk.refresh()
+
+    def _join(self, there: str, go_on: bool) -> None:
+        start = self._held
+        assert start is not None  # asked before
+        if there == start:
+            self.cancel()
+            return
+        self.desk.editing.add_edge(start, there)
+        self._start = there if go_on else None
+        self.desk.refresh()
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        start, now = self._held, self._now
+        arrays = self.desk.document.graph_arrays
+        if start is not None:
+            dots(painter, surface, arrays.feet[arrays.index[start]], radius=7.0)
+        if now is None or now.surface is not surface:
+            return
+        there = now.viewpoint
+        if there is not None:
+            dots(painter, surface, arrays.feet[arrays.index[there]], radius=9.0, filled=False)
+        if start is None:
+            label(painter, now.point, "begin an edge" if there is not None else "click a viewpoint")
+            return
+        foot = arrays.feet[arrays.index[start]]
+        end = arrays.feet[arrays.index[there]] if there is not None else now.surface.floor_point(now.point)
+        if end is None:
+            return
+        line(painter, surface, foot, np.array(end))
+        metres = float(np.linalg.norm(np.array(end) - foot))
+        label(painter, QPointF(now.point), f"join, {metres:.2f} m" if there is not None else f"{metres:.2f} m")

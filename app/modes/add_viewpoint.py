@@ -1,0 +1,107 @@
+"""Adding viewpoints: a click on the floor; on a frame of the walk it takes the frame's place, on an edge it parts the
+edge. Alt does not snap. Shift joins the new viewpoint to the selected one, so that a chain is laid click by click."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QPainter
+
+from app.graph_surface import GraphSurface
+from app.modes.ink import dots, label, line
+from app.modes.mode import Mode, Pointer
+from nvsim.graph.selection import GraphSelection
+
+
+class AddViewpointMode(Mode):
+    name = "add_viewpoint"
+    hint = (
+        "Click the floor to add a viewpoint · Shift joins it to the selected one · snaps to frames and edges, Alt not"
+    )
+    cursor = Qt.CursorShape.CrossCursor
+    _ghost: tuple[GraphSurface, QPointF, np.ndarray, str] | None = None
+
+    def click(self, pointer: Pointer) -> bool:
+        editing = self.desk.editing
+        there = pointer.viewpoint
+        if there is not None:
+            # What is there already is what one wants to go on from.
+            editing.select(GraphSelection(frozenset({there})))
+            return True
+        join = self._joined() if pointer.adds else None
+        frame, edge = self._snapped(pointer)
+        place = pointer.surface.floor_point(pointer.point)
+        if frame is not None:
+            x, y, z = (float(v) for v in self.desk.document.trajectory.positions[frame])
+            editing.add_viewpoint((x, y, z), join=join)
+        elif edge is not None:
+            editing.split_edge(edge, self._share(edge, place))
+        elif place is None:
+            editing.refuse("There is no floor under the cursor.")
+        else:
+            editing.add_viewpoint_on_floor(place, join=join)
+        return True
+
+    def hover(self, pointer: Pointer) -> bool:
+        pointer.surface.widget.setCursor(self.cursor)
+        frame, edge = self._snapped(pointer)
+        place = pointer.surface.floor_point(pointer.point)
+        if pointer.viewpoint is not None:
+            words = "select this viewpoint"
+        elif frame is not None:
+            words = "add a viewpoint where this frame was taken"
+            place = tuple(self.desk.document.trajectory.positions[frame] - [0.0, 0.0, self.desk.editing.eye_height])
+        elif edge is not None:
+            words = "part this edge by a viewpoint"
+        elif place is None:
+            words = "no floor here"
+        elif pointer.adds and self._joined() is not None:
+            words = "add a viewpoint and join it"
+        else:
+            words = "add a viewpoint"
+        self._ghost = None if place is None else (pointer.surface, pointer.point, np.array(place), words)
+        self._joins = pointer.adds
+        self.desk.refresh()
+        return True
+
+    _joins = False
+
+    def cancel(self) -> bool:
+        self._ghost = None
+        self.desk.refresh()
+        return False
+
+    def leave(self) -> None:
+        self.cancel()
+
+    def _joined(self) -> str | None:
+        chosen = self.desk.editing.selection.viewpoints
+        return next(iter(chosen)) if len(chosen) == 1 else None
+
+    def _snapped(self, pointer: Pointer) -> tuple[int | None, tuple[str, str] | None]:
+        if pointer.free:
+            return None, None
+        edge = pointer.edge
+        if edge is not None and not pointer.adds:
+            return None, edge
+        return pointer.surface.pick_frame(pointer.point), None
+
+    def _share(self, edge: tuple[str, str], place: tuple[float, float, float] | None) -> float:
+        """How far along the edge, 0.05 to 0.95."""
+        arrays = self.desk.document.graph_arrays
+        a, b = (arrays.feet[arrays.index[end]] for end in edge)
+        if place is None:
+            return 0.5
+        way = b - a
+        return float(np.clip((np.array(place) - a) @ way / max(float(way @ way), 1e-9), 0.05, 0.95))
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        if self._ghost is None or self._ghost[0] is not surface:
+            return
+        _, point, place, words = self._ghost
+        join = self._joined() if self._joins else None
+        arrays = self.desk.document.graph_arrays
+        if join is not None and join in arrays.index:
+            line(painter, surface, arrays.feet[arrays.index[join]], place)
+        dots(painter, surface, place)
+        label(painter, point, words)

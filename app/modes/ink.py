@@ -1,0 +1,75 @@
+"""How what is being done is drawn over a view: rubber bands, ghosts, little labels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
+
+from app import colors
+from app.graph_surface import GraphSurface
+from app.picking import NEAR
+from app.primitives import chip
+
+GHOST = colors.SELECTED
+_LABEL = QColor(16, 20, 26, 225)
+
+
+def label(painter: QPainter, anchor: QPointF, text: str, ink: str = "#f2f5f8") -> None:
+    """A small label to the upper right of `anchor`, kept inside the picture."""
+    metrics = painter.fontMetrics()
+    width, height = metrics.horizontalAdvance(text) + 12, metrics.height() + 4
+    picture = painter.viewport()
+    x = min(max(anchor.x() + 12, 4.0), max(4.0, picture.width() - width - 4))
+    y = min(max(anchor.y() - 10, height + 4.0), picture.height() - 4.0)
+    chip(painter, QPointF(x, y), text, QColor(ink), _LABEL)
+
+
+def line(
+    painter: QPainter,
+    surface: GraphSurface,
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    color: str = GHOST,
+    width: float = 2.2,
+    style: Qt.PenStyle = Qt.PenStyle.DashLine,
+) -> None:
+    """Lines between world places a and b, both (N, 3) or (3,)."""
+    lines, _, _ = surface.segments(np.atleast_2d(a), np.atleast_2d(b))
+    pen = QPen(QColor(color), width, style)
+    pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+    painter.setPen(pen)
+    for x1, y1, x2, y2 in lines:
+        painter.drawLine(QPointF(x1, y1), QPointF(x2, y2))
+
+
+def dots(
+    painter: QPainter,
+    surface: GraphSurface,
+    places: NDArray[np.float64],
+    color: str = GHOST,
+    radius: float = 6.0,
+    filled: bool = True,
+) -> None:
+    """Discs at world places (N, 3), or rings."""
+    if not len(places):
+        return
+    pixels, depths = surface.project(np.atleast_2d(places))
+    painter.setPen(QPen(QColor("#1d1502" if filled else color), 1.4 if filled else 2.4))
+    painter.setBrush(QColor(color) if filled else Qt.BrushStyle.NoBrush)
+    for (x, y), depth in zip(pixels, depths, strict=True):
+        if depth > NEAR:
+            painter.drawEllipse(QPointF(x, y), radius, radius)
+
+
+def area(painter: QPainter, shape: QRectF | QPolygonF) -> None:
+    """A rectangle or polygon of pixels that selects."""
+    fill = QColor(colors.SELECTED)
+    fill.setAlpha(38)
+    painter.setPen(QPen(QColor(colors.SELECTED), 1.4, Qt.PenStyle.DashLine))
+    painter.setBrush(fill)
+    if isinstance(shape, QRectF):
+        painter.drawRect(shape)
+    else:
+        painter.drawPolygon(shape)

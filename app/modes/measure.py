@@ -1,0 +1,88 @@
+"""Measuring: click places one after another; each part and the whole way are said in metres. Changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QKeyEvent, QPainter
+
+from app.graph_surface import GraphSurface
+from app.modes.ink import dots, label, line
+from app.modes.mode import Mode, Pointer
+
+_INK = "#ff9da7"
+
+
+class MeasureMode(Mode):
+    name = "measure"
+    hint = (
+        "Click places to measure between them · snaps to viewpoints, Alt does not · Backspace takes the last one back"
+    )
+    cursor = Qt.CursorShape.CrossCursor
+    _places: tuple[tuple[float, float, float], ...] = ()
+    _now: Pointer | None = None
+
+    @property
+    def metres(self) -> float:
+        """Of the way so far."""
+        places = np.array(self._places).reshape(-1, 3)
+        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+    def click(self, pointer: Pointer) -> bool:
+        place = self._place(pointer)
+        if place is None:
+            self.desk.editing.refuse("There is no floor under the cursor.")
+        else:
+            self._places = (*self._places, place)
+            self.desk.say(f"{self.metres:.2f} m")
+        self.desk.refresh()
+        return True
+
+    def hover(self, pointer: Pointer) -> bool:
+        pointer.surface.widget.setCursor(self.cursor)
+        self._now = pointer
+        self.desk.refresh()
+        return True
+
+    def key(self, event: QKeyEvent) -> bool:
+        if event.key() != Qt.Key.Key_Backspace or not self._places:
+            return False
+        self._places = self._places[:-1]
+        self.desk.refresh()
+        return True
+
+    def cancel(self) -> bool:
+        was, self._places, self._now = bool(self._places), (), None
+        self.desk.refresh()
+        return was
+
+    def leave(self) -> None:
+        self.cancel()
+
+    def _place(self, pointer: Pointer) -> tuple[float, float, float] | None:
+        there = None if pointer.free else pointer.viewpoint
+        if there is None:
+            return pointer.surface.floor_point(pointer.point)
+        arrays = self.desk.document.graph_arrays
+        x, y, z = (float(v) for v in arrays.feet[arrays.index[there]])
+        return x, y, z
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        places = list(self._places)
+        if places and self._now is not None and self._now.surface is surface:
+            end = self._place(self._now)
+            places += [end] if end is not None else []
+        if not places:
+            if self._now is not None and self._now.surface is surface:
+                label(painter, self._now.point, "measure from here")
+            return
+        way = np.array(places)
+        line(painter, surface, way[:-1], way[1:], _INK, style=Qt.PenStyle.SolidLine)
+        dots(painter, surface, way, _INK, 4.5)
+        lengths = np.linalg.norm(np.diff(way, axis=0), axis=1)
+        pixels, depths = surface.project(way)
+        for i, metres in enumerate(lengths):
+            if depths[i] > 0 and depths[i + 1] > 0:
+                total = f"   in all {lengths[: i + 1].sum():.2f} m" if i and i == len(lengths) - 1 else ""
+                middle = (pixels[i] + pixels[i + 1]) / 2
+                label(painter, QPointF(*middle), f"{metres:.2f} m{total}", _INK)

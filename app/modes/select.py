@@ -1,0 +1,123 @@
+"""The mode to be in when in no other: click selects, what is selected is moved by dragging it, Ctrl with a drag
+draws a box, arrow keys nudge."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QKeyEvent, QPainter
+
+from app.graph_surface import GraphSurface
+from app.modes.areas import BoxMode
+from app.modes.ink import dots, line
+from app.modes.mode import Desk, Mode, Pointer
+from app.modes.picking import choose_what_is_under
+
+NUDGE = 0.05  # metres
+_ARROWS = {
+    Qt.Key.Key_Left: (-1.0, 0.0),
+    Qt.Key.Key_Right: (1.0, 0.0),
+    Qt.Key.Key_Up: (0.0, 1.0),
+    Qt.Key.Key_Down: (0.0, -1.0),
+}
+
+
+class SelectMode(Mode):
+    name = "select"
+    hint = "Click selects (Shift adds, Ctrl toggles) · drag what is selected to move it · Ctrl+drag selects a box"
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__(desk)
+        self._box = BoxMode(desk)
+        self._moving: tuple[str, ...] = ()
+        self._offset = np.zeros(3)
+        self._nudges = itertools.count()
+        self._nudge = 0
+
+    def click(self, pointer: Pointer) -> bool:
+        return choose_what_is_under(self.desk, pointer)
+
+    # Dragging --------------------------------------------------------------------------------------------------
+
+    def takes_drag(self, start: Pointer) -> bool:
+        if start.toggles:
+            return True  # Shift is for moving the camera sideways
+        viewpoint = start.viewpoint
+        # Only what is selected moves: a drag that turns the camera often begins on some viewpoint.
+        if viewpoint not in self.desk.editing.selection.viewpoints or not self.desk.editing.writable:
+            return False
+        arrays = self.desk.document.graph_arrays
+        chosen = sorted(self.desk.editing.selection.viewpoints, key=arrays.index.__getitem__)
+        self._moving = (viewpoint, *(id for id in chosen if id != viewpoint))
+        return True
+
+    def drag(self, start: Pointer, now: Pointer) -> None:
+        if not self._moving:
+            self._box.drag(start, now)
+            return
+        self._offset = self._offset_to(now)
+        self.desk.refresh()
+
+    def drop(self, start: Pointer, now: Pointer) -> None:
+        if not self._moving:
+            self._box.drop(start, now)
+            return
+        offset, moved = self._offset_to(now), self._moving
+        self.cancel()
+        if offset.any():
+            self.desk.editing.move(moved, (float(offset[0]), float(offset[1]), float(offset[2])))
+
+    def _offset_to(self, now: Pointer) -> np.ndarray:
+        """Metres from where the dragged viewpoint's foot is to the floor under the cursor."""
+        arrays = self.desk.document.graph_arrays
+        place = now.surface.floor_point(now.point)
+        if place is None or self._moving[0] not in arrays.index:
+            return np.zeros(3)
+        offset = np.array(place) - arrays.feet[arrays.index[self._moving[0]]]
+        if abs(offset[2]) < 0.05:
+            offset[2] = 0.0  # the same floor, as far as it is known
+        return offset
+
+    def cancel(self) -> bool:
+        was, self._moving, self._offset = bool(self._moving), (), np.zeros(3)
+        self.desk.refresh()
+        return self._box.cancel() or was
+
+    def leave(self) -> None:
+        self.cancel()
+
+    def hover(self, pointer: Pointer) -> bool:
+        held = pointer.viewpoint or pointer.edge
+        shape = Qt.CursorShape.PointingHandCursor if held is not None else Qt.CursorShape.ArrowCursor
+        pointer.surface.widget.setCursor(shape)
+        return False
+
+    # Keys --------------------------------------------------------------------------------------------------------
+
+    def key(self, event: QKeyEvent) -> bool:
+        way = _ARROWS.get(Qt.Key(event.key()))
+        chosen = self.desk.editing.selection.viewpoints
+        if way is None or not chosen:
+            return False
+        if not event.isAutoRepeat():
+            self._nudge = next(self._nudges)
+        step = NUDGE * (10 if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1)
+        self.desk.editing.move(sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}")
+        return True
+
+    # Drawing -----------------------------------------------------------------------------------------------------
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        self._box.paint(painter, surface)
+        if not self._moving:
+            return
+        arrays = self.desk.document.graph_arrays
+        rows = arrays.viewpoint_rows(self._moving)
+        moving = np.zeros(len(arrays.ids), bool)
+        moving[rows] = True
+        touched = arrays.edges[moving[arrays.edges].any(axis=1)]
+        feet = arrays.feet + moving[:, None] * self._offset
+        line(painter, surface, feet[touched[:, 0]], feet[touched[:, 1]])
+        dots(painter, surface, feet[rows])

@@ -1,0 +1,120 @@
+"""A small settings form: numbers with units and a button that runs with them. It stays open until it is closed, so that
+one can try, undo and try again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QDoubleSpinBox,
+    QFormLayout,
+    QLabel,
+    QVBoxLayout,
+    QWidget,
+)
+
+
+@dataclass(frozen=True)
+class Number:
+    """One field. `unit` stands behind the number; `decimals` 0 makes it a whole number."""
+
+    name: str
+    title: str
+    default: float
+    low: float
+    high: float
+    unit: str = " m"
+    decimals: int = 2
+    tip: str = ""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One field with a few answers: JSON value -> words."""
+
+    name: str
+    title: str
+    answers: dict[Any, str]
+    tip: str = ""
+
+
+class Form(QDialog):
+    """`run` gets the values by name; what was entered is remembered under `key`."""
+
+    def __init__(
+        self,
+        key: str,
+        title: str,
+        words: str,
+        fields: tuple[Number | Choice, ...],
+        run: Callable[[dict[str, Any]], object],
+        settings: QSettings,
+        parent: QWidget,
+        button: str = "Apply",
+    ) -> None:
+        super().__init__(parent)
+        self.setWindowTitle(title)
+        self.setWindowFlag(Qt.WindowType.Tool)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._key, self._settings, self._run = key, settings, run
+        self._fields = fields
+        self.inputs: dict[str, QDoubleSpinBox | QComboBox] = {}
+        label = QLabel(words, self)
+        label.setWordWrap(True)
+        label.setMinimumWidth(300)
+        rows = QFormLayout()
+        for field in fields:
+            rows.addRow(field.title, self._made(field))
+        self.buttons = QDialogButtonBox(self)
+        self.apply = self.buttons.addButton(button, QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
+        self.apply.clicked.connect(self.run)
+        self.buttons.rejected.connect(self.close)
+        layout = QVBoxLayout(self)
+        layout.setSpacing(10)
+        layout.addWidget(label)
+        layout.addLayout(rows)
+        layout.addWidget(self.buttons)
+
+    def _made(self, field: Number | Choice) -> QWidget:
+        stored = self._settings.value(f"forms/{self._key}/{field.name}")
+        if isinstance(field, Choice):
+            choice = QComboBox(self)
+            for value, words in field.answers.items():
+                choice.addItem(words, value)
+            words_of = [str(value) for value in field.answers]
+            choice.setCurrentIndex(words_of.index(str(stored)) if str(stored) in words_of else 0)
+            choice.setToolTip(field.tip)
+            self.inputs[field.name] = choice
+            return choice
+        number = QDoubleSpinBox(self)
+        number.setDecimals(field.decimals)
+        number.setRange(field.low, field.high)
+        number.setSingleStep(1 if field.decimals == 0 else 0.1)
+        number.setSuffix(field.unit)
+        number.setToolTip(field.tip)
+        try:
+            number.setValue(field.default if stored is None else float(str(stored)))
+        except ValueError:
+            number.setValue(field.default)  # somebody wrote into the settings file
+        self.inputs[field.name] = number
+        return number
+
+    @property
+    def values(self) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for name, widget in self.inputs.items():
+            found[name] = widget.value() if isinstance(widget, QDoubleSpinBox) else widget.currentData()
+        return found
+
+    def run(self) -> None:
+        """Runs with what is entered."""
+        for name, value in self.values.items():
+            self._settings.setValue(f"forms/{self._key}/{name}", value)
+        self._run(self.values)

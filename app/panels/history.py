@@ -1,0 +1,83 @@
+"""The steps of editing, newest at the bottom: a click goes to any of them."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from PySide6.QtCore import QAbstractListModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtGui import QColor, QFont
+from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
+
+from app import colors
+from app.document import Document
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+
+
+class HistoryModel(QAbstractListModel):
+    """A row for each step, the first is the graph as it was opened; those after the current one are greyed."""
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        document.editing.stepsChanged.connect(self._renew)
+
+    def _renew(self) -> None:
+        self.beginResetModel()
+        self.endResetModel()
+
+    @property
+    def current(self) -> int:
+        history = self._document.editing.history
+        return -1 if history is None else history.index
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        history = self._document.editing.history
+        return 0 if parent.isValid() or history is None else len(history.steps)
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        history = self._document.editing.history
+        if history is None or not index.isValid() or index.row() >= len(history.steps):
+            return None
+        row = index.row()
+        step = history.steps[row]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return step.text
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
+        if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
+            return QColor(colors.QUIET_TEXT)
+        if role == Qt.ItemDataRole.FontRole and row == history.index:
+            font = QFont()
+            font.setBold(True)
+            return font
+        return None
+
+
+class HistoryPanel(QWidget):
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.model = HistoryModel(document, self)
+        self.list = QListView(self)
+        self.list.setModel(self.model)
+        self.list.setUniformItemSizes(True)
+        self.list.setFrameShape(self.list.Shape.NoFrame)
+        self.list.setToolTip("Click a step to go back or forth to it")
+        self.list.clicked.connect(self._go)
+        self.model.modelReset.connect(self._show_current)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.list)
+        self._show_current()
+
+    def _go(self, index: QModelIndex) -> None:
+        self._document.editing.go_to(index.row())
+
+    def _show_current(self) -> None:
+        if self.model.current >= 0:
+            index = self.model.index(self.model.current)
+            self.list.setCurrentIndex(index)
+            self.list.scrollTo(index)

@@ -1,0 +1,204 @@
+"""The table of viewpoints and edges: filtered by an expression, sorted by any column, its selection linked with the map
+and the 3D view."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, QTimer, Signal
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QTableView,
+    QTabWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app import colors
+from app.document import Document
+from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
+from app.panels.submaps import table
+from nvsim.errors import InputError
+from nvsim.graph.edits import EditError
+from nvsim.graph.selection import GraphSelection
+
+SETTLE = 120  # milliseconds after the last edit until the rows are made again
+
+
+class TablePanel(QWidget):
+    """activated(GraphSelection): a row was double-clicked."""
+
+    activated = Signal(object)
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self._linking = False
+        self.viewpoints = GraphTable(VIEWPOINT_COLUMNS, lambda graph: tuple(graph.viewpoints))
+        self.edges = GraphTable(EDGE_COLUMNS, lambda graph: tuple(graph.edges))
+        self.viewpoints.setParent(self)
+        self.edges.setParent(self)
+        self.filter = QLineEdit(self)
+        self.filter.setPlaceholderText('degree > 4 and origin == "person"')
+        self.filter.setToolTip(
+            "Shows the rows for which this holds. Words: degree, component, length (of edges), evidence, validity, "
+            "submap, reviewed, locked, included, origin, x, y, z, height; and, or, not, comparisons, arithmetic."
+        )
+        self.filter.setClearButtonEnabled(True)
+        self.filter.textChanged.connect(self._on_change)
+        self.trouble = QLabel(self)
+        self.trouble.setWordWrap(True)
+        self.trouble.hide()
+        self.count = QLabel(self)
+        self.count.setForegroundRole(self.count.palette().ColorRole.PlaceholderText)
+        self.tabs = QTabWidget(self)
+        self.tabs.setDocumentMode(True)
+        self.views: tuple[QTableView, QTableView] = (self._view(self.viewpoints), self._view(self.edges))
+        for view, title in zip(self.views, ("Viewpoints", "Edges"), strict=True):
+            self.tabs.addTab(view, title)
+            view.selectionModel().selectionChanged.connect(self._on_rows)
+            view.doubleClicked.connect(self._activate)
+        self._soon = QTimer(self, singleShot=True, interval=SETTLE)
+        self._soon.timeout.connect(self.renew)
+        document.contentsChanged.connect(self._on_contents)
+        document.graphChanged.connect(self._on_change)
+        document.editing.selectionChanged.connect(self._show_selection)
+        row = QHBoxLayout()
+        row.addWidget(self.filter, 1)
+        row.addWidget(self.count)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(4, 4, 4, 0)
+        layout.setSpacing(4)
+        layout.addLayout(row)
+        layout.addWidget(self.trouble)
+        layout.addWidget(self.tabs)
+        self.renew()
+
+    def _view(self, model: GraphTable) -> QTableView:
+        view = table(model, self)
+        view.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
+        header = view.horizontalHeader()
+        # Measuring every row of a large graph would take seconds.
+        header.setSectionResizeMode(header.ResizeMode.Interactive)
+        header.setDefaultSectionSize(76)
+        view.setSortingEnabled(True)
+        header.setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
+        return view
+
+    def _on_change(self, _: object) -> None:
+        self._soon.start()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "graph" in parts:
+            self._soon.start()
+
+    def showEvent(self, event: object) -> None:
+        self._soon.start(0)
+
+    def renew(self) -> None:
+        """Makes the rows again; while the panel is hidden it waits."""
+        if not self.isVisible() and self._document.graph is not None and self.viewpoints.rowCount():
+            return
+        graph = self._document.graph
+        kept = None if graph is None else self._filtered()
+        facts = None if graph is None else Facts.of(graph, self._document.editing.margins())
+        self._linking = True
+        self.viewpoints.show(facts, None if kept is None else kept.viewpoints)
+        self.edges.show(facts, None if kept is None else kept.edges)
+        self._linking = False
+        n, m = self.viewpoints.rowCount(), self.edges.rowCount()
+        self.tabs.setTabText(0, f"Viewpoints ({n:,})")
+        self.tabs.setTabText(1, f"Edges ({m:,})")
+        self._show_selection()
+
+    def _filtered(self) -> GraphSelection | None:
+        graph, text = self._document.graph, self.filter.text().strip()
+        self.trouble.hide()
+        if not text or graph is None:
+            return None
+        try:
+            return GraphSelection(
+                frozenset(id for id in graph.viewpoints if text in id),
+                frozenset(key for key in graph.edges if text in key[0] or text in key[1]),
+            )
+        except (EditError, InputError) as error:
+            self.trouble.setText(str(error))
+            palette = self.trouble.palette()
+            palette.setColor(palette.ColorRole.WindowText, colors.WARNING_TEXT)
+            self.trouble.setPalette(palette)
+            self.trouble.show()
+            return None
+
+    def select_filtered(self) -> None:
+        """Selects every row that passes the filter, in the tab that is shown."""
+        model = self.views[self.tabs.currentIndex()].model()
+        keys = frozenset(model.key(row) for row in range(model.rowCount()))
+        self._document.editing.select(
+            GraphSelection(keys) if model is self.viewpoints else GraphSelection(frozenset(), keys)
+        )
+
+    def _activate(self, index: QModelIndex) -> None:
+        model = self.viewpoints if index.model() is self.viewpoints else self.edges
+        key = model.key(index.row())
+        self.activated.emit(
+            GraphSelection(frozenset({key}))
+            if model is self.viewpoints
+            else GraphSelection(frozenset(), frozenset({key}))
+        )
+
+    def _on_rows(self) -> None:
+        if self._linking:
+            return
+        chosen = self._document.editing.selection
+        active = self.sender()
+        parts: list[frozenset] = []
+        for view, model, now in zip(
+            self.views, (self.viewpoints, self.edges), (chosen.viewpoints, chosen.edges), strict=True
+        ):
+            if view.selectionModel() is not active:
+                parts.append(now)
+                continue
+            hidden = now - frozenset(model.key(row) for row in range(model.rowCount()))
+            rows = {model.key(index.row()) for index in view.selectionModel().selectedRows()}
+            parts.append(frozenset(rows) | (hidden if self.filter.text() else frozenset()))
+        self._linking = True
+        self._document.editing.select(GraphSelection(parts[0], parts[1]))
+        self._linking = False
+
+    def _show_selection(self) -> None:
+        chosen = self._document.editing.selection
+        words = [f"{len(chosen.viewpoints):,} viewpoints" if chosen.viewpoints else "",
+                 f"{len(chosen.edges):,} edges" if chosen.edges else ""]  # fmt: skip
+        self.count.setText(", ".join(w for w in words if w) + (" selected" if any(words) else ""))
+        if self._linking or not self.isVisible():
+            return
+        self._linking = True
+        for view, model, keys in zip(
+            self.views, (self.viewpoints, self.edges), (chosen.viewpoints, chosen.edges), strict=True
+        ):
+            rows = model.rows_of(keys)
+            view.selectionModel().select(_ranges(model, rows), QItemSelectionModel.SelectionFlag.ClearAndSelect | _ROWS)
+            if len(rows) == 1:
+                view.scrollTo(model.index(rows[0], 0))
+        if chosen.edges and not chosen.viewpoints:
+            self.tabs.setCurrentIndex(1)
+        elif chosen.viewpoints and not chosen.edges:
+            self.tabs.setCurrentIndex(0)
+        self._linking = False
+
+
+_ROWS = QItemSelectionModel.SelectionFlag.Rows
+
+
+def _ranges(model: GraphTable, rows: list[int]) -> QItemSelection:
+    """Rising rows as few ranges."""
+    found = QItemSelection()
+    start: int | None = None
+    last = model.columnCount() - 1
+    for row, following in zip(rows, [*rows[1:], -2][: len(rows)], strict=True):
+        start = row if start is None else start
+        if following != row + 1:
+            found.select(model.index(start, 0), model.index(row, last))
+            start = None
+    return found

@@ -1,0 +1,248 @@
+"""What is wrong with the graph, kept up to date by every edit: zoom to it, fix it with one click, or ignore it for good
+with a reason."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QHBoxLayout,
+    QHeaderView,
+    QLabel,
+    QLineEdit,
+    QMenu,
+    QPushButton,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app import colors
+from app.document import Document
+from app.panels.submaps import table
+from nvsim.graph.findings import SEVERITIES, Finding, Fix
+from nvsim.graph.selection import GraphSelection
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+_COLUMNS = ("Severity", "What", "Kind")
+_INKS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "notice": colors.QUIET_TEXT}
+SETTLE = 60  # milliseconds
+
+
+def selection_of(finding: Finding) -> GraphSelection:
+    """What it is about: its edges, or the viewpoints when it has none."""
+    return GraphSelection(frozenset() if finding.edges else frozenset(finding.viewpoints), frozenset(finding.edges))
+
+
+class FindingModel(QAbstractTableModel):
+    """A row for each finding that the filter lets pass, worst first."""
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.rows: list[Finding] = []
+        self.severities = frozenset(SEVERITIES)
+        self.text = ""
+        self.with_ignored = False
+
+    def renew(self) -> None:
+        self.beginResetModel()
+        editing = self._document.editing
+        ignored = {} if editing.graph is None else editing.graph.ignored
+        wanted = self.text.casefold()
+        self.rows = [
+            f
+            for f in editing.findings.values()
+            if f.severity in self.severities
+            and (self.with_ignored or f.key not in ignored)
+            and (not wanted or wanted in f"{f.message} {f.kind}".casefold())
+        ]
+        self.rows.sort(key=lambda f: (SEVERITIES.index(f.severity), f.kind))
+        self.endResetModel()
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self.rows)
+
+    def columnCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(_COLUMNS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return _COLUMNS[section] if 0 <= section < len(_COLUMNS) else None
+        return None
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid() or index.row() >= len(self.rows):
+            return None
+        finding = self.rows[index.row()]
+        graph = self._document.graph
+        reason = None if graph is None else graph.ignored.get(finding.key)
+        if role == Qt.ItemDataRole.ForegroundRole:
+            if reason is not None:
+                return QColor(colors.QUIET_TEXT)
+            return QColor(_INKS[finding.severity]) if index.column() == 0 else None
+        if role == Qt.ItemDataRole.ToolTipRole:
+            fixes = "\n".join(f"Fix: {fix.text}" for fix in finding.fixes)
+            ignored = "" if reason is None else f"\nIgnored: {reason}"
+            return f"{finding.message}{ignored}\n{fixes}".strip()
+        if role == Qt.ItemDataRole.DisplayRole:
+            return (finding.severity, finding.message, finding.kind)[index.column()]
+        return None
+
+
+class ValidationPanel(QWidget):
+    """activated(GraphSelection): a finding was double-clicked."""
+
+    activated = Signal(object)
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.model = FindingModel(document, self)
+        self.text = QLineEdit(self)
+        self.text.setPlaceholderText("Filter")
+        self.text.setClearButtonEnabled(True)
+        self.text.textChanged.connect(self._on_filter)
+        self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
+        self.ignored = QCheckBox("ignored", self)
+        self.ignored.setToolTip("Shows also what was ignored for good, with the reason")
+        top = QHBoxLayout()
+        for box in self.boxes.values():
+            box.setChecked(True)
+            box.toggled.connect(self._on_filter)
+            top.addWidget(box)
+        self.ignored.toggled.connect(self._on_filter)
+        top.addWidget(self.ignored)
+        top.addWidget(self.text, 1)
+        self.table = table(self.model, self)
+        header = self.table.horizontalHeader()
+        header.setStretchLastSection(False)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
+        header.resizeSection(0, 70)
+        header.resizeSection(2, 96)
+        self.table.selectionModel().currentRowChanged.connect(self._on_row)
+        self.table.doubleClicked.connect(self._on_double_click)
+        self.fix = QToolButton(self)
+        self.fix.setText("Fix")
+        self.fix.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+        self.fix.setPopupMode(QToolButton.ToolButtonPopupMode.MenuButtonPopup)
+        self.fix.clicked.connect(self.apply_first_fix)
+        self.reason = QLineEdit(self)
+        self.reason.setPlaceholderText("Reason to ignore it for good")
+        self.reason.textChanged.connect(self._enable)
+        self.reason.returnPressed.connect(self.ignore)
+        self.ignore_button = QPushButton("Ignore", self)
+        self.ignore_button.clicked.connect(self.ignore)
+        bottom = QHBoxLayout()
+        bottom.addWidget(self.fix)
+        bottom.addStretch(1)
+        bottom.addWidget(self.reason, 3)
+        bottom.addWidget(self.ignore_button)
+        self.clean = QLabel("Nothing is wrong that we know of.", self)
+        self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(4, 4, 4, 4)
+        layout.setSpacing(4)
+        layout.addLayout(top)
+        layout.addWidget(self.table, 1)
+        layout.addWidget(self.clean, 1)
+        layout.addLayout(bottom)
+        self._soon = QTimer(self, singleShot=True, interval=SETTLE)
+        self._soon.timeout.connect(self.renew)
+        document.editing.findingsChanged.connect(self._on_findings)
+        self.renew()
+
+    def _on_findings(self) -> None:
+        if not self._soon.isActive():
+            self._soon.start()
+
+    @property
+    def current(self) -> Finding | None:
+        row = self.table.currentIndex().row()
+        return self.model.rows[row] if 0 <= row < len(self.model.rows) else None
+
+    def renew(self) -> None:
+        """Takes the findings as they are now."""
+        kept = self.current
+        found = list(self._document.editing.findings.values())
+        ignored = {} if self._document.graph is None else self._document.graph.ignored
+        for severity, box in self.boxes.items():
+            count = sum(f.severity == severity and f.key not in ignored for f in found)
+            box.setText(f"{count:,} {severity}{'' if count == 1 else 's'}")
+        self.model.renew()
+        self.table.setVisible(bool(self.model.rows))
+        self.clean.setVisible(not self.model.rows)
+        self.clean.setText("Nothing that the filter shows." if found else "Nothing is wrong that we know of.")
+        if kept is not None:
+            for row, finding in enumerate(self.model.rows):
+                if finding.key == kept.key:
+                    self.table.selectionModel().blockSignals(True)
+                    self.table.selectRow(row)
+                    self.table.selectionModel().blockSignals(False)
+                    break
+        self._enable()
+
+    def apply_first_fix(self) -> None:
+        finding = self.current
+        if finding is not None and finding.fixes:
+            self._apply(finding.fixes[0])
+
+    def ignore(self) -> None:
+        """Ignores the current finding for good, or takes that back where it was ignored."""
+        finding, graph = self.current, self._document.graph
+        if finding is None or graph is None:
+            return
+        if finding.key in graph.ignored:
+            self._document.editing.heed_finding(finding)
+        elif self.reason.text().strip():
+            self._document.editing.ignore_finding(finding, self.reason.text().strip())
+            self.reason.clear()
+
+    def _apply(self, fix: Fix) -> None:
+        self._document.editing.run(fix.operation, fix.arguments)
+
+    def _on_filter(self) -> None:
+        self.model.severities = frozenset(s for s, box in self.boxes.items() if box.isChecked())
+        self.model.text, self.model.with_ignored = self.text.text().strip(), self.ignored.isChecked()
+        self.renew()
+
+    def _on_row(self) -> None:
+        finding = self.current
+        if finding is not None:
+            self._document.editing.select(selection_of(finding))
+        self._enable()
+
+    def _on_double_click(self) -> None:
+        finding = self.current
+        if finding is not None:
+            self.activated.emit(selection_of(finding))
+
+    def _enable(self, _: str = "") -> None:
+        finding, graph, editing = self.current, self._document.graph, self._document.editing
+        fixes = () if finding is None else finding.fixes
+        ignored = finding is not None and graph is not None and finding.key in graph.ignored
+        self.fix.setEnabled(bool(fixes) and editing.writable)
+        self.fix.setText(f"Fix: {fixes[0].text}" if fixes else "Fix")
+        nothing = "Choose a finding" if finding is None else "For this there is no fix that does not need a person"
+        self.fix.setToolTip(fixes[0].text if fixes else nothing)
+        menu = QMenu(self.fix)
+        for fix in fixes:
+            menu.addAction(fix.text, lambda chosen=fix: self._apply(chosen))
+        old = self.fix.menu()
+        self.fix.setMenu(menu if len(fixes) > 1 else None)  # type: ignore[arg-type]
+        if old is not None:
+            old.deleteLater()
+        self.reason.setEnabled(finding is not None and not ignored and editing.writable)
+        self.ignore_button.setText("Heed again" if ignored else "Ignore")
+        self.ignore_button.setEnabled(
+            finding is not None and editing.writable and (ignored or bool(self.reason.text().strip()))
+        )
+        self.ignore_button.setToolTip(
+            "Takes it up again" if ignored else "Say why in the field beside; it stays ignored in this project"
+        )

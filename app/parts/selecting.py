@@ -1,0 +1,91 @@
+"""Selecting in the graph by commands, the tables, the histogram, and going to what was selected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from app.actions import Action
+from app.cameras import focused
+from app.graph_reasons import selected, viewpoints, with_editing
+from app.map_view import MapView
+from app.panels.history import HistoryPanel
+from app.panels.tables import TablePanel
+from app.parts.part import Dock, Part, Workspace
+from nvsim.graph import selection as selecting
+from nvsim.graph.edits import EditError
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import NavGraph
+
+
+class SelectPart(Part):
+    ACTIONS = (
+        Action("select_all", "Select &all", "Every viewpoint and edge", "&Edit", 5, "Ctrl+A", enabled=with_editing),
+        Action("select_none", "Select n&one", "Nothing", "&Edit", 5, "Ctrl+Shift+A", enabled=selected),
+        Action("invert", "In&vert selection", "What is not selected now", "&Edit", 5, "Ctrl+I", enabled=with_editing),
+        Action("grow", "&Grow selection", "The neighbours too", "&Edit", 5, "Ctrl++", enabled=selected),
+        Action("component", "Select &component", "All that can be reached from the selection", "&Edit", 5, "Ctrl+K",
+               enabled=selected),
+        Action("path", "Select pat&h between", "The shortest way between two viewpoints", "&Edit", 5, "Ctrl+P",
+               enabled=viewpoints(2, 2, changes=False)),
+        Action("zoom_to", "&Zoom to selection", "Bring what is selected in the graph before the camera and the map",
+               "&Edit", 6, "Z", enabled=selected),
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        document = workspace.document
+        self._editing = document.editing
+        self.tables = TablePanel(document)
+        self.history = HistoryPanel(document)
+        self.tables.activated.connect(self.show_selection)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (
+            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs", False),
+            Dock("history", "History", self.history, "left", "frames"),
+        )
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "select_all": lambda: self._select(lambda graph, _: selecting.everything(graph)),
+            "select_none": lambda: self._editing.select(GraphSelection()),
+            "invert": lambda: self._select(selecting.inverted),
+            "grow": lambda: self._select(selecting.grown),
+            "component": lambda: self._select(self._component),
+            "path": self._path,
+            "zoom_to": lambda: self.show_selection(self._editing.selection),
+        }
+
+    def _select(self, how: Callable[[NavGraph, GraphSelection], GraphSelection]) -> None:
+        graph = self._editing.graph
+        if graph is None:
+            return
+        try:
+            self._editing.select(how(graph, self._editing.selection))
+        except EditError as error:
+            self._editing.refuse(str(error))
+
+    def _path(self) -> None:
+        self._select(lambda graph, chosen: selecting.path_between(graph, *sorted(chosen.viewpoints)))
+
+    @staticmethod
+    def _component(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+        return selecting.component(graph, chosen.viewpoints.union(*chosen.edges))
+
+    def show_selection(self, chosen: GraphSelection) -> None:
+        """Selects it and brings it before the camera and into the middle of the map."""
+        self._editing.select(chosen)
+        arrays = self.workspace.document.graph_arrays
+        ends = [id for key in chosen.edges for id in key]
+        rows = arrays.viewpoint_rows([*chosen.viewpoints, *ends])
+        if not len(rows):
+            return
+        places = arrays.feet[rows]
+        middle, size = (places.min(axis=0) + places.max(axis=0)) / 2, float(np.ptp(places, axis=0).max())
+        scene = self.workspace.scene
+        scene.navigation.go_to(focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size)))
+        plan = self.workspace.window.panels["map"]
+        assert isinstance(plan, MapView)
+        plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))

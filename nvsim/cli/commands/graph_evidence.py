@@ -1,0 +1,71 @@
+"""Measure the evidence of viewpoints that were added or moved, and say which edges it speaks for.
+
+Without --graph the project's own graph is taken and what was measured is stored in it. With --graph, a graph file as
+the window writes it, nothing in the project changes and the result goes to --out.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim.cli.arguments import Inline, Memory, ProjectArguments, memory_budget
+from nvsim.errors import InputError
+from nvsim.mapping.config import MappingConfig
+
+if TYPE_CHECKING:
+    from nvsim.events import Listener
+    from nvsim.graph.types import NavGraph
+    from nvsim.project.project import Project
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    viewpoints: tuple[str, ...] = ()
+    """Ids; left out: all that a person added or moved and that nothing was measured at since."""
+    graph: Path | None = None
+    """A graph file to read in place of the project's graph."""
+    out: Path | None = None
+    """Where the graph with its new evidence goes; needed with --graph."""
+    memory: Memory = None
+    """GiB for trained models; a quarter of the machine's when left out."""
+    config: Inline[MappingConfig] = field(default_factory=MappingConfig)
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli.console import listening
+    from nvsim.cli.session import working
+    from nvsim.project.project import Project
+
+    if (arguments.graph is None) != (arguments.out is None):
+        raise InputError("A graph file is read and written: give --graph and --out together, or neither.")
+    if arguments.graph is not None and arguments.out is not None:
+        from nvsim.atomic import write_bytes
+        from nvsim.graph.store import decode_graph, encode_graph
+
+        try:
+            blob = arguments.graph.read_bytes()
+        except OSError as error:
+            raise InputError(f"Cannot read {arguments.graph}: {error.strerror}; name a graph file.") from error
+        with Project.open(arguments.project) as project, listening(arguments.json) as listen:
+            write_bytes(arguments.out, encode_graph(_measured(arguments, project, decode_graph(blob), listen)))
+        return 0
+    with working(arguments.project, "evidence", arguments.json) as (project, listen):
+        project.set_graph(_measured(arguments, project, project.need_graph(), listen))
+    return 0
+
+
+def _measured(arguments: Arguments, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
+    from nvsim.events import Done
+    from nvsim.mapping.newcomers import STAGE, with_newcomers
+    from nvsim.project.stages.measured import measure, unmeasured
+
+    ids = arguments.viewpoints or tuple(unmeasured(graph))
+    found = measure(project, graph, ids, arguments.config, listen, memory_budget(arguments.memory))
+    words = f"{len(ids)} viewpoints measured, {len(found.proposed)} edges proposed, {len(found.doubted)} doubted"
+    listen(Done(STAGE, words, {"proposed": list(found.proposed), "doubted": list(found.doubted)}))
+    if not arguments.json:
+        print(json.dumps({"proposed": found.proposed, "doubted": found.doubted}))
+    return with_newcomers(graph, found)

@@ -1,0 +1,37 @@
+"""Evidence for single viewpoints of a graph, from the models of the project."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from nvsim.errors import InputError
+from nvsim.events import Listener
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.newcomers import Newcomers, measure_newcomers
+from nvsim.project.floor_heights import floor_of
+from nvsim.project.project import Project
+from nvsim.project.stages.mapped import SceneViews
+
+
+def measure(
+    project: Project,
+    graph: NavGraph,
+    ids: Iterable[str],
+    config: MappingConfig,
+    listen: Listener,
+    memory_budget: int | None = None,
+) -> Newcomers:
+    """See measure_newcomers. Raises InputError while no submap is trained, or when an id is not in `graph`."""
+    scene, support = project.scene(memory_budget), project.support()
+    if scene is None or support is None:
+        raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
+    return measure_newcomers(
+        graph, ids, SceneViews(scene), floor_of(project).height_at, support.at, config, listen=listen
+    )
+
+
+def unmeasured(graph: NavGraph) -> list[str]:
+    """Included viewpoints of a person without evidence, or whose evidence is of another place."""
+    fresh = {e.viewpoint for e in graph.evidence.values() if not e.joins and not e.stale}
+    return [id for id, v in graph.viewpoints.items() if v.included and v.origin == "person" and id not in fresh]

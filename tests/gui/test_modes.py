@@ -1,0 +1,240 @@
+"""Every mode of editing, in the map and in the 3D view alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from editing_room import ALT, CTRL, SHIFT, Hand
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication
+
+from app import cameras
+from app.window import MainWindow
+
+
+@pytest.fixture(params=["map", "scene"])
+def hand(request: pytest.FixtureRequest, window: MainWindow) -> Hand:
+    window.panels["map"].frame_everything()
+    window.scene.navigation.set_pose(cameras.top_view(window.document.extent, 1.4))
+    QApplication.processEvents()
+    scene, plan = (canvas.surface for canvas in window.modes.canvases)
+    made = Hand(window, plan if request.param == "map" else scene)
+    window.actions_table["show_trajectory"].setChecked(False)
+    return made
+
+
+def ids(hand: Hand, *rows: int) -> frozenset[str]:
+    return frozenset(hand.document.graph_arrays.ids[row] for row in rows)
+
+
+def test_a_click_selects_shift_adds_and_ctrl_toggles(hand: Hand) -> None:
+    editing = hand.document.editing
+    hand.click(hand.foot(3))
+    assert editing.selection.viewpoints == ids(hand, 3)
+    assert hand.document.selection.viewpoint == hand.document.graph_arrays.ids[3]
+    hand.click(hand.foot(8), SHIFT)
+    assert editing.selection.viewpoints == ids(hand, 3, 8)
+    assert not hand.document.selection
+    hand.click(hand.foot(3), CTRL)
+    assert editing.selection.viewpoints == ids(hand, 8)
+    hand.click(hand.foot(8), CTRL)
+    assert not editing.selection
+
+
+def test_an_edge_is_selected_by_a_click_on_it(hand: Hand) -> None:
+    arrays = hand.document.graph_arrays
+    a, b = arrays.feet[arrays.edges[11]]
+    hand.click(0.55 * a + 0.45 * b)
+    assert hand.document.editing.selection.edges == {arrays.edge_key(11)}
+    assert not hand.document.editing.selection.viewpoints
+
+
+def test_a_click_beside_everything_selects_nothing(hand: Hand) -> None:
+    hand.click(hand.foot(3))
+    hand.click((-0.6, -0.6, 0.0))
+    assert not hand.document.editing.selection and not hand.document.selection
+
+
+def test_what_is_selected_is_moved_by_one_drag_and_one_step(hand: Hand) -> None:
+    document = hand.document
+    id = document.graph_arrays.ids[6]
+    before, foot = document.graph, hand.foot(6).copy()
+    assert before is not None
+    hand.click(foot)
+    steps = len(document.editing.history.steps)
+    hand.drag(foot, foot + [0.5, 0.2, 0], foot + [0.4, -0.6, 0])
+    after = document.graph
+    assert after is not None and len(document.editing.history.steps) == steps + 1
+    moved = np.subtract(after.viewpoints[id].position, before.viewpoints[id].position)
+    assert moved == pytest.approx([0.4, -0.6, 0.0], abs=0.06)
+    assert set(after.edges) == set(before.edges)
+    document.editing.undo()
+    assert document.graph is before
+
+
+def test_a_drag_from_what_is_not_selected_edits_nothing(hand: Hand) -> None:
+    before = hand.document.graph
+    hand.drag(hand.foot(6), hand.foot(6) + [0.7, 0.3, 0])
+    assert hand.document.graph is before
+
+
+def test_escape_gives_a_drag_up(hand: Hand) -> None:
+    before, foot = hand.document.graph, hand.foot(6).copy()
+    hand.click(foot)
+    mode = hand.window.modes.current
+    from app.modes.mode import Pointer
+
+    start = Pointer(hand.surface, hand.pixel(foot).toPointF())
+    assert mode.takes_drag(start)
+    mode.drag(start, Pointer(hand.surface, hand.pixel(foot + [1, 0, 0]).toPointF()))
+    hand.window.actions_table["cancel"].trigger()
+    assert hand.document.graph is before and hand.document.editing.selection.viewpoints == ids(hand, 6)
+
+
+def test_ctrl_and_a_drag_selects_by_a_box(hand: Hand) -> None:
+    feet = hand.document.graph_arrays.feet
+    hand.drag((-0.5, -0.5, 0), (6.0, 4.0, 0), keys=CTRL)
+    inside = (feet[:, 0] < 6.0) & (feet[:, 1] < 4.0)
+    assert hand.document.editing.selection.viewpoints == ids(hand, *np.flatnonzero(inside))
+
+
+def test_the_box_mode_selects_and_shift_adds(hand: Hand) -> None:
+    hand.window.actions_table["mode_box"].trigger()
+    hand.drag((-0.5, -0.5, 0), (2.5, 9.0, 0))
+    left = hand.document.editing.selection.viewpoints
+    hand.drag((11.5, -0.5, 0), (14.5, 9.0, 0), keys=SHIFT)
+    feet = hand.document.graph_arrays.feet
+    assert left == ids(hand, *np.flatnonzero(feet[:, 0] < 2.5))
+    assert hand.document.editing.selection.viewpoints == left | ids(hand, *np.flatnonzero(feet[:, 0] > 11.5))
+    assert hand.window.modes.current.name == "box"
+    hand.window.actions_table["cancel"].trigger()
+    assert hand.window.modes.current.name == "select"
+    assert hand.window.actions_table["mode_select"].isChecked()
+
+
+def test_the_lasso_selects_what_it_goes_around(hand: Hand) -> None:
+    hand.window.actions_table["mode_lasso"].trigger()
+    hand.drag((-0.5, -0.5, 0), (5.0, -0.5, 0), (-0.5, 5.0, 0))
+    feet = hand.document.graph_arrays.feet
+    assert hand.document.editing.selection.viewpoints == ids(hand, *np.flatnonzero(feet[:, 0] + feet[:, 1] < 4.5))
+
+
+def test_a_viewpoint_is_added_on_the_floor_where_one_clicks(hand: Hand) -> None:
+    hand.window.actions_table["mode_add_viewpoint"].trigger()
+    count = len(hand.document.graph.viewpoints)
+    hand.hover((2.2, 2.2, 0.0))
+    hand.click((2.2, 2.2, 0.0), ALT)
+    graph = hand.document.graph
+    assert len(graph.viewpoints) == count + 1
+    new = list(graph.viewpoints.values())[-1]
+    assert new.position == pytest.approx((2.2, 2.2, 1.5), abs=0.06) and new.height == pytest.approx(1.5, abs=0.01)
+    assert new.origin == "person"
+    assert hand.document.editing.selection.viewpoints == {new.id}
+    assert hand.document.selection.viewpoint == new.id
+
+
+def test_shift_joins_a_new_viewpoint_to_the_selected_one(hand: Hand) -> None:
+    hand.click(hand.foot(3))
+    start = hand.document.graph_arrays.ids[3]
+    steps = len(hand.document.editing.history.steps)
+    hand.window.actions_table["mode_add_viewpoint"].trigger()
+    hand.click((2.2, 2.2, 0.0), SHIFT | ALT)
+    graph = hand.document.graph
+    new = list(graph.viewpoints)[-1]
+    assert (min(start, new), max(start, new)) in graph.edges
+    assert len(hand.document.editing.history.steps) == steps + 1
+
+
+def test_a_click_on_a_frame_takes_its_place(hand: Hand) -> None:
+    hand.window.actions_table["show_trajectory"].setChecked(True)
+    hand.window.actions_table["mode_add_viewpoint"].trigger()
+    arrays, walk = hand.document.graph_arrays, hand.document.trajectory.positions
+    # A frame that is far from every viewpoint and edge.
+    ends = arrays.positions[arrays.edges]
+    middles = np.concatenate([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in np.linspace(0, 1, 9)])
+    frame = int(np.argmax(np.linalg.norm(walk[:, None] - middles[None], axis=2).min(axis=1)))
+    hand.click(walk[frame] - [0, 0, 1.5])
+    new = list(hand.document.graph.viewpoints.values())[-1]
+    assert np.linalg.norm(walk - np.array(new.position), axis=1).min() < 1e-9
+
+
+def test_a_click_on_an_edge_parts_it(hand: Hand) -> None:
+    arrays = hand.document.graph_arrays
+    key = arrays.edge_key(11)
+    a, b = arrays.feet[arrays.edges[11]]
+    hand.window.actions_table["mode_add_viewpoint"].trigger()
+    hand.click(0.6 * a + 0.4 * b)
+    graph = hand.document.graph
+    new = list(graph.viewpoints.values())[-1]
+    assert key not in graph.edges
+    assert all((min(end, new.id), max(end, new.id)) in graph.edges for end in key)
+    assert np.array(new.position)[:2] == pytest.approx((0.6 * a + 0.4 * b)[:2], abs=0.06)
+
+
+def apart(hand: Hand) -> tuple[int, int]:
+    """Two viewpoints that are not joined."""
+    arrays, keys = hand.document.graph_arrays, set(hand.document.graph.edges)
+    for i in range(len(arrays.ids)):
+        for j in range(i + 1, len(arrays.ids)):
+            a, b = sorted((arrays.ids[i], arrays.ids[j]))
+            if (a, b) not in keys and np.linalg.norm(arrays.feet[i] - arrays.feet[j]) > 3:
+                return i, j
+    raise AssertionError("everything is joined")
+
+
+def test_two_clicks_join_two_viewpoints(hand: Hand) -> None:
+    i, j = apart(hand)
+    a, b = sorted(ids(hand, i, j))
+    hand.window.actions_table["mode_add_edge"].trigger()
+    hand.click(hand.foot(i))
+    hand.hover(hand.foot(j))
+    hand.click(hand.foot(j))
+    assert hand.document.graph.edges[a, b].origin == "person"
+
+
+def test_a_drag_joins_two_viewpoints_too(hand: Hand) -> None:
+    i, j = apart(hand)
+    a, b = sorted(ids(hand, i, j))
+    hand.window.actions_table["mode_add_edge"].trigger()
+    hand.drag(hand.foot(i), hand.foot(j))
+    assert (a, b) in hand.document.graph.edges
+
+
+def test_an_edge_that_is_there_already_is_refused_at_the_cursor(hand: Hand) -> None:
+    arrays = hand.document.graph_arrays
+    i, j = arrays.edges[4]
+    before = hand.document.graph
+    hand.window.actions_table["mode_add_edge"].trigger()
+    hand.click(hand.foot(i))
+    hand.click(hand.foot(j))
+    assert hand.document.graph is before
+    assert "already" in hand.window.modes.refusal and "already" in hand.window.statusBar().currentMessage()
+
+
+def test_measuring_says_metres_and_edits_nothing(hand: Hand) -> None:
+    before = hand.document.graph
+    hand.window.actions_table["mode_measure"].trigger()
+    hand.click((2.0, 2.0, 0.0), ALT)
+    hand.hover((3.0, 2.0, 0.0))
+    hand.click((5.0, 6.0, 0.0), ALT)
+    assert hand.window.modes.current.metres == pytest.approx(5.0, abs=0.12)
+    assert "5.0" in hand.window.statusBar().currentMessage()
+    hand.key(Qt.Key.Key_Backspace)
+    assert hand.window.modes.current.metres == 0
+    hand.window.actions_table["cancel"].trigger()
+    assert hand.document.graph is before and hand.window.modes.current.name == "measure"
+
+
+def test_arrow_keys_nudge_and_one_series_is_one_step(hand: Hand) -> None:
+    hand.click(hand.foot(6))
+    id = hand.document.graph_arrays.ids[6]
+    start = hand.document.graph.viewpoints[id].position
+    hand.key(Qt.Key.Key_Right)
+    hand.key(Qt.Key.Key_Up, SHIFT)
+    assert np.subtract(hand.document.graph.viewpoints[id].position, start) == pytest.approx([0.05, 0.5, 0.0])
+
+
+def test_the_status_bar_says_what_a_click_does(hand: Hand) -> None:
+    for name, words in (("add_edge", "join"), ("measure", "measure"), ("select", "selects")):
+        hand.window.actions_table[f"mode_{name}"].trigger()
+        assert words in hand.window.statusBar().currentMessage()
