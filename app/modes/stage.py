@@ -18,6 +18,7 @@ from app.graph_surface import GraphSurface
 from app.modes import MODES
 from app.modes.ink import label
 from app.modes.mode import Desk, Mode, Pointer
+from app.modes.selection_marks import SelectionMarks
 from app.navigation import CLICK_TOLERANCE
 
 REFUSAL = 4000  # milliseconds a refusal stands at the cursor
@@ -39,6 +40,7 @@ class Stage(QObject):
         desk = Desk(document, document.editing, self.said.emit, self.refresh)
         self.modes: dict[str, Mode] = {name: kind(desk) for name, kind in MODES.items()}
         self.current: Mode = self.modes["select"]
+        self._marks = SelectionMarks(document)
         self._refusal = ""
         self._fade = QTimer(self, singleShot=True, interval=REFUSAL)
         self._fade.timeout.connect(self._forget)
@@ -89,6 +91,7 @@ class Stage(QObject):
             canvas.update()
 
     def paint(self, painter: QPainter, surface: GraphSurface, cursor: QPointF | None) -> None:
+        self._marks.paint(painter, surface)
         for layer in self.layers:
             layer(painter, surface)
         self.current.paint(painter, surface)

@@ -45,6 +45,7 @@ class Column(Generic[Key]):
     """values    of all rows, in the order of the graph, to sort by: an array or a list of strings
     text      of one value
     number    whether it stands at the right
+    width     pixels
     """
 
     title: str
@@ -52,6 +53,7 @@ class Column(Generic[Key]):
     values: Callable[[Facts], Sequence[Any] | NDArray[Any]]
     text: Callable[[Any], str] = str
     number: bool = False
+    width: int = 76
 
 
 def _yes(value: object) -> str:
@@ -120,6 +122,10 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         self._kept = kept
         self._arrange()
         self.endResetModel()
+
+    def width(self, column: int) -> int:
+        """Pixels that suit what stands in it."""
+        return self._columns[column].width
 
     def key(self, row: int) -> Key:
         return self._all[int(self._rows[row])]

@@ -81,7 +81,9 @@ class TablePanel(QWidget):
         header = view.horizontalHeader()
         # Measuring every row of a large graph would take seconds.
         header.setSectionResizeMode(header.ResizeMode.Interactive)
-        header.setDefaultSectionSize(76)
+        header.setDefaultSectionSize(72)
+        for column in range(model.columnCount()):
+            header.resizeSection(column, model.width(column))
         view.setSortingEnabled(True)
         header.setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
         return view

@@ -104,7 +104,7 @@ class ValidationPanel(QWidget):
         self._document = document
         self.model = FindingModel(document, self)
         self.text = QLineEdit(self)
-        self.text.setPlaceholderText("Filter")
+        self.text.setPlaceholderText("Filter by words or ids")
         self.text.setClearButtonEnabled(True)
         self.text.textChanged.connect(self._on_filter)
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
@@ -117,7 +117,7 @@ class ValidationPanel(QWidget):
             top.addWidget(box)
         self.ignored.toggled.connect(self._on_filter)
         top.addWidget(self.ignored)
-        top.addWidget(self.text, 1)
+        top.addStretch(1)
         self.table = table(self.model, self)
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)
@@ -150,6 +150,7 @@ class ValidationPanel(QWidget):
         layout.setContentsMargins(4, 4, 4, 4)
         layout.setSpacing(4)
         layout.addLayout(top)
+        layout.addWidget(self.text)
         layout.addWidget(self.table, 1)
         layout.addWidget(self.clean, 1)
         layout.addLayout(bottom)

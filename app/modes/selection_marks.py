@@ -1,0 +1,39 @@
+"""Marks what is selected, in every view: rings around viewpoints, bright edges. Thousands of them cost two calls."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPainter, QPen
+
+from app import colors
+from app.document import Document
+from app.graph_surface import GraphSurface
+from app.picking import NEAR
+from app.primitives import Primitives, disc
+
+_SMOOTH = 2000  # lines beyond which their smooth edges cost more than they give
+
+
+class SelectionMarks:
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._primitives = Primitives()
+        self._disc = disc(colors.SELECTED, "#3a2c05", 16)
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        chosen, arrays = self._document.editing.selection, self._document.graph_arrays
+        if chosen.edges:
+            ends = arrays.feet[arrays.edges[arrays.edge_rows(chosen.edges)]]
+            lines, _, _ = surface.segments(ends[:, 0], ends[:, 1])
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing, len(lines) < _SMOOTH)
+            pen = QPen(QColor(colors.SELECTED), 3.6)
+            pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+            painter.setPen(pen)
+            self._primitives.draw_lines(painter, lines)
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        if chosen.viewpoints:
+            pixels, depths = surface.project(arrays.feet[arrays.viewpoint_rows(chosen.viewpoints)])
+            seen = depths > NEAR
+            size = 0.75 if len(pixels) < 200 else 0.5
+            self._primitives.draw_sprites(painter, pixels[seen], np.full((int(seen.sum()), 2), size), self._disc)
