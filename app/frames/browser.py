@@ -23,7 +23,9 @@ from app.layers.frame_mask import FrameMaskLayer
 from app.notices import Notices
 from app.render_child import Picture, Request
 from app.scene_view import SceneView
+from nvsim.errors import InputError
 from nvsim.perception.hybrid import HybridSteps
+from nvsim.perception.prompted_network import prompted_files
 from nvsim.project.layout import Layout
 
 _VIEW = "frame"  # how requests of this page are told from the 3D view's
@@ -62,6 +64,7 @@ class FrameBrowser(QObject):
         self.index: int | None = None  # of the frame on the page
         self.matter: Matter | None = None
         self._numbers = count()
+        self._waits = False  # a point waits for a network or for normals
         self._asked_for: int | None = None  # whose candidates are being made
         self._soon = QTimer(self, singleShot=True, interval=30)
         self._soon.timeout.connect(self._ask_render)
@@ -81,7 +84,9 @@ class FrameBrowser(QObject):
         self._reader.written.connect(self._on_written)
         self._reader.failed.connect(self._on_failure)
         self._candidates.candidatesMade.connect(lambda index, file: self._reader.read_candidates(index, Path(file)))
-        self._candidates.failed.connect(lambda _, index, sentence: self._on_no_candidates(index, sentence))
+        self._candidates.failed.connect(self._on_no_candidates)
+        self._candidates.prompted.connect(corrector.hear_masks)
+        corrector.promptWanted.connect(self._on_prompt_wanted)
         corrector.changed.connect(self._on_painted)
         corrector.stepped.connect(self._on_stepped)
         corrector.moved.connect(page.canvas.update)
@@ -122,9 +127,19 @@ class FrameBrowser(QObject):
         if tool:
             self.page.layers.boxes["floor"].setChecked(True)
         if tool == "points":
-            self._want_candidates()
+            self._prepare_points()
         canvas.update()
         self.toolChanged.emit(tool)
+
+    def _prepare_points(self) -> None:
+        try:
+            network = prompted_files() is not None
+        except InputError as error:
+            self._notices.warning(str(error))
+            network = False
+        self.corrector.use_network(network)
+        if not network:
+            self._want_candidates()
 
     def step(self, by: int) -> None:
         """So many frames on in the walk."""
@@ -181,7 +196,9 @@ class FrameBrowser(QObject):
         self._say_title()
         self._say_hint()
         self._ask_render()
-        if self.tool == "points" or any(self._layer[name].shown for name in CANDIDATES):
+        if self.tool == "points":
+            self._prepare_points()
+        if any(self._layer[name].shown for name in CANDIDATES):
             self._want_candidates()
         self._show_over_scene()
 
@@ -254,11 +271,20 @@ class FrameBrowser(QObject):
         self._say_hint()
         self.page.canvas.update()
 
-    def _on_no_candidates(self, index: int, sentence: str) -> None:
+    def _on_no_candidates(self, what: str, index: int, sentence: str) -> None:
         self._notices.warning(sentence)
-        if index in (self.index, -1):
+        if what == "prompt" or index == -1:
+            self.corrector.hear_no_masks()
+            self._want_candidates()
+        if what != "prompt" and index in (self.index, -1):
             self.corrector.hear_steps(None)
-            self._say_hint()
+        self._say_hint()
+
+    def _on_prompt_wanted(self, index: int, points: list[tuple[float, float, bool]]) -> None:
+        path = self._document.path
+        if path is not None:
+            self._candidates.open_if_other(path)
+            self._candidates.ask_prompt(index, points)
 
     # Correcting -------------------------------------------------------------------------------------------------
 
@@ -280,8 +306,7 @@ class FrameBrowser(QObject):
             self._say_hint()
 
     def _on_waiting(self, waiting: bool) -> None:
-        if waiting:
-            self._want_candidates()
+        self._waits = waiting
         self._say_hint()
 
     # Following the document -------------------------------------------------------------------------------------
@@ -349,4 +374,6 @@ class FrameBrowser(QObject):
             words = _NO_MASK
         elif self._asked_for is not None and self._layer["normals"].painted is None:
             words = "The candidate masks are being made; the first of a submap take a while…   " + words
+        elif self._waits:
+            words = "The prompted network is at work…   " + words
         self.page.hint.setText(words)

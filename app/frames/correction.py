@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.frames.brush import Box, Mask, Point, changed, paint
-from nvsim.perception.regions import RegionConfig, grow_region
+from nvsim.perception.regions import grow_region
 
 _MOST = 200  # steps kept
 
@@ -122,31 +123,15 @@ class Correction:
         """Back to what the machine found; can be undone like everything else."""
         return self.replace(self.machine, "Revert to the machine's mask")
 
-    def prompt(
-        self,
-        prompt: Prompt,
-        normals: NDArray[np.float32],
-        image: NDArray[np.uint8],
-        config: RegionConfig | None = None,
-    ) -> Box | None:
-        """Sets a point: with all those since the last stroke it says which surfaces are floor and which are not.
-
-        `normals` (h, w, 3) and `image` (h, w, 3) may be smaller than the mask. Returns the box that changed.
-        """
+    def prompt(self, prompt: Prompt, add: Mask, take: Mask) -> Box:
+        """Sets a point. With all those since the last stroke it makes floor of the regions `add` and takes the regions
+        `take` away, each (h, w) bool of any size. Returns the box that changed."""
         base = self._prompts.base if self._prompts.base is not None else self.mask.copy()
-        prompts = (*self.prompts, prompt)
-        height, width = image.shape[:2]
-        points = np.array([(p.x * width, p.y * height) for p in prompts])
-        floor = np.array([p.floor for p in prompts])
-        grown = base.copy()
-        if floor.any():
-            grown |= _enlarged(grow_region(normals, image, points, floor, config), self.mask.shape)
-        if not floor.all():
-            grown &= ~_enlarged(grow_region(normals, image, points, ~floor, config), self.mask.shape)
+        grown = (base | _enlarged(add, self.mask.shape)) & ~_enlarged(take, self.mask.shape)
         before, box = self.mask.copy(), changed(self.mask, grown) or Box(0, 0, 0, 0)
         self.mask[box.slices] = grown[box.slices]
         text = "Add the surface at a point" if prompt.floor else "Take away the surface at a point"
-        self._record(text, before, box, Prompts(prompts, base))
+        self._record(text, before, box, Prompts((*self.prompts, prompt), base))
         return box
 
     # History ----------------------------------------------------------------------------------------------------
@@ -182,6 +167,15 @@ class Correction:
         self._index = len(self._steps)
         self._prompts = prompts
         return True
+
+
+def surfaces(prompts: Sequence[Prompt], normals: NDArray[np.float32], image: NDArray[np.uint8]) -> tuple[Mask, Mask]:
+    """The surfaces around the points on floor, and those around the others, each (h, w) bool of the size of `normals`
+    (h, w, 3) and `image` (h, w, 3)."""
+    height, width = image.shape[:2]
+    points = np.array([(p.x * width, p.y * height) for p in prompts])
+    floor = np.array([p.floor for p in prompts])
+    return grow_region(normals, image, points, floor), grow_region(normals, image, points, ~floor)
 
 
 def _enlarged(mask: Mask, shape: tuple[int, ...]) -> Mask:

@@ -6,10 +6,11 @@ import math
 from collections import OrderedDict
 
 import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from app.frames.brush import Box
-from app.frames.correction import Correction, Prompt
+from app.frames.brush import Box, Mask
+from app.frames.correction import Correction, Prompt, surfaces
 from app.frames.matter import Matter, Reader
 from app.frames.tools import LARGEST, SMALLEST, Brush, Points
 from nvsim.perception.hybrid import HybridSteps
@@ -21,13 +22,15 @@ _PAUSE = 700  # milliseconds after a step until it is written
 
 class Corrector(QObject):
     """changed(Box): the mask of the open frame, within this box; stepped(): after a step, undo or redo; sized();
-    moved(QRect): what the cursor covered; waiting(bool): whether points wait for the normals."""
+    moved(QRect): what the cursor covered; waiting(bool): whether points wait for what they need;
+    promptWanted(int frame, list of (x, y, floor)): for the user's prompted network."""
 
     changed = Signal(object)
     stepped = Signal()
     sized = Signal()
     moved = Signal(object)
     waiting = Signal(bool)
+    promptWanted = Signal(int, object)
 
     def __init__(self, reader: Reader, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -36,7 +39,9 @@ class Corrector(QObject):
         self._matter: Matter | None = None
         self._steps: HybridSteps | None = None
         self._by_color = False  # there will be no normals
-        self._prompts: list[Prompt] = []  # that wait for the normals
+        self._network = False
+        self._asked = False  # the network works on the first of those that wait
+        self._prompts: list[Prompt] = []  # that wait
         self._kept: OrderedDict[int, Correction] = OrderedDict()
         self.correction: Correction | None = None
         self.brush = Brush(self.changed.emit, self._on_step, lambda _: self.sized.emit(), self.moved.emit)
@@ -75,7 +80,7 @@ class Corrector(QObject):
         self.flush()
         self._matter = self.correction = self._steps = None
         self._prompts = []
-        self._by_color = False
+        self._by_color = self._asked = False
         for tool in (self.brush, self.points):
             tool.take(None)
 
@@ -116,32 +121,56 @@ class Corrector(QObject):
 
     # Points -----------------------------------------------------------------------------------------------------
 
+    def use_network(self, use: bool) -> None:
+        """Whether points are given to the user's prompted network, through `promptWanted`."""
+        self._network = use
+
     def hear_steps(self, steps: HybridSteps | None) -> None:
         """The normals of the open frame have come, or there will be none."""
         self._steps, self._by_color = steps, steps is None
-        prompts, self._prompts = self._prompts, []
-        self.waiting.emit(False)
-        for prompt in prompts:
-            self._place(prompt)
+        self._go_on()
+
+    def hear_masks(self, index: int, add: Mask, take: Mask) -> None:
+        """What the network makes of the points that it was given."""
+        if self._matter is None or index != self._matter.index or not self._prompts or self.correction is None:
+            return
+        self._asked = False
+        self._after(self.correction.prompt(self._prompts.pop(0), add, take))
+        self._go_on()
+
+    def hear_no_masks(self) -> None:
+        """The network failed: surfaces are grown from now on."""
+        self._asked = self._network = False
+        self._go_on()
 
     def _place(self, prompt: Prompt) -> None:
-        if self.correction is None or self._matter is None:
-            return
-        if self._steps is None and not self._by_color:
-            self._prompts.append(prompt)
-            self.waiting.emit(True)
-            return
+        self._prompts.append(prompt)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Sets the points that wait, as far as what they need is there."""
+        correction, matter = self.correction, self._matter
+        while self._prompts and correction is not None and matter is not None and not self._asked:
+            prompts = (*correction.prompts, self._prompts[0])
+            if self._network:
+                self._asked = True
+                self.promptWanted.emit(matter.index, [(p.x, p.y, p.floor) for p in prompts])
+            elif self._steps is not None or self._by_color:
+                self._after(correction.prompt(self._prompts.pop(0), *surfaces(prompts, *self._small(matter.image))))
+            else:
+                break
+        self.waiting.emit(bool(self._prompts))
+
+    def _small(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """The normals, zero where there are none, and the image at their size."""
         import cv2
 
-        image = self._matter.image
         if self._steps is not None:
             normals = self._steps.normals
-        else:  # colours must do
-            size = max(1, image.shape[0] // 2), max(1, image.shape[1] // 2)
-            normals = np.zeros((*size, 3), np.float32)
+        else:
+            normals = np.zeros((max(1, image.shape[0] // 2), max(1, image.shape[1] // 2), 3), np.float32)
         height, width = normals.shape[:2]
-        small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-        self._after(self.correction.prompt(prompt, normals, small))
+        return normals, np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
     # The brush's size -------------------------------------------------------------------------------------------
 

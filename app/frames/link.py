@@ -10,17 +10,21 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QProcess, QTimer, Signal
 
+from app.frames.files import unpacked
+
 _RESTARTS = 2
 _REST = 30_000  # milliseconds without a wish until the process is let go
 
 
 class FrameLink(QObject):
     """thumbnailMade(int frame, str file); coverageRead(dict frame -> share); candidatesMade(int frame, str file);
+    prompted(int frame, mask to add, mask to take away);
     failed(str what, int frame, str sentence)."""
 
     thumbnailMade = Signal(int, str)
     coverageRead = Signal(object)
     candidatesMade = Signal(int, str)
+    prompted = Signal(int, object, object)
     failed = Signal(str, int, str)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -55,6 +59,10 @@ class FrameLink(QObject):
 
     def ask_candidates(self, frame: int) -> None:
         self._send({"do": "candidates", "frame": frame})
+
+    def ask_prompt(self, frame: int, points: Sequence[tuple[float, float, bool]]) -> None:
+        """What the user's prompted network makes of the points: x, y in shares of the image, True for floor."""
+        self._send({"do": "prompt", "frame": frame, "points": [list(p) for p in points]})
 
     def rest(self) -> None:
         """Ends the process; the next wish starts another."""
@@ -99,9 +107,13 @@ class FrameLink(QObject):
             case "candidates":
                 self._last.pop("candidates", None)
                 self.candidatesMade.emit(message["frame"], message["file"])
+            case "prompt":
+                self._last.pop("prompt", None)
+                height, width = message["shape"]
+                masks = (unpacked(message[name], (height, width)) for name in ("add", "take"))
+                self.prompted.emit(message["frame"], *masks)
             case "failed":
-                if message["do"] == "candidates":
-                    self._last.pop("candidates", None)
+                self._last.pop(message["do"], None)
                 self.failed.emit(message["do"], message["frame"], message["sentence"])
 
     def _on_end(self) -> None:

@@ -6,6 +6,8 @@
         {"did": "thumbnail", "frame": 3, "file": PATH}
     {"do": "coverage"}                       {"did": "coverage", "shares": {"3": 0.41, ...}, "more": true}
     {"do": "candidates", "frame": 3}         {"did": "candidates", "frame": 3, "file": PATH}
+    {"do": "prompt", "frame": 3, "points": [[x, y, true], ...]}   x, y in shares of the image, true for floor
+        {"did": "prompt", "frame": 3, "shape": [h, w], "add": BITS, "take": BITS}   packed, deflated, base 64
 
 and where something cannot be done {"did": "failed", "do": ..., "frame": 3, "sentence": ...}. It ends with its input.
 """
@@ -21,11 +23,14 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from app.frames.files import COVERAGE, THUMBNAIL, thumbnail_path
 from nvsim.errors import InputError
 from nvsim.project.layout import Layout
+
+if TYPE_CHECKING:
+    from nvsim.project.frame_candidates import CandidateMaker
 
 _BATCH = 64  # frames between two words about coverage
 Say = Callable[[dict[str, Any]], None]
@@ -39,7 +44,7 @@ class Worker:
 
         self._project = Project.open(root)
         self._say = say
-        self._maker: Any = None
+        self._maker: CandidateMaker | None = None
         self.wishes: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._coverage: Iterator[None] | None = None
         self._thumbnails: list[int] = []
@@ -64,6 +69,8 @@ class Worker:
             self._coverage = self._read_coverage()
         elif wish["do"] == "candidates":
             self._try("candidates", wish["frame"], self._make_candidates)
+        elif wish["do"] == "prompt":
+            self._try("prompt", wish["frame"], lambda frame: self._prompt(frame, wish["points"]))
 
     def _step(self) -> None:
         if self._thumbnails:
@@ -71,9 +78,10 @@ class Worker:
         elif self._coverage is not None and next(self._coverage, self) is self:
             self._coverage = None
 
-    def _try(self, what: str, frame: int, make: Callable[[int], Path]) -> None:
+    def _try(self, what: str, frame: int, make: Callable[[int], Path | dict[str, Any]]) -> None:
         try:
-            self._say({"did": what, "frame": frame, "file": str(make(frame))})
+            made = make(frame)
+            self._say({"did": what, "frame": frame} | (made if isinstance(made, dict) else {"file": str(made)}))
         except InputError as error:
             self._say({"did": "failed", "do": what, "frame": frame, "sentence": str(error)})
         except Exception as error:
@@ -136,12 +144,23 @@ class Worker:
             write_text(layout.cache / COVERAGE, json.dumps(kept))
 
     def _make_candidates(self, frame: int) -> Path:
-        from nvsim.project.frame_candidates import CandidateMaker
+        return self._candidate_maker().make(frame)
 
+    def _prompt(self, frame: int, prompts: list[list[Any]]) -> dict[str, Any]:
+        import numpy as np
+
+        from app.frames.files import packed
+
+        points = np.array([p[:2] for p in prompts], float)
+        add, take = self._candidate_maker().prompt(frame, points, np.array([bool(p[2]) for p in prompts]))
+        return {"shape": list(add.shape), "add": packed(add), "take": packed(take)}
+
+    def _candidate_maker(self) -> CandidateMaker:
         if self._maker is None:
+            from nvsim.project.frame_candidates import CandidateMaker
+
             self._maker = CandidateMaker(self._project)
-        path: Path = self._maker.make(frame)
-        return path
+        return self._maker
 
 
 def _kept(path: Path) -> dict[str, Any]:

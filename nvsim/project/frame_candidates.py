@@ -8,20 +8,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.atomic import replacing
 from nvsim.errors import InputError
 from nvsim.perception.hybrid import HybridFloor, HybridSteps
+from nvsim.perception.models import models_folder
+from nvsim.perception.prompted_network import DECODER, ENCODER, PromptedNetwork, prompted_files
+from nvsim.perception.roles import Mask
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 
 _VERSION = 2  # raised when the same inputs give something else
+_FINE = 1024  # pixels: the size that prompted networks look at
 _MASKS = ("semantic", "horizontal", "candidates", "prompted")
 
 
 def candidates_path(project: Project, index: int) -> Path:
     """Where the candidates of a frame lie once they were made; the name holds what they depend on."""
-    return project.layout.cache / "candidates" / f"{index:06d}-{floors_key(project)[:12]}-{_VERSION}.npz"
+    how = "network" if prompted_files() else "grown"
+    return project.layout.cache / "candidates" / f"{index:06d}-{floors_key(project)[:12]}-{how}{_VERSION}.npz"
 
 
 def read_candidates(path: Path) -> HybridSteps | None:
@@ -43,6 +49,7 @@ class CandidateMaker:
 
     def __init__(self, project: Project) -> None:
         self._project = project
+        self._prompted: PromptedNetwork | None = None
         self._hybrids: dict[tuple[str, int], HybridFloor] = {}
 
     def make(self, index: int) -> Path:
@@ -79,8 +86,36 @@ class CandidateMaker:
                     f"{project.layout.surface(submap.index)} is missing; run `nvsim floors --project` again."
                 )
             floor = learnt_floor(capture, list(submap.core), surface, SegmentConfig())
-            self._hybrids[key] = HybridFloor(FloorLooks(floor), CloudNormals(floor, capture.cloud), RegionGrowing())
+            prompted = self._network() or RegionGrowing()
+            self._hybrids[key] = HybridFloor(FloorLooks(floor), CloudNormals(floor, capture.cloud), prompted)
         return self._hybrids[key]
+
+    def _network(self) -> PromptedNetwork | None:
+        """The user's prompted network, opened once. Raises InputError for one that cannot be used."""
+        files = prompted_files()
+        if files is not None and self._prompted is None:
+            self._prompted = PromptedNetwork(*files)
+        return self._prompted
+
+    def prompt(self, index: int, points: NDArray[np.floating], inside: NDArray[np.bool_]) -> tuple[Mask, Mask]:
+        """What the user's prompted network takes for the things at the `points` (K, 2), x, y in shares of the image,
+        that are `inside` (K,), and for those at the others; each (h, w) bool, empty where there are no such points.
+        Raises InputError where there is no network, and for an image that cannot be read."""
+        from nvsim.capture.images import read_image
+
+        network = self._network()
+        if network is None:
+            raise InputError(
+                f"There is no prompted network; put {ENCODER}.onnx and {DECODER}.onnx into {models_folder()}."
+            )
+        frame = self._project.need_capture().frames[index]
+        size = frame.intrinsics.within(_FINE)
+        image = read_image(frame, size)
+        pixels = np.asarray(points, float) * (size.width, size.height)
+        nothing = np.zeros(image.shape[:2], bool)
+        add = network.region(image, pixels, inside) if inside.any() else nothing
+        take = network.region(image, pixels, ~inside) if not inside.all() else nothing
+        return add, take
 
 
 def _write(path: Path, steps: HybridSteps) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.frames.brush import Box, changed, paint
-from app.frames.correction import Correction, Prompt
+from app.frames.correction import Correction, Prompt, surfaces
 
 SHAPE = (60, 80)
 
@@ -102,7 +102,7 @@ def test_reverting_gives_the_machines_mask_and_can_be_undone() -> None:
     assert np.array_equal(correction.mask, painted)
 
 
-def surfaces() -> tuple[np.ndarray, np.ndarray]:
+def normals_and_image() -> tuple[np.ndarray, np.ndarray]:
     """At half the size of the mask: floor below, a wall above, a desk in it."""
     normals = np.zeros((30, 40, 3), np.float32)
     normals[...] = (0, -1, 0)
@@ -110,41 +110,45 @@ def surfaces() -> tuple[np.ndarray, np.ndarray]:
     return normals, np.full((30, 40, 3), 128, np.uint8)
 
 
+def click(correction: Correction, prompt: Prompt, normals: np.ndarray, image: np.ndarray) -> None:
+    correction.prompt(prompt, *surfaces((*correction.prompts, prompt), normals, image))
+
+
 FLOOR, DESK = Prompt(0.2, 0.9, True), Prompt(0.75, 0.25, True)
 
 
 def test_prompts_add_and_take_away_whole_surfaces() -> None:
-    normals, image = surfaces()
+    normals, image = normals_and_image()
     correction = Correction(empty(), empty())
-    correction.prompt(FLOOR, normals, image)
+    click(correction, FLOOR, normals, image)
     assert correction.mask[42:].all() and not correction.mask[:38].any()
-    correction.prompt(DESK, normals, image)
+    click(correction, DESK, normals, image)
     assert correction.mask[12:18, 54:66].all()
-    correction.prompt(Prompt(0.75, 0.2, False), normals, image)  # on the desk too: they share it
+    click(correction, Prompt(0.75, 0.2, False), normals, image)  # on the desk too: they share it
     correction.undo()
     correction.undo()
     assert correction.prompts == (FLOOR,) and not correction.mask[:38].any()
 
 
 def test_a_negative_prompt_alone_takes_its_surface_out_of_the_machines_mask() -> None:
-    normals, image = surfaces()
+    normals, image = normals_and_image()
     machine = empty()
     machine[40:] = machine[10:20, 50:70] = True
     correction = Correction(machine, machine)
-    correction.prompt(Prompt(0.75, 0.25, False), normals, image)
+    click(correction, Prompt(0.75, 0.25, False), normals, image)
     assert not correction.mask[:20].any() and correction.mask[42:].all()
 
 
 def test_prompts_after_undoing_a_stroke_go_on_from_their_own_base() -> None:
-    normals, image = surfaces()
+    normals, image = normals_and_image()
     correction = Correction(empty(), empty())
-    correction.prompt(FLOOR, normals, image)
+    click(correction, FLOOR, normals, image)
     stroke(correction, 30)
-    correction.prompt(DESK, normals, image)
+    click(correction, DESK, normals, image)
     correction.undo()
     correction.undo()  # the stroke
     assert correction.prompts == (FLOOR,)
-    correction.prompt(DESK, normals, image)
+    click(correction, DESK, normals, image)
     assert not correction.mask[22:38].any() and correction.mask[42:].all() and correction.mask[14, 60]
 
 

@@ -344,7 +344,7 @@ def test_points_follow_colours_where_no_normals_can_be_had(opened, qtbot: QtBot,
     with_tool(opened, "points")
     place = browser.page.canvas.panes()[0].to_canvas(320, 60).toPoint()
     qtbot.mouseClick(browser.page.canvas, LEFT, pos=place)
-    browser._on_no_candidates(2, "There is no floor surface.")
+    browser._on_no_candidates("candidates", 2, "There is no floor surface.")
     assert browser.corrector.correction.mask[60, 320]
     assert "There is no floor surface." in window.notice_area.texts
 
@@ -448,3 +448,29 @@ def test_the_mask_lies_over_the_3d_view_too_and_follows_the_brush(opened, qtbot:
         browser.matter.frame.camera.position + browser.matter.frame.camera.rays()[100, 325][None].astype(float)
     )
     assert np.hypot(*(wanted[0] - (x, y))) < 20
+
+
+def test_a_prompted_network_of_the_users_own_answers_points(
+    opened, qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "unit"))
+    from test_perception_prompted import decoder, encoder
+
+    monkeypatch.setenv("NVSIM_MODELS", str(tmp_path))
+    encoder(tmp_path / "prompted.encoder.onnx")
+    decoder(tmp_path / "prompted.decoder.onnx")
+    browser = with_tool(opened, "points")
+    correction, canvas = browser.corrector.correction, browser.page.canvas
+    pane = canvas.panes()[0]
+    qtbot.mouseClick(canvas, LEFT, pos=pane.to_canvas(320, 60).toPoint())
+    assert "prompted network is at work" in browser.page.hint.text()
+    qtbot.waitUntil(lambda: len(correction.prompts) == 1, timeout=30_000)
+    assert correction.mask[60, 320] and "at work" not in browser.page.hint.text()
+    # A network that cannot be used is said so once; surfaces grow in its place.
+    (tmp_path / "prompted.decoder.onnx").write_bytes(b"broken")
+    browser._candidates.rest()
+    monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
+    qtbot.mouseClick(canvas, RIGHT, pos=pane.to_canvas(320, 60).toPoint())
+    qtbot.waitUntil(lambda: any("cannot be loaded" in t for t in opened[0].notice_area.texts), timeout=30_000)
+    browser._on_candidates(2, steps_of(browser))
+    assert len(correction.prompts) == 2 and not correction.mask[60, 320]

@@ -1,0 +1,140 @@
+"""A prompted pair in the forms that exports of SAM 2 take, by a toy whose answer is known: the regions of the colours
+at the points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.perception.prompted_network import PromptedNetwork, prompted_files
+
+SIDE = 64
+F, I64 = TensorProto.FLOAT, TensorProto.INT64
+
+
+def save(path: Path, nodes: list, inputs: list, outputs: list, constants: dict[str, np.ndarray]) -> Path:
+    graph = helper.make_graph(
+        nodes, "toy", inputs, outputs, [numpy_helper.from_array(v, n) for n, v in constants.items()]
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    onnx.checker.check_model(model)
+    onnx.save(model, path)
+    return path
+
+
+def value(name: str, *shape: int | str, kind: int = F) -> onnx.ValueInfoProto:
+    return helper.make_tensor_value_info(name, kind, list(shape))
+
+
+def encoder(path: Path, names: tuple[str, str, str] = ("high_res_feats_0", "high_res_feats_1", "image_embed")) -> Path:
+    """Each feature is the image, averaged, its colours in the first three channels."""
+    nodes, constants, outputs = [], {}, []
+    for name, channels, step in zip(names, (32, 64, 256), (2, 4, 8), strict=True):
+        weights = np.zeros((channels, 3, 1, 1), np.float32)
+        weights[:3, :, 0, 0] = np.eye(3)
+        constants[f"w{channels}"] = weights
+        nodes.append(
+            helper.make_node("AveragePool", ["image"], [f"a{channels}"], kernel_shape=[step] * 2, strides=[step] * 2)
+        )
+        nodes.append(helper.make_node("Conv", [f"a{channels}", f"w{channels}"], [name]))
+        outputs.append(value(name, 1, channels, SIDE // step, SIDE // step))
+    return save(path, nodes, [value("image", 1, 3, SIDE, SIDE)], outputs, constants)
+
+
+def decoder(path: Path, form: str = "samexporter") -> Path:
+    """Logits above zero where the fine feature is like its mean at the points labelled 1, unlike that of the others."""
+    huggingface, four = form == "huggingface", form == "osam"
+    lead = [1] if huggingface else []
+    points = value("input_points" if huggingface else "point_coords", 1, *lead, "n", 2)
+    labels = value("input_labels" if huggingface else "point_labels", 1, *lead, "n", kind=I64 if huggingface else F)
+    names = [f"image_embeddings.{k}" for k in range(3)] if huggingface else ["fine", "middle", "image_embed"]
+    inputs = [value(n, 1, c, SIDE // s, SIDE // s) for n, c, s in zip(names, (32, 64, 256), (2, 4, 8), strict=True)]
+    inputs += [points, labels]
+    if huggingface:
+        inputs.append(value("input_boxes", 1, "k", 4))
+    else:
+        inputs += [value("mask_input", 1, 1, 32, 32), value("has_mask_input", 1)]
+    if four:
+        inputs.append(value("orig_im_size", 2, kind=I64))
+    nodes = [
+        helper.make_node("Cast", [labels.name], ["l"], to=F),
+        helper.make_node("Reshape", [points.name, "s4"], ["p"]),
+        helper.make_node("Mul", ["p", "scale"], ["p2"]),
+        helper.make_node("Sub", ["p2", "one"], ["grid"]),
+        helper.make_node("GridSample", [names[0], "grid"], ["c"], mode="bilinear", align_corners=0),  # (1, 32, n, 1)
+        helper.make_node("Reshape", ["l", "sl"], ["l4"]),  # (1, 1, n, 1)
+        helper.make_node("Mul", ["c", "l4"], ["cl"]),
+        helper.make_node("ReduceSum", ["cl", "two"], ["sum"], keepdims=1),
+        helper.make_node("ReduceSum", ["l4", "two"], ["count"], keepdims=1),
+        helper.make_node("Div", ["sum", "count"], ["color"]),
+        helper.make_node("Sub", [names[0], "color"], ["off"]),
+        helper.make_node("Abs", ["off"], ["away"]),
+        helper.make_node("ReduceSum", ["away", "channel"], ["distance"], keepdims=1),
+        helper.make_node("Sub", ["near", "distance"], ["logits"]),
+        helper.make_node("Sub", ["logits", "much"], ["never"]),
+        helper.make_node("Add", ["logits", "much"], ["always"]),
+        helper.make_node("Concat", [*(["always"] if four else []), "never", "logits", "always"], ["m"], axis=1),
+        helper.make_node("Identity", ["scores"], ["iou_predictions"]),
+    ]
+    count = 4 if four else 3
+    shape = (1, 1, count, SIDE // 2, SIDE // 2) if huggingface else (1, count, SIDE // 2, SIDE // 2)
+    nodes.append(helper.make_node("Reshape", ["m", "out"], ["pred_masks" if huggingface else "masks"]))
+    constants = {
+        "s4": np.array([1, -1, 1, 2]), "sl": np.array([1, 1, -1, 1]), "out": np.array(shape),
+        "scale": np.float32([2 / SIDE]), "one": np.float32([1]), "two": np.array([2]), "channel": np.array([1]),
+        "near": np.float32([0.6]), "much": np.float32([99]),
+        "scores": np.float32([[0.99, 0.2, 0.9, 0.3]] if four else [[0.2, 0.9, 0.3]]),
+    }  # fmt: skip
+    outputs = [value("pred_masks" if huggingface else "masks", *shape), value("iou_predictions", 1, count)]
+    return save(path, nodes, inputs, outputs, constants)
+
+
+def picture() -> tuple[np.ndarray, np.ndarray]:
+    """(90, 150, 3), and where its lower right is of another colour."""
+    image = np.full((90, 150, 3), (200, 60, 60), np.uint8)
+    floor = np.zeros((90, 150), bool)
+    floor[45:, 60:] = True
+    image[floor] = (40, 80, 160)
+    return image, floor
+
+
+@pytest.mark.parametrize("form", ["samexporter", "osam", "huggingface"])
+def test_the_region_at_a_point_is_found_whatever_form_the_export_has(tmp_path: Path, form: str) -> None:
+    network = PromptedNetwork(encoder(tmp_path / "e.onnx"), decoder(tmp_path / "d.onnx", form))
+    image, floor = picture()
+    found = network.region(image, np.array([[120.0, 70.0]]), np.ones(1, bool))
+    assert (found ^ floor).mean() < 0.03  # the border is as coarse as the features
+    other = network.region(image, np.array([[10.0, 10.0], [120.0, 70.0]]), np.array([True, False]))
+    assert (other ^ ~floor).mean() < 0.03
+
+
+def test_it_fills_the_prompted_role_and_looks_once_at_an_image(tmp_path: Path, monkeypatch) -> None:
+    network = PromptedNetwork(encoder(tmp_path / "e.onnx"), decoder(tmp_path / "d.onnx"))
+    image, floor = picture()
+    camera = Camera(Intrinsics.from_fov(150, 90, 1.2), look(np.zeros(3), 0.0))
+    assert (network.mask(image, np.array([[120.0, 70.0], [80.0, 60.0]]), camera) ^ floor).mean() < 0.03
+    monkeypatch.setattr(network, "_encoder", None)
+    network.mask(image, np.array([[10.0, 10.0]]), camera)
+
+
+def test_files_that_are_no_pair_are_refused_by_name(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("NVSIM_MODELS", str(tmp_path))
+    assert prompted_files() is None
+    good = encoder(tmp_path / "prompted.encoder.onnx")
+    with pytest.raises(InputError, match=r"prompted\.decoder\.onnx is missing"):
+        prompted_files()
+    with pytest.raises(InputError, match="32, 64 and 256"):
+        PromptedNetwork(good, good)
+    (tmp_path / "prompted.decoder.onnx").write_bytes(b"no network")
+    assert prompted_files() == (good, tmp_path / "prompted.decoder.onnx")
+    with pytest.raises(InputError, match="cannot be loaded"):
+        PromptedNetwork(*prompted_files())
+    with pytest.raises(InputError, match="one image"):
+        made = decoder(tmp_path / "d.onnx")
+        PromptedNetwork(made, made)
