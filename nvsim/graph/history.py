@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
+from nvsim.graph.delta import Delta
+from nvsim.graph.edits.change import EditError
 from nvsim.graph.retained import Retained
 from nvsim.graph.selection import NOTHING, GraphSelection, present
 from nvsim.graph.trace import shorten
@@ -43,16 +45,23 @@ class HistoryChange:
 
 
 class Recorder(Protocol):
-    """What keeps a history on disk: see `nvsim.graph.journal`."""
+    """What keeps a history on disk: see `nvsim.graph.journal`. `refusal` says why nothing can be edited, where that is
+    so."""
 
-    def put(self, index: int, step: Step, before: NavGraph, after: NavGraph) -> None:
-        """Step `index` (1 and up) is this one; those after it are gone."""
+    @property
+    def refusal(self) -> str | None: ...
+
+    def put(self, index: int, step: Step, delta: Delta) -> None:
+        """Step `index` (1 and up) is this one, by this delta from the step before; those after it are gone."""
 
     def amend(self, index: int, step: Step) -> None:
         """Step `index` selects otherwise; all else stays."""
 
     def move(self, index: int, clean: int) -> None:
         """The current step, and the one that is saved (-1: none)."""
+
+    def saved(self, graph: NavGraph) -> None:
+        """The file holds this graph now."""
 
 
 class History:
@@ -105,6 +114,12 @@ class History:
         first, last = sorted((self._clean, self._index))
         return not any(step.edit for step in self._steps[first + 1 : last + 1])
 
+    def edits_since_saved(self) -> int:
+        """How many steps that edit lie between the saved graph and the current one; all up to the current one when the
+        saved graph is not among the steps."""
+        first, last = sorted((max(self._clean, 0), self._index))
+        return sum(step.edit for step in self._steps[first + 1 : last + 1])
+
     @property
     def undo_text(self) -> str | None:
         """What undo would take back; None at the beginning."""
@@ -131,7 +146,9 @@ class History:
     ) -> None:
         """The graph becomes `graph`, as one step; what could be redone is gone. Without `selection` what is selected
         stays so, as far as it still exists. A step with the `merge` key of the current one takes its place; its
-        operation has to lead from the graph before the first of them."""
+        operation has to lead from the graph before the first of them. Raises EditError where nothing may be edited."""
+        if self._journal is not None and self._journal.refusal is not None:
+            raise EditError(self._journal.refusal)
         before, was = self.graph, self.selection
         chosen = present(graph, was if selection is None else selection)
         if graph is before:
@@ -196,6 +213,8 @@ class History:
         # A step that only selects does not hold the mark: it may give way to another selection.
         self._clean = next(i for i in range(self._index, -1, -1) if self._steps[i].edit or i == 0)
         self._note()
+        if self._journal is not None:
+            self._journal.saved(self._graph)
         self._announce(self.graph, False, True)
 
     # Listening --------------------------------------------------------------------------------------------------
@@ -217,9 +236,9 @@ class History:
         del self._steps[self._index :]
         self._steps.append(step)
         self._graph = after
-        self._graphs.put(self._index, before, after)
+        delta = self._graphs.put(self._index, before, after)
         if self._journal is not None:
-            self._journal.put(self._index, step, before, after)
+            self._journal.put(self._index, step, delta)
             self._journal.move(self._index, self._clean)
 
     def _note(self) -> None:

@@ -22,6 +22,11 @@ class Layout:
         return self.root / ".writer"
 
     @property
+    def edits(self) -> Path:
+        """The history of the graph's edits; what of it is not saved yet is in no other file."""
+        return self.root / "edits.db"
+
+    @property
     def imported(self) -> Path:
         """The capture as it was read: capture.json and the cloud. The images stay where they are."""
         return self.root / "imported"

@@ -15,11 +15,11 @@ import numpy as np
 from nvsim.atomic import make_folder
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
+from nvsim.locking import WriterLock
 from nvsim.project import database, graph_table
 from nvsim.project.corrections import mask_in_use
 from nvsim.project.jobs import JobRecord, read_jobs
 from nvsim.project.layout import Layout
-from nvsim.project.writer import WriterLock
 from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:

@@ -11,11 +11,16 @@ from nvsim.atomic import as_input_error
 from nvsim.errors import InputError
 
 
+class Held(InputError):
+    """Another process holds the lock."""
+
+
 class WriterLock:
     """Held from construction until `release` or the end of the process, however it ends."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when another process holds the lock or the folder cannot be written."""
+        """Raises Held when another process (or another part of this one) holds the lock, InputError when the folder
+        cannot be written."""
         try:
             self._file: IO[str] | None = open(path, "a+")  # noqa: SIM115 (held for the lock's life)
         except OSError as error:
@@ -26,7 +31,7 @@ class WriterLock:
             self._file.seek(0)
             holder = self._file.read().strip() or "unknown"
             self._file.close()
-            raise InputError(
+            raise Held(
                 f"{path.parent} is being written by another NVSim process (pid {holder}); wait for it or stop it."
             ) from error
         self._file.seek(0)

@@ -1,0 +1,172 @@
+"""The SQLite file of a journal: the first graph, one row per step, and a few marks."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import struct
+import time
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nvsim.atomic import make_folder
+from nvsim.errors import InputError
+from nvsim.graph.delta import Delta
+from nvsim.graph.history import Step
+from nvsim.graph.journal_rows import decode_delta, decode_selection
+from nvsim.graph.store import decode_graph, encode_graph
+from nvsim.graph.types import NavGraph
+
+_VERSION = 1
+_SCHEMA = """
+CREATE TABLE marks (name TEXT PRIMARY KEY, value NOT NULL);
+CREATE TABLE base (graph BLOB NOT NULL, at REAL NOT NULL);
+CREATE TABLE steps (number INTEGER PRIMARY KEY, text TEXT NOT NULL, at REAL NOT NULL, edit INTEGER NOT NULL,
+    merge TEXT, operation TEXT, selection BLOB NOT NULL, delta BLOB NOT NULL);
+"""
+
+
+class Newer(InputError):
+    """A newer program wrote the file."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """The first graph and when it was opened (seconds since 1970), the steps from 1 on with their deltas, the current
+    step, the saved one (-1: none), and the digest of what the file holds."""
+
+    base: NavGraph
+    begun: float
+    steps: list[tuple[Step, Delta]]
+    index: int
+    clean: int
+    saved: str
+
+
+class JournalFile:
+    """Every method raises InputError when the disk or the file refuses."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection: sqlite3.Connection | None = None
+        self.exists = path.is_file() and path.stat().st_size > 0
+
+    def create(self, base: NavGraph, saved: str) -> None:
+        """A new file that begins with this graph."""
+        make_folder(self.path.parent)
+        connection = self._open()
+        try:
+            connection.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={_VERSION};")
+            connection.execute("INSERT INTO base VALUES (?, ?)", (encode_graph(base), time.time()))
+            marks = [("index", 0), ("clean", 0), ("saved", saved)]
+            connection.executemany("INSERT INTO marks VALUES (?, ?)", marks)
+            connection.execute("COMMIT")
+        except sqlite3.Error as error:
+            self._undo(connection)
+            raise self._refused(error) from error
+        self.exists = True
+
+    def write(
+        self, cut: int | None, rows: Sequence[tuple[int, Step, bytes, bytes | None]], marks: dict[str, Any]
+    ) -> None:
+        """All at once or not at all: steps from `cut` on go, rows (number, step, selection, delta; None: as it is) are
+        put, marks noted."""
+        connection = self._open()
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+            if cut is not None:
+                connection.execute("DELETE FROM steps WHERE number >= ?", (cut,))
+            for number, step, selection, delta in rows:
+                if delta is None:
+                    values = (step.text, selection, number)
+                    connection.execute("UPDATE steps SET text = ?, selection = ? WHERE number = ?", values)
+                    continue
+                operation = None if step.operation is None else json.dumps(step.operation)
+                connection.execute(
+                    "INSERT INTO steps VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                    (number, step.text, step.when, int(step.edit), step.merge, operation, selection, delta),
+                )
+            connection.executemany("INSERT OR REPLACE INTO marks VALUES (?, ?)", list(marks.items()))
+            connection.execute("COMMIT")
+        except sqlite3.Error as error:
+            self._undo(connection)
+            raise self._refused(error) from error
+
+    def read(self) -> Written | None:
+        """What is written; None when nothing is. Raises sqlite3.DatabaseError, ValueError, KeyError, TypeError or
+        IndexError on a file that is damaged, Newer on one of a later version."""
+        if not self.exists:
+            return None
+        connection = self._open()
+        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+        if version == 0:  # killed before the first transaction ended
+            self.exists = False
+            return None
+        if version > _VERSION:
+            raise Newer(
+                f"The history of edits {self.path} was written by a newer NVSim; update NVSim to go on from it."
+            )
+        blob, begun = connection.execute("SELECT graph, at FROM base").fetchone()
+        marks = dict(connection.execute("SELECT name, value FROM marks"))
+        steps: list[tuple[Step, Delta]] = []
+        try:
+            for row in connection.execute(
+                "SELECT number, text, at, edit, merge, operation, selection, delta FROM steps ORDER BY number"
+            ):
+                number, text, at, edit, merge, operation, selection, delta = row
+                if number != len(steps) + 1:
+                    raise ValueError(f"step {len(steps) + 1} is missing")
+                found = None if operation is None else json.loads(operation)
+                step = Step(text, decode_selection(selection), at, bool(edit), merge, found)
+                steps.append((step, decode_delta(delta)))
+        except (zlib.error, struct.error) as error:
+            raise ValueError(str(error)) from error
+        index, clean = int(marks["index"]), int(marks["clean"])
+        if not (0 <= index <= len(steps) and -1 <= clean <= len(steps)):
+            raise ValueError("its current step is missing")
+        return Written(decode_graph(blob), float(begun), steps, index, clean, str(marks["saved"]))
+
+    def close(self) -> None:
+        """The next use opens it again."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def remove(self) -> None:
+        """Nothing is left on disk."""
+        self.close()
+        for suffix in ("", "-wal", "-shm"):
+            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
+        self.exists = False
+
+    def set_aside(self) -> Path:
+        """The file gets another name, which is returned, so that a new one can begin."""
+        self.close()
+        aside = self.path.with_name(self.path.name + ".damaged")
+        self.path.replace(aside)
+        self.remove()
+        return aside
+
+    def _open(self) -> sqlite3.Connection:
+        if self._connection is None:
+            try:
+                self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
+                self._connection.execute("PRAGMA journal_mode=WAL")
+                self._connection.execute("PRAGMA synchronous=FULL")
+            except sqlite3.OperationalError as error:
+                self.close()
+                raise self._refused(error) from error
+        return self._connection
+
+    @staticmethod
+    def _undo(connection: sqlite3.Connection) -> None:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+
+    def _refused(self, error: sqlite3.Error) -> InputError:
+        return InputError(
+            f"Cannot write the history of edits {self.path}: {error}; check that the disk has room and can be written."
+        )

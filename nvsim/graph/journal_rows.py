@@ -1,0 +1,104 @@
+"""Steps, deltas and selections of a history as bytes and JSON, and a digest of what a file holds of a graph."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+import zlib
+from typing import Any
+
+from nvsim.graph.delta import Delta
+from nvsim.graph.selection import NOTHING, GraphSelection
+from nvsim.graph.store import (
+    decode_evidence,
+    decode_graph,
+    edge_of,
+    edge_row,
+    encode_evidence,
+    encode_graph,
+    viewpoint_of,
+    viewpoint_row,
+)
+from nvsim.graph.types import NavGraph
+
+_PARTS, _WHOLE = b"P", b"W"
+
+
+def encode_delta(delta: Delta) -> bytes:
+    """Kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence; or kind and a graph."""
+    if delta.whole is not None:
+        return _WHOLE + encode_graph(delta.whole)
+    blobs = [encode_evidence(e) for e in delta.evidence]
+    values: dict[str, Any] = {
+        "viewpoints": list(map(viewpoint_row, delta.viewpoints)),
+        "edges": list(map(edge_row, delta.edges)),
+        "evidence": [len(b) for b in blobs],
+        "no_viewpoints": delta.no_viewpoints,
+        "no_edges": delta.no_edges,
+        "no_evidence": delta.no_evidence,
+        "ignored": None if delta.ignored is None else dict(delta.ignored),
+        "scan": delta.scan,
+    }
+    # An empty object says that nothing is ignored any more; the other values say nothing when they are empty.
+    text = _packed(
+        {name: value for name, value in values.items() if value or (name == "ignored" and value is not None)}
+    )
+    return b"".join([_PARTS, struct.pack("<I", len(text)), text, *blobs])
+
+
+def decode_delta(data: bytes) -> Delta:
+    """Raises ValueError, KeyError, TypeError, IndexError, zlib.error, struct.error or InputError on anything else."""
+    if data[:1] == _WHOLE:
+        return Delta(whole=decode_graph(data[1:]))
+    if data[:1] != _PARTS:
+        raise ValueError("a step of an unknown kind")
+    (size,) = struct.unpack_from("<I", data, 1)
+    values = json.loads(zlib.decompress(data[5 : 5 + size]))
+    evidence, at = [], 5 + size
+    for length in values.get("evidence", ()):
+        evidence.append(decode_evidence(data[at : at + length]))
+        at += length
+    return Delta(
+        tuple(map(viewpoint_of, values.get("viewpoints", ()))),
+        tuple(map(edge_of, values.get("edges", ()))),
+        tuple(evidence),
+        tuple(values.get("no_viewpoints", ())),
+        tuple((a, b) for a, b in values.get("no_edges", ())),
+        tuple((id, direction) for id, direction in values.get("no_evidence", ())),
+        values.get("ignored"),
+        values.get("scan"),
+    )
+
+
+def encode_selection(selection: GraphSelection) -> bytes:
+    """Sorted, so that equal selections are equal bytes; none at all for nothing."""
+    return _packed([sorted(selection.viewpoints), sorted(selection.edges)]) if selection else b""
+
+
+def decode_selection(data: bytes) -> GraphSelection:
+    """Raises like `decode_delta`."""
+    if not data:
+        return NOTHING
+    viewpoints, edges = json.loads(zlib.decompress(data))
+    return GraphSelection(frozenset(viewpoints), frozenset((a, b) for a, b in edges))
+
+
+def fingerprint(graph: NavGraph, *, plain: bool = False) -> str:
+    """A digest of what a file holds of a graph: everything but the cells of the evidence; `plain`: only what an R2R
+    connectivity file can hold."""
+    if plain:
+        viewpoints = [(v.id, *map(float, v.position), float(v.height), v.included) for v in graph.viewpoints.values()]
+        held: list[Any] = [viewpoints, sorted(graph.edges)]
+    else:
+        viewpoints = [
+            (v.id, *map(float, v.position), float(v.height), v.submap, v.included, v.origin, v.reviewed, v.locked)
+            for v in graph.viewpoints.values()
+        ]
+        evidence = [(*key, e.joins, e.decision, e.stale) for key, e in graph.evidence.items()]
+        held = [graph.scan, viewpoints, list(map(edge_row, graph.edges.values())), evidence, dict(graph.ignored)]
+    return hashlib.blake2b(json.dumps(held, separators=(",", ":")).encode(), digest_size=16).hexdigest()
+
+
+def _packed(values: Any) -> bytes:
+    return zlib.compress(json.dumps(values, separators=(",", ":")).encode(), level=1)

@@ -1,0 +1,112 @@
+"""Kills a process that edits with SIGKILL at random moments, reopens its journal, and compares with what it had said.
+
+python tests/benchmarks/kill_editing.py [--kills 5] [--edits 200] [--viewpoints 400] [--seed 0] [--json]
+
+The child makes random edits with undo and redo, at the pace of a busy person, and says after each how many it made and
+the digest of the graph. Held: the journal opens, its graph is one that the child had, no older than a second; and the
+connectivity file that the child saves to now and then is whole every time. Exit code 1 when not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from nvsim.graph.connectivity import read_connectivity, write_connectivity
+from nvsim.graph.history import History
+from nvsim.graph.journal import Journal, sidecar
+from nvsim.graph.journal_rows import fingerprint
+
+sys.path.insert(0, str(Path(__file__).parent))
+from random_edits import random_edit, random_graph
+
+
+def child(folder: Path, count: int, edits: int, seed: int) -> None:
+    rng = random.Random(seed)
+    file = folder / "bench_connectivity.json"
+    journal = Journal.open(sidecar(file), plain=True)
+    history: History = journal.history(read_connectivity(file))
+    made = 0
+    while made < edits:
+        made += random_edit(history, rng)
+        print(json.dumps({"made": made, "at": time.time(), "graph": fingerprint(history.graph)}), flush=True)
+        if made % 50 == 0:
+            write_connectivity(history.graph, folder)
+            history.mark_saved()
+        time.sleep(rng.uniform(0.0, 0.04))
+    journal.flush()
+    print(json.dumps({"made": made, "at": time.time(), "graph": fingerprint(history.graph), "end": True}), flush=True)
+    time.sleep(60)  # to be killed even when it is done early
+
+
+def one(kill_after: float, count: int, edits: int, seed: int) -> dict[str, float]:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        file = write_connectivity(random_graph(count, seed), folder)
+        argv = [sys.executable, __file__, "--child", name, "--viewpoints", str(count), "--edits", str(edits),
+                "--seed", str(seed)]  # fmt: skip
+        process = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        said = [json.loads(process.stdout.readline())]
+        time.sleep(kill_after)
+        killed = time.time()
+        process.send_signal(signal.SIGKILL)
+        said += [json.loads(line) for line in process.stdout if line.endswith("}\n")]
+        process.wait()
+        started = time.perf_counter()
+        saved = read_connectivity(file)
+        with Journal.open(sidecar(file), plain=True) as journal:
+            history = journal.history(saved)
+            mine = fingerprint(history.graph)
+            recovered = journal.recovered
+            seconds = time.perf_counter() - started
+        known = [line for line in said if line["graph"] == mine]
+        if not known:
+            raise SystemExit(f"the graph that came back is none that the child had (seed {seed})")
+        lost = [line for line in said if line["made"] > known[-1]["made"]]
+        age = killed - lost[0]["at"] if lost else 0.0
+        return {
+            "made": said[-1]["made"],
+            "steps": len(history.steps) - 1,
+            "unsaved_recovered": recovered,
+            "lost_edits": said[-1]["made"] - known[-1]["made"],
+            "lost_s": round(max(0.0, age), 3),
+            "reopen_s": round(seconds, 3),
+        }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("--kills", type=int, default=5)
+    parser.add_argument("--edits", type=int, default=200)
+    parser.add_argument("--viewpoints", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--child", type=Path)
+    options = parser.parse_args()
+    if options.child is not None:
+        child(options.child, options.viewpoints, options.edits, options.seed)
+        return 0
+    rng = random.Random(options.seed)
+    runs = []
+    for number in range(options.kills):
+        run = one(rng.uniform(0.3, 4.0), options.viewpoints, options.edits, options.seed + number)
+        runs.append(run)
+        if not options.json:
+            print(run)
+    worst = max(run["lost_s"] for run in runs)
+    result = {"kills": len(runs), "worst_lost_s": worst, "worst_lost_edits": max(r["lost_edits"] for r in runs),
+              "slowest_reopen_s": max(r["reopen_s"] for r in runs), "files_whole": True}  # fmt: skip
+    print(json.dumps(result) if options.json else result)
+    return 0 if worst <= 1.0 else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

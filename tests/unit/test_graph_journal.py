@@ -1,0 +1,228 @@
+"""The durable history: what is on disk after closing, a kill, a second window, a changed or damaged file."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nvsim.errors import InputError
+from nvsim.graph import edits
+from nvsim.graph.edits import EditError
+from nvsim.graph.history import History
+from nvsim.graph.journal import OUTSIDE, Journal, script, sidecar
+from nvsim.graph.operations import perform
+from nvsim.graph.selection import selection
+from nvsim.graph.store import same_graph
+from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
+
+
+def row(count: int = 6) -> NavGraph:
+    ids = [f"v{i}" for i in range(count)]
+    viewpoints = {id: Viewpoint(id, (2.0 * i, i / 3, 1.5)) for i, id in enumerate(ids)}
+    cells = np.arange(12, dtype=np.uint8).reshape(4, 3)
+    found = [
+        Evidence("v1", 8, 0.1, 2.0, cells, cells, cells > 3, 0.05, 0.1, 0.9, 0, (4.0, 0.5), "v2", "open"),
+        Evidence("v4", 0, 0.1, 2.0, cells, cells, cells > 5, 0.05, 0.1, 0.9, 0, (4.0, 0.5), "", "alpha"),
+    ]
+    edges = {(a, b): edge(a, b) for a, b in zip(ids, ids[1:])}
+    return NavGraph("row", viewpoints, edges, {e.key: e for e in found})
+
+
+def edited(history: History) -> None:
+    """Every kind of step: evidence dropped and marked stale, a drag, a selection, a finding ignored, an undo."""
+    history.select(selection(["v2"], [("v1", "v2")]))
+    for y in (1.0, 2.0, 3.0):
+        perform(history, "move_viewpoints", {"positions": {"v2": [4.0, y, 1.5]}}, merge="drag")
+    perform(history, "remove_viewpoints", {"ids": ["v4"]})
+    perform(history, "ignore_finding", {"key": "long v0", "reason": "a ramp"})
+    perform(history, "add_viewpoint", {"position": [1.0, 1.0, 1.5]})
+    perform(history, "rename_viewpoint", {"old": "v3", "new": "door"})
+    history.undo()
+
+
+def assert_same_history(a: History, b: History) -> None:
+    assert [(s.text, s.selection, s.edit, s.merge, s.operation, s.when) for s in a.steps[1:]] == [
+        (s.text, s.selection, s.edit, s.merge, s.operation, s.when) for s in b.steps[1:]
+    ]
+    assert a.index == b.index and a.clean == b.clean and a.selection == b.selection
+    assert all(same_graph(a.graph_at(i), b.graph_at(i)) for i in range(len(a.steps)))
+
+
+def test_history_comes_back_after_closing_with_every_graph(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        edited(history)
+    with Journal.open(path) as journal:
+        again = journal.history(row())
+        assert journal.recovered == 4 and not journal.notice
+        assert_same_history(again, history)
+        assert again.redo() and "door" in again.graph.viewpoints
+        assert again.go_to(0) and same_graph(again.graph, row())
+
+
+def test_steps_reach_the_disk_within_a_second_though_nobody_asks(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        edited(history)
+        deadline = time.monotonic() + 5  # a loaded machine; the period is 0.4 s
+        while steps_on_disk(path) != len(history.steps) - 1:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+
+
+def steps_on_disk(path: Path) -> int:
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        try:
+            return int(connection.execute("SELECT COUNT(*) FROM steps").fetchone()[0])
+        except sqlite3.OperationalError:
+            return 0  # no table yet
+
+
+def test_what_is_saved_and_closed_goes_on_from_there(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        edited(history)
+        history.mark_saved()
+        saved = history.graph
+    with Journal.open(path) as journal:
+        history = journal.history(saved)
+        assert history.clean and journal.recovered == 0 and len(history.steps) > 3
+        assert history.go_to(0) and not history.clean
+
+
+def test_a_save_that_the_journal_did_not_hear_of_is_recognised(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        edited(history)
+    with Journal.open(path) as journal:
+        again = journal.history(history.graph)
+        assert again.clean and journal.recovered == 0 and len(again.steps) == len(history.steps)
+
+
+def test_a_file_changed_outside_wins_and_what_was_unsaved_is_an_undo_away(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        edited(history)
+    other = edits.remove_viewpoints(row(), ["v0"])
+    with Journal.open(path) as journal:
+        again = journal.history(other)
+        assert again.graph is other and again.clean and again.undo_text == OUTSIDE and journal.recovered == 4
+        again.undo()
+        assert same_graph(again.graph, history.graph)
+
+
+def test_nothing_is_left_of_looking_and_of_a_foreign_file_saved_and_closed(tmp_path: Path) -> None:
+    path = sidecar(tmp_path / "x_connectivity.json")
+    with Journal.open(path, plain=True) as journal:
+        journal.history(row()).select(selection(["v1"]))
+    assert list(tmp_path.iterdir()) == []
+    with Journal.open(path, plain=True) as journal:
+        history = journal.history(row())
+        perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+    assert path.name in {p.name for p in tmp_path.iterdir()}, "unsaved edits stay"
+    with Journal.open(path, plain=True) as journal:
+        history = journal.history(row())
+        assert journal.recovered == 1
+        history.mark_saved()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_second_window_may_look_but_not_edit(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as first:
+        history = first.history(row())
+        edited(history)
+        first.flush()
+        with Journal.open(path) as second:
+            seen = second.history(row())
+            assert same_graph(seen.graph, history.graph)
+            with pytest.raises(EditError, match="another window"):
+                perform(seen, "remove_edges", {"pairs": [["v0", "v1"]]})
+            seen.select(selection(["v1"]))
+        perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+    with Journal.open(path) as third:
+        assert_same_history(third.history(row()), history)
+
+
+def test_a_damaged_journal_is_set_aside_and_said(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    path.write_bytes(b"no database at all" * 100)
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        assert "damaged" in journal.notice and (tmp_path / "edits.db.damaged").exists()
+        edited(history)
+    with Journal.open(path) as journal:
+        assert_same_history(journal.history(row()), history)
+
+
+def test_a_journal_of_a_newer_program_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        edited(journal.history(row()))
+    with sqlite3.connect(path) as connection:
+        connection.execute("PRAGMA user_version=99")
+    with Journal.open(path) as journal, pytest.raises(InputError, match="newer NVSim"):
+        journal.history(row())
+    assert path.exists()
+
+
+def test_what_the_disk_refused_is_kept_and_written_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+
+        def full(*_: object) -> None:
+            raise InputError("Cannot write: the disk is full.")
+
+        with monkeypatch.context() as m:
+            m.setattr(journal._file, "write", full)
+            edited(history)
+            with pytest.raises(InputError, match="full"):
+                journal.flush()
+            assert "full" in journal.trouble
+            history.redo()
+        journal.flush()
+        assert journal.trouble == ""
+    with Journal.open(path) as journal:
+        assert_same_history(journal.history(row()), history)
+
+
+def test_a_killed_process_leaves_the_journal_to_the_next(tmp_path: Path) -> None:
+    program = f"""
+import os, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+from test_graph_journal import edited, row
+from nvsim.graph.journal import Journal
+journal = Journal.open(Path({str(tmp_path / "edits.db")!r}))
+edited(journal.history(row()))
+journal.flush()
+os.kill(os.getpid(), 9)
+"""
+    assert subprocess.run([sys.executable, "-c", program]).returncode == -9
+    with Journal.open(tmp_path / "edits.db") as journal:
+        history = journal.history(row())
+        assert journal.recovered == 4 and journal.refusal is None and len(history.steps) == 7
+
+
+def test_a_script_does_again_what_was_done(tmp_path: Path) -> None:
+    from nvsim.graph.operations import apply, parse_line
+
+    history = History(row())
+    edited(history)
+    graph = row()
+    for line in script(history):
+        graph = apply(graph, *parse_line(line))
+    assert same_graph(graph, history.graph)
