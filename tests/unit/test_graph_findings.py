@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvsim.graph import edits
+from nvsim.graph import edits, operations
 from nvsim.graph.edits import EditError
 from nvsim.graph.findings import Context, Finding, Limits, Validator, check_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -74,7 +74,7 @@ def test_excluded_viewpoints_and_their_edges_are_let_be() -> None:
 
 def apply(graph: NavGraph, fix_of: Finding) -> NavGraph:
     fix = fix_of.fixes[0]
-    return getattr(edits, fix.operation)(graph, **fix.arguments)
+    return operations.apply(graph, fix.operation, fix.arguments)
 
 
 @pytest.mark.parametrize("kind", ["short", "long", "steep", "duplicate", "island", "isolated"])
@@ -89,6 +89,28 @@ def test_the_first_fix_mends_the_finding(kind: str) -> None:
     }[kind]
     finding = next(f for f in check_graph(graph) if f.kind == kind)
     assert finding.key not in keys(apply(graph, finding))
+
+
+def test_every_fix_can_be_done_by_name() -> None:
+    cells = np.zeros((20, 60), np.uint8)
+    cells[:, 28:32] = 1
+    places = {"a b": (0, 0, 1), "b": (2, 0, 1), "c": (2.1, 0, 1), "d": (9, 0, 4), "e": (11, 0, 1), "f": (30, 0, 1)}
+    graph = graph_of(places, [("a b", "b"), ("b", "c"), ("d", "e")])
+    context = Context(
+        occupancy=OccupancyMap(cells, 0.1, (-1.0, -1.0)),
+        floor=lambda x, y, z: 0.0,
+        images=frozenset("ab"),
+        against=lambda graph, key: "something stands there",
+        one_way=frozenset({("b", "c")}),
+        entries={"b": (("self", "names itself"),)},
+    )
+    found = check_graph(graph, context)
+    assert {f.kind for f in found} >= {"id", "isolated", "island", "duplicate", "obstacle", "floor", "panorama",
+                                      "occupied", "evidence", "short", "steep", "one_way", "self"}  # fmt: skip
+    for finding in found:
+        for fix in finding.fixes:
+            after = operations.apply(graph, fix.operation, fix.arguments)
+            assert finding not in check_graph(after, context), (finding, fix)
 
 
 NAMES = [f"v{i}" for i in range(14)]

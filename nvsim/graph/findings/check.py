@@ -25,7 +25,7 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
     for group in groups[1:]:
         ids = tuple(sorted(group))
         message = f"{len(ids)} viewpoints around {short(ids[0])} cannot be reached from the others."
-        fixes = (Fix("Exclude them", "set_included", {"ids": list(ids), "included": False}),)
+        fixes = (Fix("Exclude them", "include", {"ids": list(ids), "included": False}),)
         found.append(Finding("island", "warning", message, ids, fixes=fixes))
     places = Neighbourhood(context.limits.near)
     for viewpoint in graph.viewpoints.values():

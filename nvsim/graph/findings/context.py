@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -36,6 +36,8 @@ class Context:
                 it does not
     floor       (x, y, near z) -> height of the floor there, metres, NaN where it is unknown
     images      ids of the viewpoints that have a panorama
+    one_way     edges that a foreign file lists in one direction only
+    entries     id -> what is wrong with its entry in a foreign file: (kind, words that end a sentence)
     """
 
     limits: Limits = field(default_factory=Limits)
@@ -43,6 +45,8 @@ class Context:
     against: Callable[[NavGraph, EdgeKey], str] | None = None
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None
+    one_way: frozenset[EdgeKey] = frozenset()
+    entries: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     @cached_property
     def _room(self) -> list[list[float]]:

@@ -23,6 +23,9 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
     def add(kind: str, severity: str, message: str, *fixes: Fix) -> None:
         found.append(Finding(kind, severity, f"{names} {message}.", key, (key,), fixes))
 
+    if key in context.one_way and not graph.edges[key].reviewed:
+        both = Fix("Let it go both ways", "mark_reviewed", {"edges": [list(key)]})
+        add("one_way", "error", "goes one way only in the file, which agents refuse", remove, both)
     if context.crosses_obstacle(a.position, b.position):
         add("occupied", "error", "leads through what the map calls occupied", remove)
     if context.against is not None:
@@ -33,7 +36,7 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
             add("evidence", "warning", f"stands against the evidence: {why}", remove, review)
     length = math.dist(a.position, b.position)
     if length > limits.long:
-        split = Fix("Put a viewpoint in its middle", "split_edge", {"a": key[0], "b": key[1], "share": 0.5})
+        split = Fix("Put a viewpoint in its middle", "split_edge", {"edge": list(key), "share": 0.5})
         add("long", "warning", f"is {length:.1f} m long", split, remove)
     elif length < limits.short:
         merge = Fix("Make them one", "merge_viewpoints", {"ids": list(key)})

@@ -69,7 +69,7 @@ class Groups:
         for label in sizes.keys() - set(equals[:1]):
             ids = tuple(sorted(self._members[label]))
             message = f"{len(ids)} viewpoints around {short(ids[0])} cannot be reached from the others."
-            fixes = (Fix("Exclude them", "set_included", {"ids": list(ids), "included": False}),)
+            fixes = (Fix("Exclude them", "include", {"ids": list(ids), "included": False}),)
             found.append(Finding("island", "warning", message, ids, fixes=fixes))
         return found
 

@@ -62,6 +62,6 @@ def about_pair(a: Viewpoint, b: Viewpoint) -> Finding:
     message = f"Viewpoints {short(a.id)} and {short(b.id)} are {apart:.2f} m apart: they are nearly the same place."
     fixes = (
         Fix("Make them one", "merge_viewpoints", {"ids": [a.id, b.id]}),
-        Fix("Exclude the second", "set_included", {"ids": [b.id], "included": False}),
+        Fix("Exclude the second", "include", {"ids": [b.id], "included": False}),
     )
     return Finding("duplicate", "warning", message, (a.id, b.id), fixes=fixes)

@@ -10,7 +10,7 @@ from nvsim.graph.types import EdgeKey
 
 SEVERITIES = ("error", "warning", "notice")
 """error: agents fail, or walk into something. warning: probably wrong. notice: worth a look."""
-CHOKING = frozenset({"scan", "id", "empty", "isolated"})
+CHOKING = frozenset({"scan", "id", "empty", "isolated", "one_way", "length"})
 """Kinds that break the programs which read the files, so that an export is refused."""
 
 
@@ -29,7 +29,7 @@ class Fix:
 @dataclass(frozen=True)
 class Finding:
     """kind        "scan", "empty", "id", "isolated", "island", "duplicate", "obstacle", "floor", "panorama",
-                "occupied", "evidence", "long", "short" or "steep"
+                "occupied", "evidence", "long", "short", "steep"; of a foreign file "one_way", "self" and "length"
     severity    one of SEVERITIES
     message     one sentence
     viewpoints  ids concerned

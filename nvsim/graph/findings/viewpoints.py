@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 from nvsim.graph.findings.context import Context
@@ -15,7 +16,8 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
     """Nothing is said about excluded ones but that their id cannot be used: their entry is written all the same."""
     found = []
     if problem := _id_problem(viewpoint.id):
-        fix = Fix("Give it a new id", "rename_viewpoint", {"id": viewpoint.id})
+        new = hashlib.blake2b(viewpoint.id.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
+        fix = Fix("Give it a new id", "rename_viewpoint", {"old": viewpoint.id, "new": new})
         message = f"The id {viewpoint.id!r} {problem}."
         found.append(Finding("id", "error", message, (viewpoint.id,), fixes=(fix,)))
     if not viewpoint.included:
@@ -40,6 +42,10 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
     if context.images is not None and id not in context.images:
         message = f"Viewpoint {name} has no panorama."
         found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
+    for kind, message in context.entries.get(id, ()):
+        if not viewpoint.reviewed:
+            review = Fix("Write it right when saving", "mark_reviewed", {"viewpoints": [id]})
+            found.append(Finding(kind, "error", f"The entry of {name} {message}.", (id,), fixes=(review,)))
     return found
 
 
@@ -49,7 +55,7 @@ def short(id: str) -> str:
 
 
 def _leave(id: str) -> Fix:
-    return Fix("Exclude it", "set_included", {"ids": [id], "included": False})
+    return Fix("Exclude it", "include", {"ids": [id], "included": False})
 
 
 def _id_problem(id: str) -> str:
@@ -59,6 +65,4 @@ def _id_problem(id: str) -> str:
         return "has a slash, so that no picture can be named after it"
     if any(c.isspace() for c in id):
         return "has white space, where agents split their keys"
-    if "_" in id:
-        return "has an underscore, where agents split their keys"
     return ""
