@@ -1,0 +1,189 @@
+"""kill -9 of the worker, of the window, and of both at bad moments: nothing that was done is lost, nothing is left."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+import tiny_capture
+from PySide6.QtCore import QSettings, Qt
+from pytestqt.qtbot import QtBot
+
+from app.panels.jobs import JobPanel
+from app.session import Session
+from nvsim.project.job_events import EventFile
+from nvsim.project.joblist import Job, JobList, alive
+
+CHILD = Path(__file__).with_name("window_child.py")
+SECONDS = 120.0
+STEPS = 500
+
+
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project that is ready to be trained."""
+    from nvsim.cli.main import main
+
+    folder = tmp_path_factory.mktemp("kills")
+    capture, project = tiny_capture.write_capture(folder), folder / "rooms.nvsim"
+    for verb in (["import", str(capture)], ["submaps", "--count", "1"], ["floors"]):
+        assert main([*verb, "--project", str(project)]) == 0
+    long = {**tiny_capture.SETTINGS["train"], "config.steps": STEPS, "config.checkpoint_seconds": 0.1}
+    (project / "settings.json").write_text(json.dumps({"train": long}))
+    return project
+
+
+@pytest.fixture
+def project(imported: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(imported, tmp_path / "rooms.nvsim"))
+
+
+@pytest.fixture
+def start_window(project: Path) -> Iterator[Callable[[str], subprocess.Popen[str]]]:
+    started: list[subprocess.Popen[str]] = []
+
+    def start(verb: str) -> subprocess.Popen[str]:
+        environment = {**os.environ, "QT_QPA_PLATFORM": "offscreen"}
+        child = subprocess.Popen(
+            [sys.executable, str(CHILD), str(project), verb], env=environment, stdout=subprocess.PIPE, text=True
+        )
+        started.append(child)
+        assert child.stdout is not None and child.stdout.readline().strip() == "ready"
+        return child
+
+    yield start
+    for child in started:
+        child.kill()
+        child.wait()
+    for job in JobList(project).jobs():
+        JobList(project).kill(job.number)
+
+
+def until(what: Callable[[], object]) -> None:
+    end = time.monotonic() + SECONDS
+    while not what():
+        assert time.monotonic() < end, "it never came to that"
+        time.sleep(0.02)
+
+
+def job_of(project: Path) -> Job:
+    return JobList(project).jobs()[-1]
+
+
+def steps_of(job: Job) -> list[int]:
+    """Steps of the progress that the job told."""
+    file, steps = EventFile(job.events), []
+    while file.behind:
+        steps += [int(getattr(e, "done", -1)) for _, e in file.read() if type(e).__name__ == "Progress"]
+    return steps
+
+
+def is_training(project: Path) -> bool:
+    jobs = JobList(project).jobs()
+    return bool(jobs) and jobs[-1].standing.state == "running" and max(steps_of(jobs[-1]), default=0) > 0
+
+
+def test_a_training_outlives_the_window_that_is_killed(project: Path, start_window) -> None:
+    window = start_window("train")
+    until(lambda: is_training(project))
+    children = psutil.Process(window.pid).children(recursive=True)
+    job = job_of(project)
+    mine = [c for c in children if c.pid != job.standing.pid]
+    os.kill(window.pid, signal.SIGKILL)
+    window.wait()
+    assert alive(job.standing.pid, job.standing.born)
+    until(lambda: job_of(project).standing.state != "running")
+    assert job_of(project).standing.state == "done"
+    assert (project / "models" / "submap_000" / "model.json").is_file()
+    until(lambda: not any(c.is_running() and c.status() != psutil.STATUS_ZOMBIE for c in mine))  # who drew is gone too
+
+
+def test_a_killed_worker_is_offered_again_and_goes_on_from_its_checkpoint(
+    project: Path, qtbot: QtBot, settings: QSettings
+) -> None:
+    from app.parts.jobs import JobsPart
+
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(project)
+    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    handle = part.run_stage("train")
+    assert handle is not None
+    checkpoint = project / "checkpoints" / "submap_000.ckpt"
+    qtbot.waitUntil(lambda: is_training(project) and checkpoint.is_file(), timeout=int(1000 * SECONDS))
+    os.killpg(handle.job.standing.pid, signal.SIGKILL)
+    panel = session.window.panels["jobs"]
+    assert isinstance(panel, JobPanel)
+    qtbot.waitUntil(panel.offer.isVisible, timeout=int(1000 * SECONDS))
+    assert handle.state == "interrupted" and "was interrupted" in panel.offer.words.text()
+    assert any("was interrupted" in text for text in session.window.notice_area.texts)
+    qtbot.mouseClick(panel.offer.go_on, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: handle.state == "done", timeout=int(1000 * SECONDS))
+    assert any("continues from step" in line.text for line in handle.history.lines)
+    assert not panel.offer.isVisible()
+    session.close()
+
+
+def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
+    project: Path, start_window, qtbot: QtBot, settings: QSettings
+) -> None:
+    window = start_window("train")
+    until(lambda: is_training(project))
+    os.killpg(job_of(project).standing.pid, signal.SIGKILL)
+    os.kill(window.pid, signal.SIGKILL)
+    window.wait()
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    with qtbot.waitSignal(session.window.jobs.found) as found:
+        session.open(project)
+    assert [h.state for h in found.args[0]] == ["interrupted"]
+    panel = session.window.panels["jobs"]
+    assert isinstance(panel, JobPanel) and panel.offer.isVisible()
+    qtbot.mouseClick(panel.offer.go_on, Qt.MouseButton.LeftButton)
+    (handle,) = session.window.jobs.handles
+    qtbot.waitUntil(lambda: handle.state in ("running", "done"), timeout=int(1000 * SECONDS))
+    session.window.jobs.cancel(handle)
+    qtbot.waitUntil(lambda: handle.state in ("cancelled", "done"), timeout=int(1000 * SECONDS))
+    session.close()
+
+
+def test_a_paused_training_frees_the_project_and_survives_the_window(
+    project: Path, qtbot: QtBot, settings: QSettings
+) -> None:
+    from app.parts.jobs import JobsPart
+    from nvsim.project.project import Project
+
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(project)
+    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    handle = part.run_stage("train")
+    assert handle is not None
+    panel = session.window.panels["jobs"]
+    assert isinstance(panel, JobPanel)
+    qtbot.waitUntil(lambda: is_training(project) and panel.pause.isEnabled(), timeout=int(1000 * SECONDS))
+    qtbot.mouseClick(panel.pause, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: handle.state == "paused", timeout=int(1000 * SECONDS))
+    Project.open(project, writable=True).close()  # a person may edit the graph meanwhile
+    session.close()
+    again = Session(settings)
+    qtbot.addWidget(again.window)
+    again.window.show()
+    again.open(project)
+    (waiting,) = again.window.jobs.handles
+    assert waiting.state == "paused"
+    again.window.jobs.resume(waiting)
+    qtbot.waitUntil(lambda: waiting.state == "done", timeout=int(1000 * SECONDS))
+    again.close()
