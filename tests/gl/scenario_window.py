@@ -1,0 +1,156 @@
+"""The whole job in a real window, as a person does it, by its buttons, menus and forms: a new project from a capture,
+checked, trained with settings of one's own, mapped, looked at, evaluated and exported. Run as a program, because Qt's
+platform is chosen once per process: scenario_window.py CAPTURE FOLDER; prints what it saw as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+from PySide6.QtCore import QPoint, QSettings, Qt, QTimer
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
+
+from app.application import make_application
+from app.forms.form import CommandForm
+from app.panels.jobs import JobPanel
+from app.panels.new_project import NewProjectDialog
+from app.panels.results import ResultPanel
+from app.panels.stage_bar import StageBar
+from app.responsiveness import Probe
+from app.session import Session
+
+SECONDS = 150.0
+LEFT = Qt.MouseButton.LeftButton
+
+
+def until(what: Callable[[], object], name: str) -> None:
+    """Lets the window live until it is so."""
+    end = time.monotonic() + SECONDS
+    while not what():
+        QApplication.processEvents()
+        time.sleep(0.005)
+        if time.monotonic() > end:
+            raise SystemExit(f"it never came to: {name}")
+
+
+def fill(form: CommandForm, values: dict[str, str]) -> None:
+    form.finish_building()
+    for path, text in values.items():
+        line = form.rows[path].editor.line
+        line.selectAll()
+        QTest.keyClicks(line, text)
+
+
+def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
+    window, seen = session.window, {}
+    jobs, table = window.jobs, window.actions_table
+    panel, results = window.panels["jobs"], window.panels["results"]
+    assert isinstance(panel, JobPanel) and isinstance(results, ResultPanel)
+
+    # A new project, from the button of the empty window.
+    QTest.mouseClick(window.empty.new, LEFT)
+    (dialog,) = window.findChildren(NewProjectDialog)
+    QTest.keyClicks(dialog.capture, str(capture))
+    dialog.project.selectAll()
+    QTest.keyClicks(dialog.project, str(folder / "rooms.nvsim"))
+    until(dialog.import_button.isEnabled, "a checked capture")
+    seen["verdict"] = dialog.verdict.text()
+    QTest.mouseClick(dialog.import_button, LEFT)
+    until(lambda: session.document.contents.capture is not None, "the import")
+
+    # Each stage with settings of one's own.
+    def run(verb: str, values: dict[str, str]) -> object:
+        action = table[f"job_{verb.replace(' ', '_')}"]
+        until(action.isEnabled, f"{verb} can be started")
+        action.trigger()
+        form = window.findChildren(CommandForm)[-1]
+        fill(form, values)
+        QTest.qWait(350)
+        seen[f"command {verb}"] = form.command.text()
+        QTest.mouseClick(form.start_button, LEFT)
+        until(lambda: not form.isVisible(), "the form to close")
+        return jobs.handles[-1]
+
+    def done(handle: object) -> None:
+        until(lambda: handle.state in ("done", "failed"), f"{handle.title} ended")
+        if handle.state == "failed":
+            raise SystemExit(f"{handle.title}: {handle.message}")
+
+    done(run("submaps", {"config.count": "1"}))
+    (bar,) = window.findChildren(StageBar)
+    until(lambda: bar.isVisible() and "floor" in bar.stage.text(), "the next stage is offered")
+    QTest.mouseClick(bar.stage, LEFT)  # the floor, from the bar over the view
+    done(jobs.handles[-1])
+    training = run("train", {"config.steps": "900", "config.image_size": "128", "config.gaussian_cap": "6000"})
+    until(lambda: training.history.share > 0.02, "the first steps")
+    probe = Probe(window)
+    probe.start()
+    until(lambda: window.scene.picture is not None or training.state == "done", "the model in training in the view")
+    seen["live"] = training.state == "running" and window.scene.picture is not None
+    until(lambda: training.state == "done", "the end of the training")
+    probe.stop()
+    seen["gap_p99_ms"] = probe.quantile(0.99)
+    panel.choose(training)
+    panel.plots.draw()
+    seen["curves"] = sorted({name for name, _ in panel.plots._curves})
+    done(run("map", {"config.max_viewpoints": "8"}))
+    until(lambda: session.document.contents.graph is not None, "the graph")
+    until(lambda: window.scene.picture is not None and not window.scene.drawing, "the finished model in the view")
+
+    # Inspect: a click on a viewpoint in the 3D view.
+    table["above"].trigger() if "above" in table.actions else window.scene.look_from_above()
+    until(lambda: not window.scene.drawing and window.scene.picture is not None, "the view from above")
+    QTest.qWait(400)
+    camera, arrays = window.scene.overlay_camera, session.document.graph_arrays
+    for position in arrays.positions:
+        place = _pixel(camera, position)
+        if place is not None and window.scene.rect().adjusted(20, 20, -20, -60).contains(place):
+            QTest.mouseClick(window.scene, LEFT, pos=place)
+            if session.document.selection.viewpoint is not None:
+                break
+    seen["selected"] = session.document.selection.viewpoint
+    seen["viewpoints"] = len(arrays.ids)
+
+    # Evaluate, then export.
+    done(run("evaluate floor", {"truth": str(capture.parent / "ground_truth")}))
+    until(lambda: results.results, "the result")
+    seen["result"] = results.results[0].title
+    done(run("export r2r", {"out": str(folder / "connectivity")}))
+    seen["exported"] = sorted(p.name.partition("_")[2] or p.name for p in (folder / "connectivity").iterdir())
+    QTest.qWait(300)
+    window.grab().save(str(folder / "scenario.png"))
+    return seen
+
+
+def _pixel(camera: object, position: object) -> QPoint | None:
+    import numpy as np
+
+    inside = np.linalg.inv(camera.camera_to_world) @ [*position, 1.0]
+    if inside[2] <= 0.05:
+        return None
+    k = camera.intrinsics
+    return QPoint(round(k.fx * inside[0] / inside[2] + k.cx), round(k.fy * inside[1] / inside[2] + k.cy))
+
+
+if __name__ == "__main__":
+    given, folder = Path(sys.argv[1]), Path(sys.argv[2])
+    settings = QSettings(str(folder / "window.ini"), QSettings.Format.IniFormat)
+    application = make_application("dark", settings)
+    session = Session(settings)
+    session.window.show()
+    seen = play(session, given, folder)
+    session.close()
+    QTest.qWait(500)
+    seen["threads"] = [t.name for t in threading.enumerate() if t is not threading.main_thread()]
+    repeating = [t for t in session.window.findChildren(QTimer) if t.isActive() and not t.isSingleShot()]
+    seen["timers"] = [t.objectName() or str(t.parent()) for t in repeating]
+    children = [p for p in psutil.Process().children(recursive=True) if p.status() != psutil.STATUS_ZOMBIE]
+    # Python's own resource tracker lives as long as the program.
+    seen["processes"] = [p.name() for p in children if "resource_tracker" not in " ".join(p.cmdline())]
+    print(json.dumps(seen))
