@@ -1,0 +1,205 @@
+"""Numbers and words about every viewpoint or edge: for expressions, histograms and tables.
+
+An edge has as evidence what was measured along it: from either end, corridors to the other end, and lattice steps that
+end where the other end stands. Stale evidence does not count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.components import components
+from nvsim.graph.edits.change import EditError
+from nvsim.graph.types import EdgeKey, Evidence, NavGraph
+from nvsim.occupancy.types import FREE, OccupancyMap
+
+Kind = Literal["viewpoints", "edges"]
+Margin = Callable[[NavGraph, EdgeKey], float]
+"""How far the evidence of an edge is from the thresholds, at the least; below 0 it speaks against it, NaN: none."""
+
+_SAME = 0.01  # metres: a step that ends this near to a viewpoint leads to it
+
+
+@dataclass(frozen=True)
+class Known:
+    """What quantities may need beside the graph: a map for `validity`, a margin for `evidence`; without the latter
+    `evidence` is 1 less the greatest mean alpha of a corridor's row."""
+
+    occupancy: OccupancyMap | None = None
+    margin: Margin | None = None
+
+
+Values = NDArray[Any]
+_Quantity = Callable[[NavGraph, Known], Values]
+
+
+def quantity(
+    graph: NavGraph, name: str, known: Known | None = None, kind: Kind | None = None
+) -> tuple[tuple[Any, ...], Values]:
+    """Ids of viewpoints or keys of edges (of `kind`; else of the kind that has the quantity, viewpoints first), in file
+    order, and the (N,) values: floats with NaN where nothing is known, bools, or texts.
+
+    Raises EditError when there is no such quantity, or it needs a map and there is none.
+    """
+    tables = {"viewpoints": VIEWPOINTS, "edges": EDGES}
+    wanted = [kind] if kind is not None else ["viewpoints", "edges"]
+    for each in wanted:
+        found = tables[each].get(name)
+        if found is not None:
+            names: tuple[Any, ...] = tuple(graph.viewpoints if each == "viewpoints" else graph.edges)
+            return names, found(graph, known or Known())
+    names_known = sorted({n for each in wanted for n in tables[each]})
+    raise EditError(f"There is no quantity {name!r}; there are {', '.join(names_known)}.")
+
+
+def evidence_along(graph: NavGraph, key: EdgeKey) -> list[Evidence]:
+    """What was measured along an edge, from both ends, and is not stale."""
+    found = []
+    for id, other in (key, key[::-1]):
+        x, y, _ = graph.viewpoints[other].position
+        for name in graph.evidence_of.get(id, ()):
+            e = graph.evidence[name]
+            if e.viewpoint != id or e.stale:
+                continue
+            if e.joins == other or (not e.joins and math.hypot(e.target[0] - x, e.target[1] - y) < _SAME):
+                found.append(e)
+    return found
+
+
+def ends_of(graph: NavGraph) -> NDArray[np.int64]:
+    """(E, 2) rows of the ends of every edge among the viewpoints, in file order."""
+    row = {id: i for i, id in enumerate(graph.viewpoints)}
+    return np.array([(row[a], row[b]) for a, b in graph.edges], np.int64).reshape(-1, 2)
+
+
+def places_of(graph: NavGraph) -> NDArray[np.float64]:
+    """(N, 3) metres, world, in file order."""
+    return np.array([v.position for v in graph.viewpoints.values()], np.float64).reshape(-1, 3)
+
+
+def _of_viewpoint(name: str, kind: type) -> _Quantity:
+    return lambda graph, known: np.array([getattr(v, name) for v in graph.viewpoints.values()], kind)
+
+
+def _of_edge(name: str, kind: type) -> _Quantity:
+    return lambda graph, known: np.array([getattr(e, name) for e in graph.edges.values()], kind)
+
+
+def _axis(axis: int) -> _Quantity:
+    return lambda graph, known: places_of(graph)[:, axis]
+
+
+def _middle(axis: int) -> _Quantity:
+    return lambda graph, known: places_of(graph)[ends_of(graph), axis].mean(axis=1)
+
+
+def _at_start(of_viewpoint: _Quantity) -> _Quantity:
+    """The value of an edge's first end."""
+    return lambda graph, known: of_viewpoint(graph, known)[ends_of(graph)[:, 0]]
+
+
+def _degree(graph: NavGraph, known: Known) -> Values:
+    return np.array([len(graph.neighbours(id)) for id in graph.viewpoints], np.float64)
+
+
+def _component(graph: NavGraph, known: Known) -> Values:
+    """0 for the largest; -1 out of navigation."""
+    number = {id: i for i, group in enumerate(components(graph)) for id in group}
+    return np.array([number.get(id, -1) for id in graph.viewpoints], np.float64)
+
+
+def _length(graph: NavGraph, known: Known) -> Values:
+    ends = places_of(graph)[ends_of(graph)]
+    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+
+
+def _slope(graph: NavGraph, known: Known) -> Values:
+    """Degrees between the edge and the horizontal."""
+    ends = places_of(graph)[ends_of(graph)]
+    along = ends[:, 1] - ends[:, 0]
+    return np.degrees(np.arctan2(np.abs(along[:, 2]), np.hypot(along[:, 0], along[:, 1])))
+
+
+def _alpha(graph: NavGraph, known: Known) -> Values:
+    """The greatest mean alpha of a row of the corridors along an edge: 0 where the way is clear, 1 where it is not."""
+
+    def worst(key: EdgeKey) -> float:
+        found = [e.alpha.mean(axis=1).max() / 255.0 for e in evidence_along(graph, key) if e.alpha.size]
+        return float(max(found)) if found else math.nan
+
+    return np.array([worst(key) for key in graph.edges], np.float64)
+
+
+def _evidence(graph: NavGraph, known: Known) -> Values:
+    if known.margin is None:
+        return 1.0 - _alpha(graph, known)
+    return np.array([known.margin(graph, key) for key in graph.edges], np.float64)
+
+
+def _viewpoint_evidence(graph: NavGraph, known: Known) -> Values:
+    """The least of the viewpoint's edges."""
+    least = np.full(len(graph.viewpoints), math.nan)
+    values = _evidence(graph, known)
+    for column in ends_of(graph).T:
+        rows = column[~np.isnan(values)]
+        least[rows[np.isnan(least[rows])]] = math.inf
+        np.minimum.at(least, rows, values[~np.isnan(values)])
+    return least
+
+
+def _map(known: Known) -> OccupancyMap:
+    if known.occupancy is None:
+        raise EditError("Validity is measured on an occupancy map, and there is none.")
+    return known.occupancy
+
+
+def _stands(graph: NavGraph, known: Known) -> Values:
+    """1 on a free cell of the map, 0 on another."""
+    return (_map(known).at(places_of(graph)[:, :2]) == FREE).astype(np.float64)
+
+
+def _runs(graph: NavGraph, known: Known) -> Values:
+    """1 where an edge runs over free cells only, 0 elsewhere."""
+    from nvsim.occupancy.paths import segments_are_free, standing_room
+
+    occupancy, ends = _map(known), places_of(graph)[ends_of(graph)]
+    return segments_are_free(standing_room(occupancy), occupancy, ends[:, 0, :2], ends[:, 1, :2]).astype(np.float64)
+
+
+VIEWPOINTS: Mapping[str, _Quantity] = {
+    "id": _of_viewpoint("id", str),
+    "x": _axis(0),
+    "y": _axis(1),
+    "z": _axis(2),
+    "height": _of_viewpoint("height", float),
+    "submap": _of_viewpoint("submap", float),
+    "included": _of_viewpoint("included", bool),
+    "reviewed": _of_viewpoint("reviewed", bool),
+    "locked": _of_viewpoint("locked", bool),
+    "origin": _of_viewpoint("origin", str),
+    "degree": _degree,
+    "component": _component,
+    "evidence": _viewpoint_evidence,
+    "validity": _stands,
+}
+EDGES: Mapping[str, _Quantity] = {
+    "x": _middle(0),
+    "y": _middle(1),
+    "z": _middle(2),
+    "submap": _at_start(VIEWPOINTS["submap"]),
+    "component": _at_start(_component),
+    "reviewed": _of_edge("reviewed", bool),
+    "locked": _of_edge("locked", bool),
+    "origin": _of_edge("origin", str),
+    "length": _length,
+    "slope": _slope,
+    "alpha": _alpha,
+    "evidence": _evidence,
+    "validity": _runs,
+}
