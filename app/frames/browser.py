@@ -3,32 +3,26 @@ corrected there to disk."""
 
 from __future__ import annotations
 
-from itertools import count
-from pathlib import Path
-
-from PySide6.QtCore import QObject, QTimer, Signal
+from PySide6.QtCore import QObject, Signal
 
 from app import cameras
 from app.document import Document
 from app.frames import pictures
 from app.frames.brush import Box
+from app.frames.candidates import Candidates
 from app.frames.corrector import Corrector
 from app.frames.layers import CANDIDATES, FrameLayer, standard_layers
-from app.frames.link import FrameLink
 from app.frames.matter import Failure, Matter, Reader
 from app.frames.model import coverage_words
 from app.frames.page import FramePage
+from app.frames.rendering import FrameRender
 from app.frames.state import FrameState
 from app.layers.frame_mask import FrameMaskLayer
 from app.notices import Notices
-from app.render_child import Picture, Request
 from app.scene_view import SceneView
-from nvsim.errors import InputError
 from nvsim.perception.hybrid import HybridSteps
-from nvsim.perception.prompted_network import prompted_files
 from nvsim.project.layout import Layout
 
-_VIEW = "frame"  # how requests of this page are told from the 3D view's
 TOOLS = ("brush", "points")
 _HINTS = {
     "": "Wheel zooms, drag moves, double-click fits; Page Up and Page Down go through the walk, Esc goes back",
@@ -56,18 +50,14 @@ class FrameBrowser(QObject):
         self._layer = {layer.name: layer for layer in self.layers}
         self.page = FramePage(self.layers)
         self._reader = Reader(self)
-        self._candidates = FrameLink(self)
         self.corrector = Corrector(self._reader, self)
+        self.candidates = Candidates(self._reader, self.corrector, notices, self)
+        self.render = FrameRender(scene, self)
         self.over_scene = FrameMaskLayer()
         scene.overlays.add(self.over_scene, below="graph")
         self.tool = ""
         self.index: int | None = None  # of the frame on the page
         self.matter: Matter | None = None
-        self._numbers = count()
-        self._waits = False  # a point waits for a network or for normals
-        self._asked_for: int | None = None  # whose candidates are being made
-        self._soon = QTimer(self, singleShot=True, interval=30)
-        self._soon.timeout.connect(self._ask_render)
         self._connect()
 
     def _connect(self) -> None:
@@ -76,27 +66,23 @@ class FrameBrowser(QObject):
         document.contentsChanged.connect(self._on_contents)
         document.selectionChanged.connect(self._on_selection)
         self._scene.overlays.changed.connect(self._on_selection)
-        self._scene.link.arrived.connect(self._on_picture)
-        self._scene.link.opened.connect(lambda _: self._soon.start())
         self._state.changed.connect(self._say_title)
         self._reader.read.connect(self._on_matter)
-        self._reader.candidatesRead.connect(self._on_candidates)
         self._reader.written.connect(self._on_written)
         self._reader.failed.connect(self._on_failure)
-        self._candidates.candidatesMade.connect(lambda index, file: self._reader.read_candidates(index, Path(file)))
-        self._candidates.failed.connect(self._on_no_candidates)
-        self._candidates.prompted.connect(corrector.hear_masks)
-        corrector.promptWanted.connect(self._on_prompt_wanted)
+        self.candidates.made.connect(self._on_candidates)
+        self.candidates.changed.connect(self._say_hint)
+        self.render.wanted.connect(self._ask_render)
+        self.render.rendered.connect(page.canvas.show_render)
         corrector.changed.connect(self._on_painted)
         corrector.stepped.connect(self._on_stepped)
         corrector.moved.connect(page.canvas.update)
         corrector.sized.connect(lambda: page.show_brush(corrector.brush_share))
-        corrector.waiting.connect(self._on_waiting)
         page.sizeChanged.connect(corrector.set_brush_share)
         page.gainChanged.connect(page.canvas.set_gain)
         page.keyed.connect(self._on_key)
         page.layers.changed.connect(self._on_layer)
-        page.canvas.zoomChanged.connect(self._soon.start)
+        page.canvas.zoomChanged.connect(self.render.soon)
 
     # What the window asks ---------------------------------------------------------------------------------------
 
@@ -127,19 +113,9 @@ class FrameBrowser(QObject):
         if tool:
             self.page.layers.boxes["floor"].setChecked(True)
         if tool == "points":
-            self._prepare_points()
+            self.candidates.prepare_points()
         canvas.update()
         self.toolChanged.emit(tool)
-
-    def _prepare_points(self) -> None:
-        try:
-            network = prompted_files() is not None
-        except InputError as error:
-            self._notices.warning(str(error))
-            network = False
-        self.corrector.use_network(network)
-        if not network:
-            self._want_candidates()
 
     def step(self, by: int) -> None:
         """So many frames on in the walk."""
@@ -147,15 +123,11 @@ class FrameBrowser(QObject):
         if self.index is not None and capture is not None:
             self.open((self.index + by) % len(capture.frames))
 
-    def ask_render(self) -> None:
-        """The channel or the renderer is another one."""
-        self._soon.start()
-
     def release(self) -> None:
         """Keeps everything and ends thread and process; the page is not used afterwards."""
         self.corrector.close()
         self._reader.stop()
-        self._candidates.rest()
+        self.candidates.rest()
 
     # The frame on the page --------------------------------------------------------------------------------------
 
@@ -164,7 +136,8 @@ class FrameBrowser(QObject):
         if capture is None or path is None or index == self.index:
             return
         self.corrector.close()
-        self.index, self._asked_for = index, None
+        self.index = index
+        self.candidates.open(path, index)
         self.page.canvas.note = "Reading the image…"
         self._reader.open(Layout(path), capture.frames[index], index)
         self._say_title()
@@ -172,7 +145,8 @@ class FrameBrowser(QObject):
     def _drop(self) -> None:
         """There is no frame to show."""
         self.corrector.close()
-        self.index = self.matter = self._asked_for = None
+        self.candidates.open(None, None)
+        self.index = self.matter = None
         for layer in self.layers:
             layer.painted = None
         self._show_over_scene()
@@ -197,9 +171,9 @@ class FrameBrowser(QObject):
         self._say_hint()
         self._ask_render()
         if self.tool == "points":
-            self._prepare_points()
+            self.candidates.prepare_points()
         if any(self._layer[name].shown for name in CANDIDATES):
-            self._want_candidates()
+            self.candidates.want()
         self._show_over_scene()
 
     def _show_mask(self, matter: Matter) -> None:
@@ -222,69 +196,19 @@ class FrameBrowser(QObject):
     # The render -------------------------------------------------------------------------------------------------
 
     def _ask_render(self) -> None:
-        if self.matter is None or not self.is_open or self._document.contents.scene_stamp is None:
+        canvas, found = self.page.canvas, self.page.canvas.panes()
+        if self.matter is None or not self.is_open or not found or self._document.contents.scene_stamp is None:
             return
-        canvas, camera = self.page.canvas, self.matter.frame.camera
-        height, width = self.matter.image.shape[:2]
-        found = canvas.panes()
-        if not found:
-            return
-        # No finer than the screen shows it, no finer than the photo.
-        scale = min(1.0, found[0].scale * canvas.devicePixelRatioF())
-        size = max(1, round(width * scale)), max(1, round(height * scale))
-        request = Request(
-            next(self._numbers), camera.scaled(*size), self._scene.channel, False, self._scene.renderer, _VIEW
-        )
-        self._scene.link.ask(request)
+        self.render.ask(self.matter, found[0].scale * canvas.devicePixelRatioF())
         canvas.render_note = "" if self._scene.link.ready else "Loading the reconstruction…"
-
-    def _on_picture(self, picture: Picture) -> None:
-        matter, camera = self.matter, picture.request.camera
-        if (
-            picture.request.view == _VIEW
-            and matter is not None
-            and (
-                camera.camera_to_world is matter.frame.camera_to_world
-                or (camera.camera_to_world == matter.frame.camera_to_world).all()
-            )
-        ):
-            self.page.canvas.show_render(pictures.render(picture.pixels))
 
     # The candidates ---------------------------------------------------------------------------------------------
 
-    def _want_candidates(self) -> None:
-        path = self._document.path
-        if self.matter is None or path is None or self._asked_for == self.matter.index:
-            return
-        self._asked_for = self.matter.index
-        self._candidates.open_if_other(path)
-        self._candidates.ask_candidates(self.matter.index)
-        self._say_hint()
-
-    def _on_candidates(self, index: int, steps: HybridSteps) -> None:
-        if index != self.index:
-            return
+    def _on_candidates(self, steps: HybridSteps) -> None:
         self._layer["normals"].painted = pictures.normals(steps.normals)
         for name in ("semantic", "horizontal", "prompted"):
             self._layer[name].painted = pictures.tint(getattr(steps, name), self._layer[name].color)
-        self.corrector.hear_steps(steps)
-        self._say_hint()
         self.page.canvas.update()
-
-    def _on_no_candidates(self, what: str, index: int, sentence: str) -> None:
-        self._notices.warning(sentence)
-        if what == "prompt" or index == -1:
-            self.corrector.hear_no_masks()
-            self._want_candidates()
-        if what != "prompt" and index in (self.index, -1):
-            self.corrector.hear_steps(None)
-        self._say_hint()
-
-    def _on_prompt_wanted(self, index: int, points: list[tuple[float, float, bool]]) -> None:
-        path = self._document.path
-        if path is not None:
-            self._candidates.open_if_other(path)
-            self._candidates.ask_prompt(index, points)
 
     # Correcting -------------------------------------------------------------------------------------------------
 
@@ -305,10 +229,6 @@ class FrameBrowser(QObject):
         if self.index == index:
             self._say_hint()
 
-    def _on_waiting(self, waiting: bool) -> None:
-        self._waits = waiting
-        self._say_hint()
-
     # Following the document -------------------------------------------------------------------------------------
 
     def _on_project(self) -> None:
@@ -326,7 +246,7 @@ class FrameBrowser(QObject):
             index, self.index = self.index, None
             self._take(index)
         elif "scene_stamp" in parts:
-            self._soon.start()
+            self.render.soon()
 
     def _on_selection(self) -> None:
         frame = self._document.selection.frame
@@ -335,7 +255,7 @@ class FrameBrowser(QObject):
 
     def _on_layer(self, layer: FrameLayer) -> None:
         if layer.name in CANDIDATES and layer.shown and layer.painted is None:
-            self._want_candidates()
+            self.candidates.want()
 
     def _on_failure(self, failure: Failure) -> None:
         self._notices.error(failure.sentence)
@@ -372,8 +292,6 @@ class FrameBrowser(QObject):
         matter = self.matter
         if self.tool and matter is not None and matter.machine is None:
             words = _NO_MASK
-        elif self._asked_for is not None and self._layer["normals"].painted is None:
-            words = "The candidate masks are being made; the first of a submap take a while…   " + words
-        elif self._waits:
-            words = "The prompted network is at work…   " + words
+        elif self.candidates.note:
+            words = f"{self.candidates.note}   {words}"
         self.page.hint.setText(words)

@@ -83,6 +83,21 @@ class LayerList(QWidget):
             self.boxes[layer.name], self.sliders[layer.name] = box, slider
         grid.setRowStretch(2 * len(layers), 1)
 
+    @property
+    def state(self) -> str:
+        """What is shown and how strongly, in one line."""
+        return " ".join(
+            f"{name}:{int(box.isChecked())}:{self.sliders[name].value()}" for name, box in self.boxes.items()
+        )
+
+    def remember(self, state: str) -> None:
+        """Brings `state` back; what is not understood is left out."""
+        for word in state.split():
+            name, *numbers = word.split(":")
+            if name in self.boxes and len(numbers) == 2 and all(n.isdecimal() for n in numbers):
+                self.boxes[name].setChecked(numbers[0] != "0")
+                self.sliders[name].setValue(int(numbers[1]))
+
     def _show(self, layer: FrameLayer, on: bool) -> None:
         layer.shown = on
         self.changed.emit(layer)

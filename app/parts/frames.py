@@ -156,7 +156,8 @@ class FramePart(Part):
             ],
         )
         for channel in CHANNELS:
-            table[channel].triggered.connect(self.browser.ask_render)
+            table[channel].triggered.connect(self.browser.render.soon)
+        self.browser.page.layers.remember(str(settings.value("frame/layers", "")))
         mode = settings.value("frame/mode", "wipe")
         if mode in MODES:
             table[f"frame_{mode}"].setChecked(True)
@@ -164,6 +165,7 @@ class FramePart(Part):
 
     def store(self, settings: QSettings) -> None:
         settings.setValue("frame/mode", self.browser.page.canvas.mode)
+        settings.setValue("frame/layers", self.browser.page.layers.state)
         self.browser.release()
         self._link.rest()
 

@@ -59,7 +59,7 @@ class CandidateMaker:
         if not floors_key(project):
             raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
         path = candidates_path(project, index)
-        if path.is_file():
+        if path.is_file() and read_candidates(path) is not None:
             return path
         from nvsim.capture.images import read_image
         from nvsim.perception.segment import SegmentConfig

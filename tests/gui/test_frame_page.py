@@ -325,7 +325,7 @@ def test_points_wait_for_the_normals_and_then_take_the_whole_floor(opened, qtbot
     place = browser.page.canvas.panes()[0].to_canvas(x, y).toPoint()
     qtbot.mouseClick(browser.page.canvas, LEFT, pos=place)
     assert correction.prompts == ()
-    browser._on_candidates(2, steps_of(browser))
+    browser.candidates.take(2, steps_of(browser))
     assert len(correction.prompts) == 1 and correction.mask[y, x]
     missed = floor[:, :110] & ~correction.mask[:, :110]
     assert missed.mean() < 0.1 * floor[:, :110].mean()
@@ -344,7 +344,7 @@ def test_points_follow_colours_where_no_normals_can_be_had(opened, qtbot: QtBot,
     with_tool(opened, "points")
     place = browser.page.canvas.panes()[0].to_canvas(320, 60).toPoint()
     qtbot.mouseClick(browser.page.canvas, LEFT, pos=place)
-    browser._on_no_candidates("candidates", 2, "There is no floor surface.")
+    browser.candidates._on_failed("candidates", 2, "There is no floor surface.")
     assert browser.corrector.correction.mask[60, 320]
     assert "There is no floor surface." in window.notice_area.texts
 
@@ -360,7 +360,7 @@ def test_layers_of_candidates_are_asked_for_when_first_shown_and_faded(opened, m
     page.layers.boxes["normals"].setChecked(True)
     assert asked == [2]
     plain = grabbed(browser)
-    browser._on_candidates(2, steps_of(browser))
+    browser.candidates.take(2, steps_of(browser))
     page.layers.sliders["normals"].setValue(100)
     shown = grabbed(browser)
     page.layers.sliders["normals"].setValue(10)
@@ -468,9 +468,24 @@ def test_a_prompted_network_of_the_users_own_answers_points(
     assert correction.mask[60, 320] and "at work" not in browser.page.hint.text()
     # A network that cannot be used is said so once; surfaces grow in its place.
     (tmp_path / "prompted.decoder.onnx").write_bytes(b"broken")
-    browser._candidates.rest()
+    browser.candidates.rest()
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
     qtbot.mouseClick(canvas, RIGHT, pos=pane.to_canvas(320, 60).toPoint())
     qtbot.waitUntil(lambda: any("cannot be loaded" in t for t in opened[0].notice_area.texts), timeout=30_000)
-    browser._on_candidates(2, steps_of(browser))
+    browser.candidates.take(2, steps_of(browser))
     assert len(correction.prompts) == 2 and not correction.mask[60, 320]
+
+
+def test_what_is_compared_and_how_comes_back_with_the_next_window(opened, make_window, document: Document) -> None:
+    window, browser = opened
+    window.actions_table["frame_difference"].trigger()
+    browser.page.layers.boxes["machine"].setChecked(True)
+    browser.page.layers.sliders["machine"].setValue(73)
+    window.close()
+    again = next(part for part in make_window(document).parts if isinstance(part, FramePart)).browser
+    assert again.page.canvas.mode == "difference"
+    layer = next(layer for layer in again.layers if layer.name == "machine")
+    assert layer.shown and layer.opacity == pytest.approx(0.73)
+    before = again.page.layers.state
+    again.page.layers.remember("machine:x:1 nothing:1:1 :: floor")
+    assert again.page.layers.state == before

@@ -1,0 +1,50 @@
+"""The render from a frame's own camera, asked of the window's drawing process."""
+
+from __future__ import annotations
+
+from itertools import count
+
+import numpy as np
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from app.frames.matter import Matter
+from app.frames.pictures import render
+from app.render_child import Picture, Request
+from app.scene_view import SceneView
+
+_VIEW = "frame"  # how these requests are told from the 3D view's
+
+
+class FrameRender(QObject):
+    """wanted() when it is time to say what `ask` needs; rendered(Painted)."""
+
+    wanted = Signal()
+    rendered = Signal(object)
+
+    def __init__(self, scene: SceneView, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._scene = scene
+        self._numbers = count()
+        self._matter: Matter | None = None
+        self._soon = QTimer(self, singleShot=True, interval=30)
+        self._soon.timeout.connect(self.wanted)
+        scene.link.arrived.connect(self._on_picture)
+        scene.link.opened.connect(lambda _: self.soon())
+
+    def soon(self) -> None:
+        """The camera's picture is another one, or seen larger: `wanted` follows when nothing changes any more."""
+        self._soon.start()
+
+    def ask(self, matter: Matter, scale: float) -> None:
+        """At `scale` pixels per pixel of the photo, but no finer than that."""
+        self._matter = matter
+        height, width = matter.image.shape[:2]
+        size = max(1, round(width * min(1.0, scale))), max(1, round(height * min(1.0, scale)))
+        camera, scene = matter.frame.camera.scaled(*size), self._scene
+        scene.link.ask(Request(next(self._numbers), camera, scene.channel, False, scene.renderer, _VIEW))
+
+    def _on_picture(self, picture: Picture) -> None:
+        if picture.request.view != _VIEW or self._matter is None:
+            return
+        if np.array_equal(picture.request.camera.camera_to_world, self._matter.frame.camera_to_world):
+            self.rendered.emit(render(picture.pixels))
