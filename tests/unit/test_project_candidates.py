@@ -1,4 +1,4 @@
-"""The steps of the hybrid segmentation for a frame of a project: stored, found again, and made anew when they must be."""
+"""The steps of the hybrid segmentation for a frame of a project: stored, found again, made anew when they must be."""
 
 from __future__ import annotations
 
