@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, Signal
+from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, QTimer, Signal
 from PySide6.QtGui import QCloseEvent
 from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QStackedWidget, QTabBar, QTabWidget, QToolBar, QWidget
 
@@ -52,6 +52,8 @@ class MainWindow(QMainWindow):
         self.jobs = document.jobs = JobQueue(self)
         self.modes = Stage(document, self)
         document.projectChanged.connect(self._on_project)
+        self._titles = QTimer(self, singleShot=True, interval=0)
+        self._titles.timeout.connect(self._retitle)
         workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self)
         self.parts = [part(workspace) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
@@ -79,9 +81,22 @@ class MainWindow(QMainWindow):
         dock.setObjectName(f"dock_{row.name}")
         dock.setWidget(row.widget)
         dock.setMinimumWidth(200)  # a layout of a smaller screen must not squeeze it to nothing
-        if not row.titled:
-            dock.setTitleBarWidget(QWidget(dock))
+        for changed in (dock.topLevelChanged, dock.visibilityChanged):
+            changed.connect(self._titles.start)
         return dock
+
+    def _retitle(self) -> None:
+        """A panel that stands behind a tab needs no title as well."""
+        for dock in self._docks.values():
+            self._title(dock)
+
+    def _title(self, dock: QDockWidget) -> None:
+        named = not dock.isFloating() and any(not other.isHidden() for other in self.tabifiedDockWidgets(dock))
+        if named and dock.titleBarWidget() is None:
+            dock.setTitleBarWidget(QWidget(dock))
+        elif not named and dock.titleBarWidget() is not None:
+            dock.titleBarWidget().deleteLater()
+            dock.setTitleBarWidget(None)  # type: ignore[arg-type]
 
     def _build_bars(self) -> None:
         menus = self.actions_table.fill_menus(self.menuBar())

@@ -36,7 +36,7 @@ class Inspection(QObject):
         document.selectionChanged.connect(self.refresh)
         document.contentsChanged.connect(self._on_contents)
         if hasattr(document, "graphChanged"):
-            document.graphChanged.connect(lambda _: self.refresh())
+            document.graphChanged.connect(self.refresh)
         self.refresh()
 
     @property

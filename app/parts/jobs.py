@@ -57,7 +57,7 @@ class JobsPart(Part):
         w.jobs.heard.connect(self._on_heard)
         w.jobs.ended.connect(self._on_ended)
         w.jobs.found.connect(self._on_found)
-        return (Dock("jobs", "Jobs", self.panel, "bottom", titled=False),)
+        return (Dock("jobs", "Jobs", self.panel, "bottom"),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {

@@ -50,4 +50,4 @@ class DetailsPart(Part):
 
 class LogPart(Part):
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("log", "Log", LogPanel(self.workspace.notices), "bottom", tab="jobs", titled=False),)
+        return (Dock("log", "Log", LogPanel(self.workspace.notices), "bottom", tab="jobs"),)

@@ -27,7 +27,6 @@ class Dock:
     name    its key in the stored layout and in `MainWindow.panels`
     area    the side it stands on, below what stands there already
     tab     name of the dock it shares its place with, "" for a place of its own
-    titled  False when its tab names it already
     """
 
     name: str
@@ -35,7 +34,6 @@ class Dock:
     widget: QWidget
     area: Literal["left", "right", "bottom"]
     tab: str = ""
-    titled: bool = True
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ class ResultPart(Part):
         w.document.projectChanged.connect(self._on_project)
         w.jobs.changed.connect(self._gather)
         w.jobs.ended.connect(self._on_ended)
-        return (Dock("results", "Results", self.panel, "bottom", tab="jobs", titled=False),)
+        return (Dock("results", "Results", self.panel, "bottom", tab="jobs"),)
 
     def _on_project(self) -> None:
         self._read.clear()

@@ -43,7 +43,7 @@ class SelectPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (
-            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs", False),
+            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs"),
             Dock("history", "History", self.history, "left", "frames"),
         )
 

@@ -62,8 +62,7 @@ class ThresholdPart(Part):
         self.panel.built.connect(self.build)
         self.trial.changed.connect(self._on_trial)
         document.contentsChanged.connect(self._on_contents)
-        if hasattr(document, "graphChanged"):
-            document.graphChanged.connect(lambda _: self.trial.on_graph(fresh=False))
+        document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("thresholds", "Thresholds", self.panel, "right", tab="details"),)
@@ -98,6 +97,10 @@ class ThresholdPart(Part):
             applied = self._applied()
             if "graph" in parts and applied is not None:
                 self.trial.set_config(applied)
+
+    def _on_edit(self) -> None:
+        # A method and not a lambda: a connection holds a lambda, and with it the whole window, for ever.
+        self.trial.on_graph(fresh=False)
 
     def _on_trial(self) -> None:
         self.workspace.scene.update()

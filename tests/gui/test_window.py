@@ -120,6 +120,14 @@ def test_every_group_of_tabs_has_one_bar(window: MainWindow, qtbot: QtBot) -> No
     assert texts and all(texts.count(t) == 1 for t in texts)
 
 
+def test_a_panel_behind_a_tab_has_no_title_and_gets_it_back_alone(window: MainWindow, qtbot: QtBot) -> None:
+    jobs, others = window._docks["jobs"], window.tabifiedDockWidgets(window._docks["jobs"])
+    qtbot.waitUntil(lambda: jobs.titleBarWidget() is not None)
+    for dock in others:
+        dock.hide()
+    qtbot.waitUntil(lambda: jobs.titleBarWidget() is None)
+
+
 def test_opening_and_closing_windows_leaves_none(settings: QSettings, qtbot: QtBot) -> None:
     before = len(QApplication.topLevelWidgets())
     for _ in range(5):
