@@ -11,7 +11,8 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 from app import colors
 from app.jobs.queue import JobHandle
 
-PERIOD = 700  # milliseconds between two drawings at least
+PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
+MOST_DRAWN = 400  # points of a line; more than there are pixels
 _PLOTS = (("loss", "Loss"), ("psnr", "PSNR, dB"), ("gaussians", "Gaussians"))
 
 
@@ -21,7 +22,8 @@ class JobPlots(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._handle: JobHandle | None = None
-        self._drawn: object = None
+        self._drawn: dict[str, object] = {}  # plot -> what it shows
+        self._due = [name for name, _ in _PLOTS]
         self.plots: dict[str, pyqtgraph.PlotWidget] = {}
         self._curves: dict[tuple[str, int], pyqtgraph.PlotDataItem] = {}
         self.empty = QLabel("Plots appear here while a submap trains.", self)
@@ -50,12 +52,12 @@ class JobPlots(QWidget):
         layout.addWidget(self.empty)
         layout.addWidget(self._row, 1)
         self._timer = QTimer(self, singleShot=True, interval=PERIOD)
-        self._timer.timeout.connect(self.draw)
+        self._timer.timeout.connect(self._on_time)
         self._dress()
 
     def show_job(self, handle: JobHandle | None) -> None:
         """Draws that job from now on; None draws nothing."""
-        self._handle, self._drawn = handle, None
+        self._handle = handle
         self.draw()
 
     def refresh(self) -> None:
@@ -64,27 +66,43 @@ class JobPlots(QWidget):
             self._timer.start()
 
     def draw(self) -> None:
-        """Draws what is new, now."""
+        """Draws everything now."""
         series = {} if self._handle is None else self._handle.history.series
         shown = any(name in series for name, _ in _PLOTS)
         self._row.setVisible(shown)
         self.empty.setVisible(not shown)
-        if not self.isVisible():
-            return
-        state = [len(s.steps) and s.steps[-1] for by_submap in series.values() for s in by_submap.values()]
-        stamp = (None if self._handle is None else self._handle.number, tuple(state))
-        if stamp == self._drawn:
-            return
-        self._drawn = stamp
-        wanted = {(n, s) for n, _ in _PLOTS for s in series.get(n, {})}
-        for key in set(self._curves) - wanted:
-            self.plots[key[0]].removeItem(self._curves.pop(key))
-        for name, submap in sorted(wanted):
-            one = series[name][submap]
+        if self.isVisible():
+            self._due = [name for name, _ in _PLOTS]
+            for _ in _PLOTS:
+                self._draw_one()
+
+    def _on_time(self) -> None:
+        """Draws the next plot that has something new."""
+        if self._row.isHidden():
+            self.draw()
+        elif self.isVisible() and any(self._draw_one() for _ in _PLOTS):
+            self._timer.start()
+
+    def _draw_one(self) -> bool:
+        """Draws the plot whose turn it is; says whether there was anything new."""
+        name = self._due.pop(0)
+        self._due.append(name)
+        series = {} if self._handle is None else self._handle.history.series.get(name, {})
+        number = None if self._handle is None else self._handle.number
+        stamp = (number, tuple(sorted((submap, s.steps[-1] if s.steps else -1.0) for submap, s in series.items())))
+        if stamp == self._drawn.get(name):
+            return False
+        self._drawn[name] = stamp
+        for key in [k for k in self._curves if k[0] == name and k[1] not in series]:
+            self.plots[name].removeItem(self._curves.pop(key))
+        for submap, one in sorted(series.items()):
             if (name, submap) not in self._curves:
-                pen = pyqtgraph.mkPen(colors.submap_color(submap), width=1.5)
+                pen = pyqtgraph.mkPen(colors.submap_color(submap), width=1)
                 self._curves[name, submap] = self.plots[name].plot(pen=pen, name=f"submap {submap}")
-            self._curves[name, submap].setData(np.array(one.steps, float), np.array(one.values, float))
+            stride = max(1, len(one.steps) // MOST_DRAWN)
+            steps, values = np.array(one.steps[::stride], float), np.array(one.values[::stride], float)
+            self._curves[name, submap].setData(steps, values)
+        return True
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)

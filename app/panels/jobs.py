@@ -14,7 +14,7 @@ from app.jobs.queue import JobHandle, JobQueue
 from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
 from app.panels.job_preview import JobPreview
-from app.panels.job_table import COLUMNS, PROGRESS, JobModel, ProgressBar, Row, duration
+from app.panels.job_table import PROGRESS, JobModel, ProgressBar, Row, duration
 from app.panels.submaps import table
 
 __all__ = ["JobModel", "JobPanel", "duration"]
@@ -121,9 +121,8 @@ class JobPanel(QWidget):
         self.table.setItemDelegateForColumn(PROGRESS, ProgressBar(self.table))
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(header.ResizeMode.Interactive)
-        for column, width in enumerate((140, 80, 96, 84, 62, 84, 60, 200)):
+        for column, width in enumerate((130, 78, 90, 78, 190, 62, 84, 60)):
             header.resizeSection(column, width)
-        assert len(COLUMNS) == 8
         header.setStretchLastSection(True)
         self.table.setTextElideMode(Qt.TextElideMode.ElideRight)
         self.table.setWordWrap(False)

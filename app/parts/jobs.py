@@ -160,7 +160,8 @@ class JobsPart(Part):
     def _on_ended(self, handle: JobHandle) -> None:
         notices, state = self.workspace.notices, handle.state
         if state == "done":
-            notices.info(f"{handle.title}: {handle.message or 'done'}")
+            default = "the figures are in Results" if handle.job.order.verb in GIVES_RESULT else "done"
+            notices.info(f"{handle.title}: {handle.message or default}")
         elif state == "failed":
             notices.error(f"{handle.title} failed: {handle.message or 'its messages say why'}")
         elif state == "interrupted":

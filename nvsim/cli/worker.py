@@ -66,8 +66,8 @@ def _run(job: Job) -> tuple[int, str]:
             nonlocal message
             if isinstance(event, Failed):
                 message = event.message
-            elif isinstance(event, Done):
-                message = event.summary
+            elif isinstance(event, Done) or (isinstance(event, Log) and event.stage):
+                message = event.summary if isinstance(event, Done) else event.text
             write(event)
 
         hear(Log("Started." if job.standing.worked == 0 else "Goes on."))
@@ -79,7 +79,14 @@ def _run(job: Job) -> tuple[int, str]:
             if code:
                 write(Failed(job.order.verb, "an option is wrong; its messages say which", code))
                 message = "An option is wrong; the log says which."
-    return code, message
+    return code, message or (_last_words(job.output) if code == 0 else "")
+
+
+def _last_words(output: Path) -> str:
+    """The last line that was printed, unless it is for programs."""
+    sys.stdout.flush()
+    lines = output.read_text(errors="replace").strip().splitlines()
+    return lines[-1] if lines and not lines[-1].startswith(("{", "[")) else ""
 
 
 def _redirect(descriptor: int, path: Path) -> None:
