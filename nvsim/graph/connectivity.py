@@ -16,7 +16,7 @@ from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 
-_SUFFIX = "_connectivity.json"
+SUFFIX = "_connectivity.json"
 
 
 def write_connectivity(
@@ -54,10 +54,10 @@ def write_connectivity(
                 "height": float(v.height),
             }
         )
-    path = folder / f"{graph.scan}{_SUFFIX}"
+    path = folder / f"{graph.scan}{SUFFIX}"
     # The file goes first: a scan that scans.txt names without a file aborts the simulator.
     atomic.write_text(path, json.dumps(entries, separators=(",", ":")))
-    _add_scan(folder / "scans.txt", graph.scan)
+    list_scan(folder / "scans.txt", graph.scan)
     return path
 
 
@@ -90,9 +90,9 @@ def read_connectivity(path: Path) -> NavGraph:
             raise InputError(f"{where}: image_id is {str(id)[:60]!r}; it must be a name without slash.")
         if id in viewpoints:
             raise InputError(f"{where}: image_id {id} was used before; give every viewpoint its own.")
-        height = _number(entry.get("height", 1.5), f"{where}: height")
+        height = number_in(entry.get("height", 1.5), f"{where}: height")
         included = _flags([entry.get("included", True)], 1, f"{where}: included")[0]
-        viewpoints[id] = Viewpoint(id, _position(entry.get("pose"), where), height, -1, included, "file")
+        viewpoints[id] = Viewpoint(id, position_in(entry.get("pose"), where), height, -1, included, "file")
         rows.append(_flags(entry.get("unobstructed"), len(entries), f"{where}: unobstructed"))
     return NavGraph(_scan_of(path), viewpoints, _edges(list(viewpoints), rows, path))
 
@@ -112,7 +112,8 @@ def check_scan_id(scan: str) -> None:
         )
 
 
-def _add_scan(path: Path, scan: str) -> None:
+def list_scan(path: Path, scan: str) -> None:
+    """Adds a scan to scans.txt. Raises InputError when that cannot be read or written."""
     try:
         scans = path.read_text(encoding="utf-8").split() if path.exists() else []
     except (OSError, UnicodeDecodeError) as error:
@@ -122,7 +123,7 @@ def _add_scan(path: Path, scan: str) -> None:
 
 
 def _scan_of(path: Path) -> str:
-    return path.name.removesuffix(_SUFFIX) if path.name.endswith(_SUFFIX) else path.stem
+    return path.name.removesuffix(SUFFIX) if path.name.endswith(SUFFIX) else path.stem
 
 
 def _edges(ids: list[str], rows: list[list[bool]], path: Path) -> dict[tuple[str, str], Edge]:
@@ -142,10 +143,11 @@ def _edges(ids: list[str], rows: list[list[bool]], path: Path) -> dict[tuple[str
     return edges
 
 
-def _position(pose: Any, where: str) -> tuple[float, float, float]:
+def position_in(pose: Any, where: str) -> tuple[float, float, float]:
+    """The place of a camera-to-world pose of 16 numbers, row by row. Raises InputError when it is not rigid."""
     if not isinstance(pose, list) or len(pose) != 16:
         raise InputError(f"{where}: pose must be a list of 16 numbers, row by row.")
-    m = [_number(value, f"{where}: pose[{k}]") for k, value in enumerate(pose)]
+    m = [number_in(value, f"{where}: pose[{k}]") for k, value in enumerate(pose)]
     axes = [(m[k], m[4 + k], m[8 + k]) for k in range(3)]
     for p in range(3):
         for q in range(3):
@@ -166,7 +168,8 @@ def _flags(values: Any, count: int, where: str) -> list[bool]:
     return [bool(value) for value in values]
 
 
-def _number(value: Any, where: str) -> float:
+def number_in(value: Any, where: str) -> float:
+    """Raises InputError when a JSON value is not a finite number."""
     try:
         number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
     except OverflowError:

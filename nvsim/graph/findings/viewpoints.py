@@ -13,16 +13,20 @@ _SHOWN = 8  # characters of an id in a sentence
 
 
 def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> list[Finding]:
-    """Nothing is said about excluded ones but that their id cannot be used: their entry is written all the same."""
+    """Nothing is said about excluded ones but about their id and their entry, which are written all the same."""
     found = []
     if problem := _id_problem(viewpoint.id):
         new = hashlib.blake2b(viewpoint.id.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
         fix = Fix("Give it a new id", "rename_viewpoint", {"old": viewpoint.id, "new": new})
         message = f"The id {viewpoint.id!r} {problem}."
         found.append(Finding("id", "error", message, (viewpoint.id,), fixes=(fix,)))
+    id, name = viewpoint.id, short(viewpoint.id)
+    for kind, message in context.entries.get(id, ()):
+        if not viewpoint.reviewed:
+            review = Fix("Write it right when saving", "mark_reviewed", {"viewpoints": [id]})
+            found.append(Finding(kind, "error", f"The entry of {name} {message}.", (id,), fixes=(review,)))
     if not viewpoint.included:
         return found
-    id, name = viewpoint.id, short(viewpoint.id)
     leave, remove = _leave(id), Fix("Remove it", "remove_viewpoints", {"ids": [id]})
     if not any(graph.viewpoints[other].included for other in graph.neighbours(id)):
         message = f"Viewpoint {name} has no edge: agents do not find it in the graph."
@@ -42,10 +46,6 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
     if context.images is not None and id not in context.images:
         message = f"Viewpoint {name} has no panorama."
         found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
-    for kind, message in context.entries.get(id, ()):
-        if not viewpoint.reviewed:
-            review = Fix("Write it right when saving", "mark_reviewed", {"viewpoints": [id]})
-            found.append(Finding(kind, "error", f"The entry of {name} {message}.", (id,), fixes=(review,)))
     return found
 
 

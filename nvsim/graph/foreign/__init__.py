@@ -1,0 +1,9 @@
+"""Connectivity files of anyone's, edited in place: what nobody touched is written back as it was read, to the byte.
+
+The format and its traps: Matterport3DSimulator, connectivity/README.md. Knows no window and no project.
+"""
+
+from nvsim.graph.foreign.beside import Beside, look_beside
+from nvsim.graph.foreign.file import ForeignFile, connectivity_files
+
+__all__ = ["Beside", "ForeignFile", "connectivity_files", "look_beside"]

@@ -1,0 +1,65 @@
+"""What lies beside a connectivity file: pictures of its viewpoints, a map, a cloud."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.occupancy.types import OccupancyMap
+
+_SKYBOX = "matterport_skybox_images"
+
+
+@dataclass(frozen=True)
+class Beside:
+    """images  ids of the viewpoints that have pictures, None where no folder of pictures was found
+    pictures  that folder
+    map, cloud  files, None where there are none
+    """
+
+    images: frozenset[str] | None = None
+    pictures: Path | None = None
+    map: Path | None = None
+    cloud: Path | None = None
+
+    def occupancy(self) -> OccupancyMap | None:
+        """The map, read. Raises InputError when it cannot be."""
+        if self.map is None:
+            return None
+        from nvsim.occupancy.read import read_map
+
+        return read_map(self.map)
+
+
+def look_beside(path: Path, scan: str) -> Beside:
+    """Skyboxes as the simulator has them (`[scans/]SCAN/matterport_skybox_images/ID_skybox*`), a folder of 36 views per
+    viewpoint (`SCAN/ID/0.jpg`), a ROS map or OctoMap and a PLY or PCD cloud, named after the scan or simply `map` and
+    `cloud`; in the folder of the file or in the one above."""
+    found = Beside()
+    for folder in (path.parent, path.parent.parent):
+        pictures = next((p for p in _picture_folders(folder, scan) if p.is_dir()), None)
+        if found.images is None and pictures is not None:
+            found = Beside(_ids_in(pictures), pictures, found.map, found.cloud)
+        files = [folder / f"{name}{suffix}" for name in (scan, "map") for suffix in (".yaml", ".bt")]
+        clouds = [folder / f"{name}{suffix}" for name in (scan, "cloud") for suffix in (".ply", ".pcd")]
+        map = found.map or next((p for p in files if p.is_file()), None)
+        cloud = found.cloud or next((p for p in clouds if p.is_file()), None)
+        found = Beside(found.images, found.pictures, map, cloud)
+    return found
+
+
+def _picture_folders(folder: Path, scan: str) -> tuple[Path, ...]:
+    places = (folder / "scans" / scan, folder / "v1" / "scans" / scan, folder / scan, folder)
+    return (*(p / _SKYBOX for p in places), folder / scan, folder / "images" / scan)
+
+
+def _ids_in(pictures: Path) -> frozenset[str]:
+    try:
+        with os.scandir(pictures) as rows:
+            names = [(row.name, row.is_dir()) for row in rows]
+    except OSError as error:
+        raise InputError(f"Cannot list the pictures in {pictures}: {error.strerror}; check the folder.") from error
+    ids = {name.split("_skybox")[0] for name, is_dir in names if not is_dir and "_skybox" in name}
+    return frozenset(ids | {name for name, is_dir in names if is_dir})

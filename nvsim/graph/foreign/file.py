@@ -1,0 +1,140 @@
+"""A connectivity file that is open: its graph, its text, and what lies beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.graph.connectivity import SUFFIX, list_scan
+from nvsim.graph.findings import Context, Limits
+from nvsim.graph.foreign.beside import Beside, look_beside
+from nvsim.graph.foreign.document import Document
+from nvsim.graph.foreign.notes import notes_path, read_notes, write_notes
+from nvsim.graph.foreign.parsing import parse
+from nvsim.graph.foreign.rewriting import edges_in, rewritten
+from nvsim.graph.types import EdgeKey, NavGraph, edge
+from nvsim.occupancy.types import OccupancyMap
+
+_Stamp = tuple[int, int]
+
+
+class ForeignFile:
+    """path     where it lies
+    graph    as it was opened or last saved; marks and ignored findings come from the notes beside it
+    one_way  edges that the file lists in one direction only; they are in the graph
+    """
+
+    def __init__(self, path: Path, document: Document, stamp: _Stamp | None) -> None:
+        self.path = path
+        self._document = document
+        self._stamp = stamp
+        keys, self.one_way = edges_in(document)
+        edges = {key: edge(*key, "file") for key in keys}
+        viewpoints = {e.viewpoint.id: e.viewpoint for e in document.entries}
+        self.graph = read_notes(NavGraph(self.scan, viewpoints, edges), notes_path(path))
+        self._kept = self.graph
+
+    @staticmethod
+    def open(path: Path) -> ForeignFile:
+        """Raises InputError, with the entry and the reason, when it cannot be read or its graph cannot be told."""
+        path = Path(path)
+        stamp = _stamp_of(path)
+        try:
+            text = path.read_bytes().decode("utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is not text"
+            raise InputError(f"Cannot read {path}: {reason}; name an R2R connectivity file.") from error
+        return ForeignFile(path, parse(text, str(path)), stamp)
+
+    @property
+    def scan(self) -> str:
+        """The scan id, from the name of the file."""
+        return self.path.name.removesuffix(SUFFIX) if self.path.name.endswith(SUFFIX) else self.path.stem
+
+    @cached_property
+    def beside(self) -> Beside:
+        """Pictures, map and cloud near the file."""
+        return look_beside(self.path, self.scan)
+
+    def context(
+        self,
+        limits: Limits | None = None,
+        occupancy: OccupancyMap | None = None,
+        against: Callable[[NavGraph, EdgeKey], str] | None = None,
+    ) -> Context:
+        """What findings about the graph are held against: the pictures beside the file, its one-way edges and faulty
+        entries, and what the caller adds."""
+        entries = {e.viewpoint.id: e.faults for e in self._document.entries if e.faults}
+        return Context(limits or Limits(), occupancy, against, None, self.beside.images, self.one_way, entries)
+
+    def text(self, graph: NavGraph | None = None) -> str:
+        """What `save` would write."""
+        document = self._document if graph is None else rewritten(self._document, self._kept, graph)
+        return "".join(document.pieces())
+
+    def save(self, graph: NavGraph, path: Path | None = None, *, force: bool = False) -> Path:
+        """Writes `graph`, to another `path` where one is given, which then is the file's; returns where.
+
+        Marks and ignored findings, for which the format has no place, go to a file of notes beside it. Raises
+        InputError when the disk refuses, or when another program changed the file meanwhile and `force` is not set.
+        """
+        target = self.path if path is None else Path(path)
+        if (
+            target == self.path
+            and not force
+            and self._stamp is not None
+            and _stamp_of(target) not in (None, self._stamp)
+        ):
+            raise InputError(
+                f"{target} was changed by another program since it was opened; open it again or save elsewhere."
+            )
+        document = rewritten(self._document, self._kept, graph)
+        with atomic.replacing(target) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+            file.writelines(document.pieces())
+        write_notes(graph, notes_path(target))
+        if target.parent != self.path.parent and target.name.endswith(SUFFIX):
+            # A scan without an entry in scans.txt is not loaded by anybody.
+            list_scan(target.parent / "scans.txt", target.name.removesuffix(SUFFIX))
+        self.path, self._document, self._stamp = target, document, _stamp_of(target)
+        self.one_way = edges_in(document)[1]
+        self.graph = self._kept = replace(graph, scan=graph.scan)
+        return target
+
+
+def connectivity_files(path: Path) -> list[Path]:
+    """The files that `path` means: itself, or for a folder those that its scans.txt lists, else all in it.
+
+    Raises InputError when a scan is listed without its file, which aborts the simulator, or there is none at all.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return [path]
+    listed = path / "scans.txt"
+    if not listed.is_file():
+        found = sorted(path.glob(f"*{SUFFIX}"))
+        if not found:
+            raise InputError(f"{path} holds no *{SUFFIX} and no scans.txt; name a connectivity file or its folder.")
+        return found
+    try:
+        scans = list(dict.fromkeys(listed.read_text(encoding="utf-8").split()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"Cannot read {listed}, which lists the scans beside it; mend it or move it away.") from error
+    files = [path / f"{scan}{SUFFIX}" for scan in scans]
+    for scan, file in zip(scans, files):
+        if not file.is_file():
+            raise InputError(f"{listed} lists {scan}, but there is no {file.name}; take the line out or add the file.")
+    if not files:
+        raise InputError(f"{listed} lists no scan; name a connectivity file.")
+    return files
+
+
+def _stamp_of(path: Path) -> _Stamp | None:
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size

@@ -1,0 +1,80 @@
+"""Lists of booleans as they stand in a file: read and written by the million, with their spaces and line ends.
+
+Nearly all of a connectivity file is such lists, two of n for each of n viewpoints. A list whose elements are all set
+apart in the same way is kept as its values and that way; any other as its text.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_WORDS = {"T": "true", "F": "false", "1": "1", "0": "0"}
+_PARTNER = {"T": "F", "F": "T", "1": "0", "0": "1"}
+_YES = {"T", "1"}
+_BEGIN = re.compile(r"(\[[ \t\r\n]*)([TF01])([ \t\r\n]*,[ \t\r\n]*)?")
+_FINISH = re.compile(r"[ \t\r\n]*\]\Z")
+_TAIL = 4096  # characters at most between the last element and the bracket
+
+
+class FlagStyle(NamedTuple):
+    """How a list is written: opening, value, separator, value, ..., closing."""
+
+    opening: str = "["
+    separator: str = ", "
+    closing: str = "]"
+    yes: str = "true"
+    no: str = "false"
+
+    def write(self, values: NDArray[np.bool_]) -> str:
+        """The text of a list of (n,) values."""
+        if not len(values):
+            return "[]"
+        words = np.array([self.no, self.yes], object)[values.astype(np.intp)]
+        return self.opening + self.separator.join(words.tolist()) + self.closing
+
+
+def read_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle | None]:
+    """The values (n,) of a JSON list of booleans or of 0 and 1, brackets included, and its style; None where the text
+    is not all of one style. Raises ValueError, in words, when it is no such list."""
+    letters = text.replace("true", "T").replace("false", "F")
+    begin = _BEGIN.match(letters)
+    if begin is not None and letters.isascii() and "T" not in text and "F" not in text:
+        finish = _FINISH.search(letters, max(begin.start(2), len(letters) - _TAIL))
+        if finish is not None:
+            found = _regular(letters, begin, finish)
+            if found is not None:
+                return found
+    return _irregular(text), None
+
+
+def _regular(letters: str, begin: re.Match[str], finish: re.Match[str]) -> tuple[NDArray[np.bool_], FlagStyle] | None:
+    first, separator = begin.group(2), begin.group(3) or ""
+    body = letters[begin.start(2) : finish.start()] + separator
+    stride = 1 + len(separator)
+    if len(body) % stride or (len(body) > 1 and not separator):
+        return None
+    grid = np.frombuffer(body.encode("ascii"), np.uint8).reshape(-1, stride)
+    yes = first if first in _YES else _PARTNER[first]
+    values = grid[:, 0] == ord(yes)
+    if not (values | (grid[:, 0] == ord(_PARTNER[yes]))).all():
+        return None
+    if not (grid[:, 1:] == np.frombuffer(separator.encode("ascii"), np.uint8)).all():
+        return None
+    style = FlagStyle(begin.group(1), separator or ", ", finish.group(), _WORDS[yes], _WORDS[_PARTNER[yes]])
+    return values, style
+
+
+def _irregular(text: str) -> NDArray[np.bool_]:
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError("is not a list of booleans") from error
+    for value in values:
+        if not isinstance(value, bool | int) or value not in (0, 1):
+            raise ValueError(f"holds {str(value)[:40]!r}; only true, false, 0 and 1 are allowed")
+    return np.array([bool(value) for value in values], bool)

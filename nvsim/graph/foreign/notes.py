@@ -1,0 +1,64 @@
+"""What a person noted about a connectivity file and its format has no place for: SCAN_review.json beside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.graph.connectivity import SUFFIX
+from nvsim.graph.types import NavGraph
+
+_MARKS = ("reviewed", "locked")
+
+
+def notes_path(path: Path) -> Path:
+    """Where the notes about a connectivity file lie."""
+    name = path.name.removesuffix(SUFFIX) if path.name.endswith(SUFFIX) else path.stem
+    return path.parent / f"{name}_review.json"
+
+
+def read_notes(graph: NavGraph, path: Path) -> NavGraph:
+    """The graph with its marks and ignored findings; what is noted about things that are gone is passed over. Raises
+    InputError when the notes cannot be read."""
+    if not path.is_file():
+        return graph
+    try:
+        notes = json.loads(path.read_text(encoding="utf-8"))
+        ignored = {str(key): str(reason) for key, reason in notes.get("ignored", {}).items()}
+        viewpoints, edges = dict(graph.viewpoints), dict(graph.edges)
+        for mark in _MARKS:
+            marked: dict[str, Any] = {mark: True}
+            for id in _strings(notes.get(mark, {}).get("viewpoints", [])):
+                if id in viewpoints:
+                    viewpoints[id] = replace(viewpoints[id], **marked)
+            for a, b in notes.get(mark, {}).get("edges", []):
+                if (a, b) in edges:
+                    edges[a, b] = replace(edges[a, b], **marked)
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise InputError(f"Cannot read the notes in {path} ({error}); mend the file or move it away.") from error
+    return replace(graph, viewpoints=viewpoints, edges=edges, ignored=ignored)
+
+
+def write_notes(graph: NavGraph, path: Path) -> None:
+    """Writes them; where there is nothing to note, the file goes."""
+    notes: dict[str, Any] = {"ignored": dict(graph.ignored)} if graph.ignored else {}
+    for mark in _MARKS:
+        found = {
+            "viewpoints": [id for id, v in graph.viewpoints.items() if getattr(v, mark)],
+            "edges": [list(key) for key, e in graph.edges.items() if getattr(e, mark)],
+        }
+        if any(found.values()):
+            notes[mark] = found
+    if notes:
+        atomic.write_text(path, json.dumps(notes, indent=1) + "\n")
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _strings(values: Iterable[Any]) -> list[str]:
+    return [value for value in values if isinstance(value, str)]

@@ -1,0 +1,152 @@
+"""From the text of a connectivity file to its document. Everything but the lists of flags goes through the JSON scanner
+of the standard library; those are cut out whole, because they hold no bracket."""
+
+from __future__ import annotations
+
+import json
+import re
+from json.decoder import scanstring  # type: ignore[attr-defined]
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.graph.connectivity import number_in, position_in
+from nvsim.graph.foreign.document import FLAGS, Document, Entry, Member
+from nvsim.graph.foreign.flags import FlagStyle, read_flags
+from nvsim.graph.types import Viewpoint
+
+_SPACE = re.compile(r"[ \t\r\n]*")
+_DECODER = json.JSONDecoder()
+_ADVICE = "name an R2R connectivity file"
+
+
+def parse(text: str, path: str) -> Document:
+    """Raises InputError with the entry and the reason. An edge that goes one way, an entry that names itself and lists
+    of a wrong length are no reason: they are kept, the latter two as faults of their entries."""
+    at = _space(text, 1 if text.startswith("\ufeff") else 0)
+    if text[at : at + 1] != "[":
+        raise InputError(f"{path} does not hold a list of viewpoints; {_ADVICE}.")
+    start = at = _space(text, at + 1)
+    entries: list[Entry] = []
+    between: list[str] = []
+    rows: dict[str, list[NDArray[np.bool_]]] = {key: [] for key in FLAGS}
+    closing = 0
+    opening = text[:start]
+    names: set[str] = set()
+    while text[at : at + 1] != "]" or entries:
+        where = f"{path}, entry {len(entries)}"
+        try:
+            entry, found, end = _entry(text, at, where)
+        except json.JSONDecodeError as error:
+            raise InputError(f"{where}, line {error.lineno}: {error.msg}; {_ADVICE}.") from error
+        if entry.viewpoint.id in names:
+            raise InputError(f"{where}: image_id {entry.viewpoint.id} was used before; give every viewpoint its own.")
+        names.add(entry.viewpoint.id)
+        entries.append(entry)
+        for key in FLAGS:
+            rows[key].append(found.get(key, np.zeros(0, np.bool_)))
+        closing = end
+        at = _space(text, end)
+        if text[at : at + 1] == "]":
+            break
+        if text[at : at + 1] != ",":
+            raise InputError(f"{where} is not followed by a comma or the end of the list; {_ADVICE}.")
+        at = _space(text, at + 1)
+        between.append(text[end:at])
+    if not entries:
+        closing = at
+    rest = _space(text, text.index("]", closing) + 1)
+    if rest != len(text):
+        raise InputError(f"{path} goes on after the end of the list; {_ADVICE}.")
+    count = len(entries)
+    flags = {key: _matrix(rows[key], count) for key in FLAGS}
+    entries = [_judged(e, i, {key: rows[key][i] for key in FLAGS}, count) for i, e in enumerate(entries)]
+    return Document(tuple(entries), opening, text[closing:], tuple(between), flags)
+
+
+def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.bool_]], int]:
+    """The entry that begins at `at`, its flags, and where it ends."""
+    if text[at : at + 1] != "{":
+        raise InputError(f"{where} is not an object; every viewpoint needs image_id, pose and unobstructed.")
+    members: list[Member] = []
+    flags: dict[str, NDArray[np.bool_]] = {}
+    values: dict[str, Any] = {}
+    lead = at
+    while True:
+        begin = at = _space(text, at + 1)
+        if text[at : at + 1] != '"':
+            raise json.JSONDecodeError("a key in quotes is expected", text, at)
+        key, at = scanstring(text, at + 1, True)
+        at = _space(text, at)
+        if text[at : at + 1] != ":":
+            raise json.JSONDecodeError("a colon is expected", text, at)
+        at = _space(text, at + 1)
+        if key in values:
+            raise InputError(f"{where} has the key {key[:40]!r} twice; keep one of them.")
+        value: str | FlagStyle
+        if key in FLAGS:
+            end = text.find("]", at) + 1
+            if text[at : at + 1] != "[" or not end:
+                raise InputError(f"{where}: {key} must be a list of booleans, one for every entry of the file.")
+            try:
+                flags[key], style = read_flags(text[at:end])
+            except ValueError as error:
+                raise InputError(f"{where}: {key} {error}.") from error
+            values[key] = None
+            value = text[at:end] if style is None else style
+        else:
+            try:
+                values[key], end = _DECODER.raw_decode(text, at)
+            except RecursionError as error:
+                raise InputError(f"{where}: {key} is nested too deeply; {_ADVICE}.") from error
+            value = text[at:end]
+        members.append(Member(text[lead:begin], text[begin:at], key, value))
+        lead = end
+        at = _space(text, end)
+        if text[at : at + 1] == "}":
+            break
+        if text[at : at + 1] != ",":
+            raise json.JSONDecodeError("a comma or the end of the object is expected", text, at)
+    if "unobstructed" not in flags:
+        raise InputError(f"{where} has no unobstructed; every viewpoint needs image_id, pose and unobstructed.")
+    return Entry(_viewpoint(values, where), tuple(members), text[lead : at + 1]), flags, at + 1
+
+
+def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
+    id = values.get("image_id")
+    if not isinstance(id, str) or not id:
+        raise InputError(f"{where}: image_id is {str(id)[:60]!r}; it must be a name.")
+    included = values.get("included", True)
+    if not isinstance(included, bool | int) or included not in (0, 1):
+        raise InputError(f"{where}: included is {str(included)[:40]!r}; it must be true or false.")
+    height = number_in(values.get("height", 1.5), f"{where}: height")
+    return Viewpoint(id, position_in(values.get("pose"), where), height, -1, bool(included), "file")
+
+
+def _judged(entry: Entry, index: int, rows: dict[str, NDArray[np.bool_]], count: int) -> Entry:
+    """The entry with what is wrong with its lists; a list of a wrong length is kept as text."""
+    faults = []
+    for key in FLAGS:
+        held = entry.text(key)
+        if held is not None and len(rows[key]) != count:
+            faults.append(("length", f"lists {len(rows[key])} flags as {key} where the file has {count} entries"))
+            if isinstance(held, FlagStyle):
+                entry = entry.put(key, held.write(rows[key]))
+    if index < len(rows["unobstructed"]) and rows["unobstructed"][index]:
+        faults.append(("self", "says that one can go from it to itself"))
+    return entry if not faults else Entry(entry.viewpoint, entry.members, entry.closing, tuple(faults))
+
+
+def _matrix(rows: list[NDArray[np.bool_]], count: int) -> NDArray[np.bool_]:
+    """(count, count); what is too short is filled with False, what is too long is cut."""
+    matrix = np.zeros((count, count), np.bool_)
+    for i, row in enumerate(rows):
+        matrix[i, : min(count, len(row))] = row[:count]
+    return matrix
+
+
+def _space(text: str, at: int) -> int:
+    found = _SPACE.match(text, at)
+    return found.end() if found else at
