@@ -9,6 +9,7 @@ from PySide6.QtCore import QObject, Signal
 
 from app.document import Document
 from app.inspector.directions import Direction, directions
+from nvsim.graph.difference import Difference
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 
@@ -36,7 +37,7 @@ class Inspection(QObject):
         document.selectionChanged.connect(self.refresh)
         document.contentsChanged.connect(self._on_contents)
         if hasattr(document, "graphChanged"):
-            document.graphChanged.connect(self.refresh)
+            document.graphChanged.connect(self._on_edit)
         self.refresh()
 
     @property
@@ -53,6 +54,9 @@ class Inspection(QObject):
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "graph" in parts:
             self.refresh()
+
+    def _on_edit(self, change: Difference) -> None:
+        self.refresh()
 
     def refresh(self) -> None:
         """Reads the directions of what is selected."""

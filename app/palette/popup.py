@@ -89,6 +89,7 @@ class PaletteView(QFrame):
         self.line.setClearButtonEnabled(True)
         self.line.setFrame(False)
         self.line.setMinimumHeight(34)
+        self.line.setTextMargins(8, 0, 4, 0)
         self.line.textChanged.connect(self._fill)
         self.line.installEventFilter(self)
         self.list = QListWidget(self)

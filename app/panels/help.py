@@ -1,15 +1,24 @@
-"""Help pages from resources/help, shown in a window of their own."""
+"""The help window: pages at the left, found by words; the page at the right."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QDialog, QTextBrowser, QVBoxLayout, QWidget
+from PySide6.QtGui import QPalette, QTextCharFormat, QTextCursor, QTextDocument
+from PySide6.QtWidgets import (
+    QDialog,
+    QHBoxLayout,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QTextBrowser,
+    QTextEdit,
+    QVBoxLayout,
+    QWidget,
+)
 
-import resources
+from app.help_pages import Section, find, pages
 
-FOLDER = Path(resources.__file__).parent / "help"
+_SECTION = Qt.ItemDataRole.UserRole
 
 
 class HelpWindow(QDialog):
@@ -19,10 +28,107 @@ class HelpWindow(QDialog):
         super().__init__(parent)
         self.setWindowTitle("NVSim help")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        self.resize(560, 620)
+        self.resize(820, 640)
+        self.page = ""
+        self.search = QLineEdit(self)
+        self.search.setPlaceholderText("Find in the help")
+        self.search.setClearButtonEnabled(True)
+        self.search.textChanged.connect(self._fill)
+        self.list = QListWidget(self)
+        self.list.setFrameShape(self.list.Shape.NoFrame)
+        self.list.setFixedWidth(230)
+        self.list.setWordWrap(True)
+        self.list.currentItemChanged.connect(self._on_current)
         self.text = QTextBrowser(self)
         self.text.setFrameShape(self.text.Shape.NoFrame)
         self.text.setOpenExternalLinks(False)
-        self.text.setMarkdown((FOLDER / f"{page}.md").read_text(encoding="utf-8"))
-        layout = QVBoxLayout(self)
-        layout.addWidget(self.text)
+        self.text.document().setDocumentMargin(14)
+        beside = QVBoxLayout()
+        beside.addWidget(self.search)
+        beside.addWidget(self.list, 1)
+        layout = QHBoxLayout(self)
+        layout.addLayout(beside)
+        layout.addWidget(self.text, 1)
+        self._fill("")
+        self.show_page(page)
+
+    def show_page(self, name: str, heading: str = "") -> None:
+        """A page, from one of its headings on. An unknown name shows the first page."""
+        page = next((p for p in pages() if p.name == name), pages()[0])
+        if page.name != self.page:
+            self.page = page.name
+            self.text.setMarkdown(page.text)
+            if not self.search.text():
+                self._mark_current()
+        self.text.moveCursor(QTextCursor.MoveOperation.Start)
+        if heading and self.text.find(heading, QTextDocument.FindFlag.FindCaseSensitively):
+            cursor = self.text.textCursor()
+            cursor.clearSelection()
+            self.text.setTextCursor(cursor)
+            bar = self.text.verticalScrollBar()
+            bar.setValue(bar.value() + self.text.cursorRect(cursor).top() - 20)
+        self._highlight()
+
+    def _mark_current(self) -> None:
+        for row in range(self.list.count()):
+            section: Section = self.list.item(row).data(_SECTION)
+            if section.page == self.page:
+                self.list.blockSignals(True)
+                self.list.setCurrentRow(row)
+                self.list.blockSignals(False)
+                return
+
+    def _fill(self, words: str) -> None:
+        found = find(words) if words.strip() else [page.sections[0] for page in pages()]
+        titles = {page.name: page.title for page in pages()}
+        self.list.blockSignals(True)
+        self.list.clear()
+        for section in found:
+            title = titles[section.page]
+            item = QListWidgetItem(title if section.title in ("", title) else f"{section.title}\n  {title}")
+            item.setData(_SECTION, section)
+            self.list.addItem(item)
+        if not found:
+            item = QListWidgetItem("Nothing in the help holds these words.")
+            item.setFlags(Qt.ItemFlag.NoItemFlags)
+            self.list.addItem(item)
+        self.list.blockSignals(False)
+        if words.strip() and found:
+            self.list.setCurrentRow(0)
+        elif not words.strip():
+            self._mark_current()
+        self._highlight()
+
+    def _on_current(self, item: QListWidgetItem | None) -> None:
+        section: Section | None = None if item is None else item.data(_SECTION)
+        if section is not None:
+            self.show_page(section.page, section.title if self.search.text() else "")
+
+    def _highlight(self) -> None:
+        """The searched words, wherever they stand."""
+        marks: list[QTextEdit.ExtraSelection] = []
+        style = QTextCharFormat()
+        style.setBackground(self.palette().color(QPalette.ColorRole.Highlight))
+        style.setForeground(self.palette().color(QPalette.ColorRole.HighlightedText))
+        for word in self.search.text().split():
+            cursor = self.text.document().find(word)
+            while not cursor.isNull() and len(marks) < 500:
+                mark = QTextEdit.ExtraSelection()
+                mark.cursor, mark.format = cursor, style
+                marks.append(mark)
+                cursor = self.text.document().find(word, cursor)
+        self.text.setExtraSelections(marks)
+
+
+def open_help(page: str, parent: QWidget) -> HelpWindow:
+    """Shows a page in the help window, in the one that is open where there is one."""
+    for window in parent.findChildren(HelpWindow):
+        if window.isVisible():
+            window.search.clear()
+            window.show_page(page)
+            window.raise_()
+            window.activateWindow()
+            return window
+    window = HelpWindow(page, parent)
+    window.show()
+    return window

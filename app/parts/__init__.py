@@ -22,6 +22,7 @@ from app.parts.results import ResultPart
 from app.parts.selecting import SelectPart
 from app.parts.thresholds import ThresholdPart
 from app.parts.view import ViewPart
+from app.parts.views import ViewsPart
 
 PARTS: tuple[type[Part], ...] = (
     FilePart,
@@ -44,6 +45,7 @@ PARTS: tuple[type[Part], ...] = (
     CheckPart,
     LookPart,
     PalettePart,
+    ViewsPart,
 )
 
 ACTIONS: tuple[Action, ...] = tuple(action for part in PARTS for action in part.ACTIONS)

@@ -13,7 +13,7 @@ from app.frames.canvas import MODES
 from app.frames.link import FrameLink
 from app.frames.state import FrameState
 from app.panels.frames import FramePanel
-from app.panels.help import HelpWindow
+from app.panels.help import open_help
 from app.parts.part import Dock, Part, Workspace
 from app.reasons import with_frame, with_masks
 from app.tones import CHANNELS
@@ -106,6 +106,7 @@ class FramePart(Part):
             "Frames and &masks",
             "How frames are compared with renders, and how their floor masks are corrected",
             "&Help",
+            1,
         ),
     )
 
@@ -130,7 +131,7 @@ class FramePart(Part):
         handlers: dict[str, Callable[..., object]] = {
             "open_frame": self._open,
             "leave_frame": self._leave,
-            "help_frames": lambda: HelpWindow("frames", self.workspace.window).show(),
+            "help_frames": lambda: open_help("frames", self.workspace.window),
             "mask_undo": corrector.undo,
             "mask_redo": corrector.redo,
             "mask_revert": corrector.revert,

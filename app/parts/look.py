@@ -9,7 +9,8 @@ from PySide6.QtWidgets import QApplication
 
 from app import theme
 from app.actions import Action
-from app.panels.help import HelpWindow
+from app.panels.about import AboutWindow
+from app.panels.help import open_help
 from app.parts.part import Part
 
 
@@ -36,9 +37,9 @@ class LookPart(Part):
         Action(
             "reset_layout", "&Reset layout", "Put all panels back where they were at first", "&Window", icon="layout"
         ),
-        Action(
-            "help", "&Keys and mouse", "How to move around and what the keys do", "&Help", shortcut="F1", icon="help"
-        ),
+        Action("help", "&Help pages", "Read or search the help", "&Help", 1, "F1", "help"),
+        Action("help_keys", "&Keys and mouse", "How to move around and what the keys do", "&Help", 1, "Shift+F1"),
+        Action("about", "&About NVSim", "Versions, and a report of this system to copy", "&Help", 2),
     )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -47,7 +48,9 @@ class LookPart(Part):
             "dark": self._set_dark,
             "fullscreen": lambda on: window.showFullScreen() if on else window.showNormal(),
             "reset_layout": window.reset_layout,
-            "help": lambda: HelpWindow("keys", window).show(),
+            "help": lambda: open_help("start", window),
+            "help_keys": lambda: open_help("keys", window),
+            "about": self._show_about,
         }
 
     def restore(self, settings: QSettings) -> None:
@@ -55,6 +58,9 @@ class LookPart(Part):
         dark.blockSignals(True)
         dark.setChecked(theme.is_dark(self.workspace.window.palette()))
         dark.blockSignals(False)
+
+    def _show_about(self) -> None:
+        AboutWindow(self.workspace.document.path, self.workspace.window).show()
 
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"

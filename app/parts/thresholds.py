@@ -19,6 +19,7 @@ from app.thresholds.preview import PreviewLayer, PreviewMarks
 from app.thresholds.table import THRESHOLDS
 from app.thresholds.trial import Trial
 from nvsim.errors import InputError
+from nvsim.graph.difference import Difference
 from nvsim.mapping.config import MappingConfig
 
 
@@ -62,7 +63,8 @@ class ThresholdPart(Part):
         self.panel.built.connect(self.build)
         self.trial.changed.connect(self._on_trial)
         document.contentsChanged.connect(self._on_contents)
-        document.graphChanged.connect(self._on_edit)
+        if hasattr(document, "graphChanged"):
+            document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("thresholds", "Thresholds", self.panel, "right", tab="details"),)
@@ -98,8 +100,7 @@ class ThresholdPart(Part):
             if "graph" in parts and applied is not None:
                 self.trial.set_config(applied)
 
-    def _on_edit(self) -> None:
-        # A method and not a lambda: a connection holds a lambda, and with it the whole window, for ever.
+    def _on_edit(self, change: Difference) -> None:
         self.trial.on_graph(fresh=False)
 
     def _on_trial(self) -> None:

@@ -82,7 +82,7 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
     from app.panels.help import HelpWindow
 
     pages = window.findChildren(HelpWindow)
-    assert any("turn around" in page.text.toPlainText() for page in pages)
+    assert len(pages) == 1, "one window shows all pages"
     for page in pages:
         page.close()
 

@@ -1,0 +1,57 @@
+"""What NVSim is, and the system report to copy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QFontDatabase, QGuiApplication, QIcon
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHBoxLayout, QLabel, QPlainTextEdit, QVBoxLayout, QWidget
+
+from app.icons import FOLDER
+from app.system_report import report, version_of
+
+_WHAT = (
+    "Turns a posed walk through a building into a simulator for vision-and-language navigation: floor-aware Gaussian "
+    "models, a navigation graph with the evidence behind every edge, and R2R data that existing agents load."
+)
+
+
+class AboutWindow(QDialog):
+    """Not modal."""
+
+    def __init__(self, project: Path | None, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("About NVSim")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.resize(620, 480)
+        picture = QLabel(self)
+        picture.setPixmap(QIcon(str(FOLDER / "app.svg")).pixmap(64, 64))
+        name = QLabel(f"<b style='font-size:15pt'>NVSim</b> &nbsp; {version_of('nvsim')}", self)
+        what = QLabel(_WHAT, self)
+        what.setWordWrap(True)
+        words = QVBoxLayout()
+        words.addWidget(name)
+        words.addWidget(what)
+        head = QHBoxLayout()
+        head.setSpacing(16)
+        head.addWidget(picture, 0, Qt.AlignmentFlag.AlignTop)
+        head.addLayout(words, 1)
+        self.report = QPlainTextEdit(report(project), self)
+        self.report.setReadOnly(True)
+        self.report.setLineWrapMode(QPlainTextEdit.LineWrapMode.NoWrap)
+        self.report.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
+        self.report.setAccessibleName("System report")
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        self.copy = buttons.addButton("Copy system report", QDialogButtonBox.ButtonRole.ActionRole)
+        self.copy.clicked.connect(self._copy)
+        buttons.rejected.connect(self.close)
+        layout = QVBoxLayout(self)
+        layout.setSpacing(12)
+        layout.addLayout(head)
+        layout.addWidget(self.report, 1)
+        layout.addWidget(buttons)
+
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setText(self.report.toPlainText())
+        self.copy.setText("Copied")

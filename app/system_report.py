@@ -1,0 +1,91 @@
+"""What a bug report needs to say about the machine and the program."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import psutil
+from PySide6.QtCore import qVersion
+from PySide6.QtGui import QGuiApplication, QOffscreenSurface, QOpenGLContext
+
+PACKAGES = (
+    "nvsim", "PySide6-Essentials", "pyqtgraph", "moderngl", "numpy", "numba", "scipy", "scikit-learn", "torch",
+    "opencv-contrib-python-headless", "onnxruntime", "networkx", "safetensors",
+)  # fmt: skip
+_NO_WINDOWS = ("offscreen", "minimal", "vnc", "linuxfb")  # platforms of Qt without OpenGL
+_GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
+
+
+def version_of(package: str) -> str:
+    """Without importing it: a window that starts fast has not loaded most of these."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def processor() -> str:
+    """Its name as the system gives it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass  # not a Linux
+    return platform.processor() or platform.machine()
+
+
+def cores() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def opengl() -> str:
+    """Who draws with OpenGL for windows, asked of a context of its own."""
+    if QGuiApplication.platformName() in _NO_WINDOWS:
+        return f"none: Qt runs on the platform “{QGuiApplication.platformName()}”"
+    before, surface_before = QOpenGLContext.currentContext(), None
+    if before is not None:
+        surface_before = before.surface()
+    context, surface = QOpenGLContext(), QOffscreenSurface()
+    surface.create()
+    if not context.create() or not context.makeCurrent(surface):
+        return "none: no context could be made"
+    functions = context.functions()
+    words = [str(functions.glGetString(name)) for name in (_GL_RENDERER, _GL_VERSION, _GL_VENDOR)]
+    context.doneCurrent()
+    if before is not None and surface_before is not None:
+        before.makeCurrent(surface_before)
+    return ", ".join(words)
+
+
+def facts(project: Path | None = None) -> dict[str, str]:
+    """Name -> value, in the order to be read."""
+    memory, own = psutil.virtual_memory(), psutil.Process().memory_info().rss
+    gib = 2**30
+    screen = QGuiApplication.primaryScreen()
+    size = screen.size()
+    threads = os.environ.get("NUMBA_NUM_THREADS", "") or f"{cores()} (all cores)"
+    found = {
+        "NVSim": version_of("nvsim"),
+        "Python": f"{sys.version.split()[0]} ({platform.python_implementation()})",
+        "System": platform.platform(),
+        "Processor": f"{processor()}, {cores()} cores for this program",
+        "Memory": f"{memory.total / gib:.1f} GiB, {memory.available / gib:.1f} free; this window {own / gib:.2f} GiB",
+        "Threads of the kernels": threads,
+        "OpenGL": opengl(),
+        "Qt": f"{qVersion()} on {QGuiApplication.platformName()}",
+        "Screen": f"{size.width()}×{size.height()}, scale {screen.devicePixelRatio():g}",
+    }
+    if project is not None:
+        found["Project"] = str(project)
+    return found | {package: version_of(package) for package in PACKAGES[1:]}
+
+
+def report(project: Path | None = None) -> str:
+    """One line for each fact, to be pasted into a bug report."""
+    return "\n".join(f"{name}: {value}" for name, value in facts(project).items()) + "\n"
