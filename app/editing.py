@@ -181,6 +181,14 @@ class Editing(QObject):
         """One operation of nvsim.graph.operations as one step. Returns whether it happened; if not, says why."""
         return self.run_all([(name, arguments)], selection=selection, merge=merge)
 
+    def perform(self, text: str, graph: NavGraph) -> bool:
+        """A graph that was made elsewhere, as one step. Returns whether it happened; if not, says why."""
+        if self.history is None or not self.writable:
+            self.refuse(self.locked or "No navigation graph is open.")
+            return False
+        self.history.perform(text, graph)
+        return True
+
     def run_all(
         self,
         operations: Iterable[tuple[str, Mapping[str, Any]]],

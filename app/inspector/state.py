@@ -10,14 +10,7 @@ from PySide6.QtCore import QObject, Signal
 from app.document import Document
 from app.inspector.directions import Direction, directions
 from nvsim.graph.difference import Difference
-from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-
-
-def graph_of(document: Document) -> NavGraph | None:
-    """The graph as the window shows it."""
-    shown: NavGraph | None = getattr(document, "graph", document.contents.graph)
-    return shown
 
 
 class Inspection(QObject):
@@ -36,8 +29,7 @@ class Inspection(QObject):
         self._pointed: tuple[str, int] | None = None
         document.selectionChanged.connect(self.refresh)
         document.contentsChanged.connect(self._on_contents)
-        if hasattr(document, "graphChanged"):
-            document.graphChanged.connect(self._on_edit)
+        document.graphChanged.connect(self._on_edit)
         self.refresh()
 
     @property
@@ -60,7 +52,7 @@ class Inspection(QObject):
 
     def refresh(self) -> None:
         """Reads the directions of what is selected."""
-        viewpoint, graph = self._document.selected_viewpoint, graph_of(self._document)
+        viewpoint, graph = self._document.selected_viewpoint, self._document.graph
         if viewpoint is None or graph is None:
             self.viewpoint, self.directions = None, ()
         else:

@@ -23,6 +23,8 @@ from app.palette.entries import Entry
 
 _WIDTH, _ROWS = 560, 11
 _ENTRY = Qt.ItemDataRole.UserRole
+_STEPS = {Qt.Key.Key_Down: 1, Qt.Key.Key_Up: -1, Qt.Key.Key_PageDown: _ROWS, Qt.Key.Key_PageUp: -_ROWS}
+_OWN = (*_STEPS, Qt.Key.Key_Escape, Qt.Key.Key_Return, Qt.Key.Key_Enter)
 
 
 class _Rows(QStyledItemDelegate):
@@ -172,15 +174,17 @@ class PaletteView(QFrame):
             and not self.isAncestorOf(self.window().focusWidget())
         ):
             self.hide()
+        if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and event.key() in _OWN:
+            event.accept()  # while the palette is open these keys are no commands of the window
+            return True
         if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
-            step = {Qt.Key.Key_Down: 1, Qt.Key.Key_Up: -1, Qt.Key.Key_PageDown: _ROWS, Qt.Key.Key_PageUp: -_ROWS}
             if event.key() == Qt.Key.Key_Escape:
                 self.close()
                 return True
             if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
                 self._run(self.list.currentItem())
                 return True
-            move = step.get(Qt.Key(event.key()))
+            move = _STEPS.get(Qt.Key(event.key()))
             if move is not None and self.list.count():
                 row = self.list.currentRow() + move
                 row = row % self.list.count() if abs(move) == 1 else min(max(row, 0), self.list.count() - 1)

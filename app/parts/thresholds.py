@@ -63,8 +63,7 @@ class ThresholdPart(Part):
         self.panel.built.connect(self.build)
         self.trial.changed.connect(self._on_trial)
         document.contentsChanged.connect(self._on_contents)
-        if hasattr(document, "graphChanged"):
-            document.graphChanged.connect(self._on_edit)
+        document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("thresholds", "Thresholds", self.panel, "right", tab="details"),)
@@ -117,7 +116,7 @@ class ThresholdPart(Part):
             return
         text = f"Decide again: {len(outcome.appear)} edges appear, {len(outcome.disappear)} disappear"
         self._remember_applied()
-        self.workspace.document.editing.history.perform(text, graph)
+        self.workspace.document.editing.perform(text, graph)
 
     def build(self) -> None:
         """Orders a build of the map with these thresholds."""

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
 from app import colors
 from app.document import Document
 from app.forms.fields import field_docs
-from app.inspector.state import graph_of
 from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import THRESHOLDS, changed, preset
 from app.thresholds.trial import Trial
@@ -150,27 +149,25 @@ class ThresholdPanel(QScrollArea):
             else f"Not now: {reason}."
         )
         self.reset.setEnabled(self._trial.differs)
-        self.build.setEnabled(self._document.project is not None and graph_of(self._document) is not None)
+        self.build.setEnabled(self._document.project is not None and self._document.graph is not None)
         self.outcome.setText(self._headline())
         self.notes.setText(self._notes())
 
     @property
     def obstacle(self) -> str | None:
         """Why nothing can be applied; None when it can."""
-        if graph_of(self._document) is None:
+        if self._document.graph is None:
             return "no navigation graph is built yet"
         if self._trial.preparing:
             return "the evidence is still being summed up"
         if not self._trial.outcome:
             return "these thresholds change no edge"
-        editing = getattr(self._document, "editing", None)
-        if editing is None or not editing.writable:
-            return "the graph cannot be edited in this window"
-        return None
+        editing = self._document.editing
+        return None if editing.writable else editing.locked.rstrip(".") or "the graph cannot be edited here"
 
     def _headline(self) -> str:
         outcome = self._trial.outcome
-        if graph_of(self._document) is None:
+        if self._document.graph is None:
             return "No navigation graph is built yet."
         if self._trial.preparing:
             return "Summing up the evidence…"

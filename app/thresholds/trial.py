@@ -8,7 +8,6 @@ import time
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.document import Document
-from app.inspector.state import graph_of
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.redecide import Redecider, Redecision
@@ -64,7 +63,7 @@ class Trial(QObject):
 
     def prepare(self) -> None:
         """Sums the evidence up, unless that is done or under way."""
-        graph = graph_of(self._document)
+        graph = self._document.graph
         if graph is None or self._thread is not None or (self._redecider and self._redecider.graph is graph):
             return
         self._number += 1

@@ -133,3 +133,44 @@ def test_closing_while_the_evidence_is_summed_up_leaves_nothing(part: ThresholdP
     part.trial.prepare()
     part.store(settings)
     assert part.trial._thread is None
+
+
+def test_applying_is_one_step_that_can_be_undone_and_comes_back_with_the_project(
+    part: ThresholdPart, document: Document, qtbot: QtBot
+) -> None:
+    before = document.graph
+    assert before is not None
+    part.panel.rows["tau_alpha"].slider.setValue(0)
+    tried(part, qtbot)
+    assert part.trial.outcome is not None and part.panel.apply.isEnabled()
+    gone = len(part.trial.outcome.disappear)
+    part.panel.apply.click()
+    after = document.graph
+    assert after is not None and len(after.edges) == len(before.edges) - gone
+    assert document.editing.history is not None and f"{gone} disappear" in document.editing.history.steps[-1].text
+    tried(part, qtbot)
+    assert not part.trial.outcome, "the graph is what is tried"
+    document.editing.undo()
+    assert document.graph is not None and dict(document.graph.edges) == dict(before.edges)
+    tried(part, qtbot)
+    assert part.trial.outcome and len(part.trial.outcome.disappear) == gone
+    document.editing.redo()
+    # A project that is opened again is decided as it was last applied.
+    part.trial.on_graph(fresh=True)
+    assert not part.trial.differs
+    part._on_contents(frozenset({"graph"}))
+    assert part.trial.config.tau_alpha == 0.0
+    tried(part, qtbot)
+
+
+def test_edits_of_a_person_are_part_of_what_is_tried(part: ThresholdPart, document: Document, qtbot: QtBot) -> None:
+    assert document.graph is not None
+    part.panel.rows["tau_alpha"].slider.setValue(0)
+    tried(part, qtbot)
+    assert part.trial.outcome is not None and part.trial.redecider is not None
+    a, b = (part.trial.redecider.ids[i] for i in part.trial.outcome.disappear[0])
+    gone = len(part.trial.outcome.disappear)
+    assert document.editing.run("lock", {"viewpoints": [], "edges": [[a, b]], "locked": True})
+    qtbot.waitUntil(lambda: part.trial.outcome is not None, timeout=10_000)
+    assert len(part.trial.outcome.disappear) == gone - 1 and part.trial.outcome.kept == 1
+    assert "1 edge stays" in part.panel.notes.text()
