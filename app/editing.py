@@ -6,8 +6,8 @@ who shows the graph hears of the difference.
 
 from __future__ import annotations
 
-import itertools
 import threading
+import uuid
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -16,18 +16,20 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.graph_files import GraphFile
+from app.proposals import Proposals
 from nvsim.errors import InputError
 from nvsim.graph.difference import difference
 from nvsim.graph.edits import EditError, new_id
 from nvsim.graph.findings import Context, Finding, Validator
 from nvsim.graph.history import History, HistoryChange
+from nvsim.graph.journal import Journal
 from nvsim.graph.operations import Surroundings, apply, describe, record
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OccupancyMap
 
-FLUSH = 400  # milliseconds after a step until it is on the disk: what a crash may cost at most
+LOOK = 1200  # milliseconds after a step until it must be on the disk
 EYE = 1.5  # metres above the floor, of a viewpoint that nobody gave another height
 
 Place = tuple[float, float, float]
@@ -51,15 +53,18 @@ class Editing(QObject):
         super().__init__(parent)
         self.history: History | None = None
         self.file: GraphFile | None = None
+        self.proposals = Proposals()
         self.locked = ""
         """Why nothing can be changed here, "" when it can: another window edits the same graph."""
         self._validator: Validator | None = None
         self.saving = False
+        self._journal: Journal | None = None
         self._occupancy: OccupancyMap | None = None
         self._surroundings = Surroundings()
-        self._merges = itertools.count()
-        self._flush = QTimer(self, singleShot=True, interval=FLUSH)
-        self._flush.timeout.connect(self.flush)
+        self._saver: threading.Thread | None = None
+        self._trouble = ""
+        self._disk = QTimer(self, singleShot=True, interval=LOOK)
+        self._disk.timeout.connect(self._look_at_disk)
         self._saved.connect(self._on_saved)
 
     # What there is -----------------------------------------------------------------------------------------------
@@ -108,7 +113,23 @@ class Editing(QObject):
         self.stepsChanged.emit()
 
     def _opened(self, graph: NavGraph, file: GraphFile | None) -> History:
-        return History(graph)
+        """The history as it was left, going on from what the file holds."""
+        if file is None or file.journal is None:
+            return History(graph)
+        try:
+            self._journal = Journal.open(file.journal, plain=file.foreign)
+            history = self._journal.history(graph)
+        except InputError as error:
+            self._journal = None
+            self.failed.emit(f"{error} Edits will not survive a crash.")
+            return History(graph)
+        self.locked = self._journal.refusal or ""
+        if self._journal.notice:
+            self.told.emit(self._journal.notice)
+        if self._journal.recovered:
+            edits = _counted(self._journal.recovered, "edit")
+            self.told.emit(f"{edits} that were not saved came back; the history shows them, and undo takes them back.")
+        return history
 
     def _take_over(self, graph: NavGraph) -> None:
         """The project holds another graph: a job built it."""
@@ -124,13 +145,22 @@ class Editing(QObject):
 
     def close(self) -> None:
         """What was edited is on the disk when this returns."""
-        self.flush()
-        self.history, self.file, self.locked = None, None, ""
+        if self._saver is not None:
+            self._saver.join()
+        if self._journal is not None:
+            try:
+                self._journal.close()
+            except InputError as error:
+                self.failed.emit(str(error))
+        self.history, self.file, self._journal, self.locked = None, None, None, ""
         self._validator = None
 
-    def flush(self) -> None:
-        """Every step up to now is on the disk."""
-        self._flush.stop()
+    def _look_at_disk(self) -> None:
+        """The journal writes by itself; what it cannot write is said once."""
+        trouble = "" if self._journal is None else self._journal.trouble
+        if trouble and trouble != self._trouble:
+            self.failed.emit(trouble)
+        self._trouble = trouble
 
     # Saving ------------------------------------------------------------------------------------------------------
 
@@ -150,10 +180,10 @@ class Editing(QObject):
                 trouble = str(error)
             self._saved.emit((history, index), trouble)
 
-        thread = threading.Thread(target=work, name="graph saver")
-        thread.start()
+        self._saver = threading.Thread(target=work, name="graph saver")
+        self._saver.start()
         if wait:
-            thread.join()
+            self._saver.join()
 
     def _on_saved(self, what: tuple[History, int], trouble: str) -> None:
         history, index = what
@@ -210,8 +240,20 @@ class Editing(QObject):
         except EditError as error:
             self.refuse(str(error))
             return False
-        self.history.perform(words, graph, selection, merge, record(*done[0]) if len(done) == 1 else None)
+        # A key of its own lets what is measured later become part of the step.
+        key = merge or uuid.uuid4().hex
+        self.history.perform(words, graph, selection, key, record(*done[0]) if len(done) == 1 else None)
         return True
+
+    def amend(self, text: str, graph: NavGraph) -> None:
+        """The graph becomes `graph`, as part of the last edit where that is the current step, else as a step."""
+        if self.history is None or not self.writable:
+            return
+        last = self.history.steps[self.history.index]
+        if last.edit and last.merge is not None:
+            self.history.perform(last.text, graph, None, last.merge, last.operation)
+        else:
+            self.history.perform(text, graph)
 
     def refuse(self, sentence: str) -> None:
         """Says why nothing happened."""
@@ -340,7 +382,7 @@ class Editing(QObject):
         if change.selection_changed:
             self.selectionChanged.emit()
         if change.steps_changed:
-            self._flush.start()
+            self._disk.start()
             self.stepsChanged.emit()
 
 

@@ -41,7 +41,7 @@ class ProjectGraph:
     def journal(self) -> Path | None:
         from nvsim.project.layout import Layout
 
-        return Layout(self._project).edits if self._project.is_dir() else None
+        return Layout(self._project).edits if Layout(self._project).database.is_file() else None
 
     def save(self, graph: NavGraph) -> None:
         from nvsim.project.project import Project

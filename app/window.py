@@ -138,6 +138,7 @@ class MainWindow(QMainWindow):
         self.scene.troubled.connect(self._on_trouble)
         self.scene.remarked.connect(self._on_remark)
         self.document.contentsChanged.connect(self._on_contents)
+        self.document.graphChanged.connect(self._summarise)
         self.jobs.changed.connect(self.actions_table.refresh)
 
     # Following the document ------------------------------------------------------------------------------------
@@ -160,8 +161,12 @@ class MainWindow(QMainWindow):
         if missing is not None:
             self.empty.say(*missing, contents.missing_verb, contents.path is not None)
         name = contents.path.name if contents.path else ""
-        self.setWindowTitle(f"{name} – NVSim" if name else "NVSim")
-        graph, capture = self.document.graph, contents.capture
+        self.setWindowTitle(f"{name}[*] – NVSim" if name else "NVSim")  # Qt puts * there while edits are unsaved
+        self._summarise()
+
+    def _summarise(self, _: object = None) -> None:
+        contents, graph = self.document.contents, self.document.graph
+        capture = contents.capture
         words = [
             f"{len(capture.frames):,} frames" if capture else "",
             f"{len(contents.submaps)} submaps" if contents.submaps else "",

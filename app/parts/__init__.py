@@ -18,6 +18,7 @@ from app.parts.new_project import NewProjectPart
 from app.parts.palette import PalettePart
 from app.parts.panels import DetailsPart, LogPart, MapPart, SubmapPart
 from app.parts.part import Part
+from app.parts.proposing import ProposePart
 from app.parts.results import ResultPart
 from app.parts.selecting import SelectPart
 from app.parts.thresholds import ThresholdPart
@@ -43,6 +44,7 @@ PARTS: tuple[type[Part], ...] = (
     EditPart,
     SelectPart,
     CheckPart,
+    ProposePart,
     LookPart,
     PalettePart,
     ViewsPart,

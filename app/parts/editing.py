@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from PySide6.QtCore import QSettings
+
 from app.actions import Action
 from app.graph_reasons import can_redo, can_save, can_undo, edges, viewpoints, with_things
 from app.panels.form import Choice, Form, Number
@@ -95,6 +97,11 @@ class EditPart(Part):
         back, forth = (None, None) if history is None else (history.undo_text, history.redo_text)
         actions["undo"].setText(f"&Undo {_lower(back)}".rstrip())
         actions["redo"].setText(f"&Redo {_lower(forth)}".rstrip())
+        self.workspace.window.setWindowModified(self._editing.dirty)
+
+    def store(self, settings: QSettings) -> None:
+        """The window closes: what was edited must not depend on what becomes of the process."""
+        self._editing.close()
 
     # Commands ----------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,145 @@
+"""Editing in the window: a project's graph survives a crash, a second window only looks, saving, undo, the title."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import demo_project
+import demo_room
+import pytest
+from pytestqt.qtbot import QtBot
+
+from app.document import Document
+from app.graph_files import ProjectGraph
+from app.loading import Contents
+from app.window import MainWindow
+from nvsim.graph.selection import GraphSelection
+from nvsim.project.project import Project
+
+Opened = Callable[[], Document]
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return demo_project.write_project(tmp_path / "demo.nvsim", models=0)
+
+
+@pytest.fixture
+def opened(project: Path, qapp: object) -> Iterator[Opened]:
+    """Opens the project once more, as another window would."""
+    made: list[Document] = []
+
+    def open() -> Document:
+        document = Document()
+        with Project.open(project) as stored:
+            graph = stored.graph()
+        document.set_contents(Contents(project, graph=graph, graph_file=ProjectGraph(project)))
+        made.append(document)
+        return document
+
+    yield open
+    for document in made:
+        document.editing.close()
+
+
+def test_edits_that_were_not_saved_come_back(opened: Opened) -> None:
+    first = opened()
+    key = next(iter(first.graph.edges))
+    first.editing.run("remove_edges", {"pairs": [list(key)]})
+    first.editing.close()  # the disk holds what a crash would leave
+    told: list[str] = []
+    second = Document()
+    second.editing.told.connect(told.append)
+    with Project.open(first.path) as stored:
+        assert key in stored.graph().edges
+        contents = replace(first.contents, graph=stored.graph(), graph_file=ProjectGraph(first.path))
+    second.set_contents(contents)
+    assert key not in second.graph.edges and second.editing.dirty
+    assert "1 edit" in told[0]
+    second.editing.undo()
+    assert key in second.graph.edges and not second.editing.dirty
+    second.editing.close()
+
+
+def test_saving_writes_the_project_and_clears_the_mark(opened: Opened, project: Path) -> None:
+    document = opened()
+    key = next(iter(document.graph.edges))
+    document.editing.run("remove_edges", {"pairs": [list(key)]})
+    assert document.editing.dirty
+    document.editing.save(wait=True)
+    from PySide6.QtWidgets import QApplication
+
+    QApplication.processEvents()
+    assert not document.editing.dirty
+    with Project.open(project) as stored:
+        assert key not in stored.graph().edges
+    document.editing.undo()
+    assert document.editing.dirty
+
+
+def test_a_project_that_is_being_written_is_not_saved_and_says_why(opened: Opened, project: Path, qtbot: QtBot) -> None:
+    document = opened()
+    document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
+    with Project.open(project, writable=True), qtbot.waitSignal(document.editing.failed) as failed:
+        document.editing.save()
+    assert "being written" in failed.args[0] and document.editing.dirty
+
+
+def test_a_second_window_only_looks_and_says_so(opened: Opened, make_window: Callable[[Document], MainWindow]) -> None:
+    first, second = opened(), opened()
+    assert first.editing.writable and not second.editing.writable
+    window = make_window(second)
+    remove = window.actions_table["remove"]
+    second.select(viewpoint=next(iter(second.graph.viewpoints)))
+    assert not remove.isEnabled() and "another window" in remove.toolTip()
+    before = second.graph
+    second.editing.remove_selection()
+    assert second.graph is before
+
+
+def test_the_title_marks_unsaved_edits(window: MainWindow, document: Document) -> None:
+    assert not window.isWindowModified()
+    document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
+    assert window.isWindowModified()
+    assert window.actions_table["undo"].text() == "&Undo remove 1 edge"
+    document.editing.undo()
+    assert not window.isWindowModified()
+    assert window.actions_table["redo"].text() == "&Redo remove 1 edge"
+
+
+def test_views_and_panels_follow_the_edited_graph(window: MainWindow, document: Document) -> None:
+    id = document.graph_arrays.ids[5]
+    stored = document.contents.graph
+    document.select(viewpoint=id)
+    window.actions_table["remove"].trigger()
+    assert id not in document.graph.viewpoints and id not in document.graph_arrays.index
+    assert stored is document.contents.graph and id in stored.viewpoints
+    assert not document.selection and "21 viewpoints" in window._summary.text()
+    document.editing.undo()
+    assert id in document.graph_arrays.index and document.graph is stored
+    assert document.editing.selection == GraphSelection(frozenset({id}))
+    assert document.selection.viewpoint == id
+
+
+def test_a_graph_that_a_job_built_again_becomes_a_step(window: MainWindow, document: Document) -> None:
+    file = ProjectGraph(Path("demo.nvsim"))
+    document.set_contents(replace(document.contents, path=Path("other.nvsim"), graph_file=file))
+    before = document.graph
+    smaller = replace(before, edges=dict(list(before.edges.items())[:-3]))
+    document.set_contents(replace(document.contents, graph=smaller))
+    assert document.graph is smaller and not document.editing.dirty
+    document.editing.undo()
+    assert document.graph is before
+
+
+def test_a_graph_built_again_does_not_replace_edits(window: MainWindow, document: Document) -> None:
+    document.set_contents(
+        replace(document.contents, path=Path("other.nvsim"), graph_file=ProjectGraph(Path("demo.nvsim")))
+    )
+    document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
+    mine = document.graph
+    document.set_contents(replace(document.contents, graph=demo_room.graph(document.contents.submaps)))
+    assert document.graph is mine
+    assert "yours is kept" in window.notice_area.texts[-1]
