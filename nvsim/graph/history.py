@@ -107,6 +107,11 @@ class History:
         return self._index
 
     @property
+    def saved_index(self) -> int:
+        """Of the step whose graph was saved; -1 when it is not among the steps any more."""
+        return self._clean
+
+    @property
     def clean(self) -> bool:
         """Whether the graph is the one that was saved."""
         if self._clean < 0:
@@ -208,13 +213,16 @@ class History:
         self._announce(before, self.selection != was, True)
         return True
 
-    def mark_saved(self) -> None:
-        """The current graph is the one in the file."""
-        # A step that only selects does not hold the mark: it may give way to another selection.
-        self._clean = next(i for i in range(self._index, -1, -1) if self._steps[i].edit or i == 0)
+    def mark_saved(self, graph: NavGraph | None = None) -> None:
+        """The current graph is the one in the file; or `graph` is, which was current when the saving began."""
+        at = self._index if graph is None or graph is self._graph else self._graphs.index_of(graph)
+        if at is not None:
+            # A step that only selects does not hold the mark: it may give way to another selection.
+            at = next(i for i in range(at, -1, -1) if self._steps[i].edit or i == 0)
+        self._clean = -1 if at is None else at
         self._note()
         if self._journal is not None:
-            self._journal.saved(self._graph)
+            self._journal.saved(self._graph if graph is None else graph)
         self._announce(self.graph, False, True)
 
     # Listening --------------------------------------------------------------------------------------------------

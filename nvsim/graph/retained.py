@@ -37,6 +37,10 @@ class Retained:
             self._kept[index] = self._kept.pop(index)
         return found
 
+    def index_of(self, graph: NavGraph) -> int | None:
+        """The last step with this very graph, None where there is none or it was made again since."""
+        return max((i for i, kept in self._kept.items() if kept is graph), default=None)
+
     def put(self, index: int, before: NavGraph, after: NavGraph) -> Delta:
         """Step `index` leads from `before`, the graph of the step before it, to `after`; later steps are gone."""
         delta = delta_between(before, after)

@@ -1,0 +1,143 @@
+"""Edit the graph of a project or a connectivity file: `nvsim graph edit FILE remove_edges --where "length > 5"`.
+
+`nvsim graph edit FILE list` prints the edits with their arguments. What --where selects becomes the viewpoints and
+edges that the edit takes. The edit is saved whole or not at all, and a window can undo it in a project.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from nvsim.cli.arguments import Positional
+from nvsim.errors import InputError
+
+if TYPE_CHECKING:
+    from nvsim.cli.graph_target import GraphTarget
+    from nvsim.graph.difference import Difference
+    from nvsim.graph.operations import Operation
+    from nvsim.graph.types import NavGraph
+
+
+@dataclass(frozen=True)
+class Arguments:
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
+    edit: Positional[str]
+    """The name of the edit, or `list`."""
+    where: str | None = None
+    """An expression, as for `nvsim graph select`."""
+    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
+    """Arguments of the edit, values as JSON: distance=3 even=true position=[1,2,1.5] ids='["a"]'."""
+    map: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt; what lies beside the graph when left out."""
+    dry_run: bool = False
+    """Say what would happen and change nothing."""
+    out: Path | None = None
+    """Write this connectivity file and leave the graph as it is."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli.graph_target import GraphTarget, refused_as_input
+    from nvsim.graph.operations import OPERATIONS, apply, describe, perform, usage
+
+    target = GraphTarget(arguments.graph, arguments.map)
+    if arguments.edit == "list":
+        print("\n".join(usage(operation) for operation in OPERATIONS.values()))
+        return 0
+    operation = OPERATIONS.get(arguments.edit)
+    if operation is None:
+        raise InputError(f"There is no edit {arguments.edit!r}; `nvsim graph edit FILE list` prints them.")
+    given = _given(arguments.set)
+    if arguments.dry_run or arguments.out is not None:
+        before = target.read()
+        with refused_as_input():
+            values = _values(arguments, target, before, operation, given)
+            after = before if values is None else apply(before, operation.name, values, target.surroundings())
+            words = "" if values is None else describe(operation.name, values)
+        written = None if arguments.dry_run else target.write(after, arguments.out)
+    else:
+        written = None
+        with target.editing() as history, refused_as_input():
+            before = history.graph
+            values = _values(arguments, target, before, operation, given)
+            if values is not None:
+                perform(history, operation.name, values, surroundings=target.surroundings())
+                words = describe(operation.name, values)
+            after = history.graph
+            written = target.path if after is not before else None
+    report(before, after, words if values is not None else "", written, arguments.json)
+    return 0
+
+
+def report(before: NavGraph, after: NavGraph, words: str, written: Path | None, as_json: bool) -> None:
+    """Prints what became of the graph."""
+    from nvsim.graph.difference import difference
+
+    change = difference(before, after)
+    if as_json:
+        counts = {name: len(getattr(change, name)) for name in change.__dataclass_fields__}
+        where = None if written is None else str(written)
+        print(json.dumps({"text": words, "changed": counts, "written": where}))
+        return
+    print(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
+    if written is not None:
+        print(f"Wrote {written}")
+
+
+def _sentence(change: Difference) -> str:
+    from nvsim.graph.history import counted
+
+    parts = [
+        f"{counted(len(names), thing)} {word}"
+        for thing, kinds in (
+            ("viewpoint", (change.added_viewpoints, change.removed_viewpoints, change.changed_viewpoints)),
+            ("edge", (change.added_edges, change.removed_edges, change.changed_edges)),
+        )
+        for names, word in zip(kinds, ("added", "removed", "changed"), strict=True)
+        if names
+    ]
+    return ", ".join(parts) or "nothing changed"
+
+
+def _values(
+    arguments: Arguments, target: GraphTarget, graph: NavGraph, operation: Operation, given: Mapping[str, Any]
+) -> dict[str, Any] | None:
+    """All arguments of the edit; None when --where selects nothing for it."""
+    from nvsim.graph.expression import by_expression
+
+    if arguments.where is None:
+        return dict(given)
+    takes = {a.kind: a.name for a in operation.arguments if a.kind in ("viewpoints", "edges") and a.name not in given}
+    if not takes:
+        raise InputError(f"{operation.name} takes no viewpoints or edges that --where could select.")
+    kind = next(iter(takes)) if len(takes) == 1 else None
+    chosen = by_expression(graph, arguments.where, target.known(arguments.where), kind)  # type: ignore[arg-type]
+    if not chosen:
+        return None
+    found: dict[str, Any] = {}
+    if "viewpoints" in takes:
+        found[takes["viewpoints"]] = [id for id in graph.viewpoints if id in chosen.viewpoints]
+    if "edges" in takes:
+        found[takes["edges"]] = [list(key) for key in graph.edges if key in chosen.edges]
+    return {**given, **found}
+
+
+def _given(words: tuple[str, ...]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if not equals:
+            raise InputError(f"{word!r} is no argument; write NAME=VALUE.")
+        try:
+            found[name] = json.loads(text)
+        except ValueError:
+            found[name] = text
+    return found

@@ -1,0 +1,46 @@
+"""List the edits of a project, or of a connectivity file that a window has open or left unsaved; with --script, write
+them as a script for `nvsim graph replay`."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli.arguments import Positional
+
+
+@dataclass(frozen=True)
+class Arguments:
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
+    script: Path | None = None
+    """Write what leads to the current step as JSON lines into this file."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.atomic import write_text
+    from nvsim.cli.graph_target import GraphTarget
+    from nvsim.graph.journal import script
+
+    target = GraphTarget(arguments.graph)
+    with target.journal() as journal:
+        history = journal.history(target.read())
+        steps, index, clean = history.steps, history.index, history.saved_index
+        if arguments.script is not None:
+            write_text(arguments.script, "".join(f"{line}\n" for line in script(history)))
+    if arguments.json:
+        rows = [{"text": s.text, "when": s.when, "edit": s.edit, "operation": s.operation} for s in steps]
+        print(json.dumps({"steps": rows, "index": index, "saved": clean}))
+        return 0
+    for number, step in enumerate(steps):
+        if step.edit or number == 0:
+            when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(step.when))
+            marks = " (saved)" if number == clean else ""
+            print(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
+    if journal.notice:
+        print(journal.notice)
+    return 0

@@ -1,0 +1,64 @@
+"""Do the edits of a script again, on a project or a connectivity file. A script has one JSON object per line, such as
+{"edit": "remove_edges", "pairs": [["a", "b"]]}; `nvsim graph log --script` writes one. Empty lines and lines that begin
+with # are passed over. All of it is saved or nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli.arguments import Positional
+from nvsim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Arguments:
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
+    script: Positional[Path]
+    """JSON lines."""
+    map: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt; what lies beside the graph when left out."""
+    dry_run: bool = False
+    """Say what would happen and change nothing."""
+    out: Path | None = None
+    """Write this connectivity file and leave the graph as it is."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli.commands.graph_edit import report
+    from nvsim.cli.graph_target import GraphTarget, refused_as_input
+    from nvsim.graph.history import History, counted
+    from nvsim.graph.operations import parse_line, perform
+
+    target = GraphTarget(arguments.graph, arguments.map)
+    try:
+        lines = arguments.script.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise InputError(f"Cannot read {arguments.script}: {reason}; name a file of JSON lines.") from error
+    surroundings = target.surroundings()
+
+    def play(history: History) -> str:
+        count = 0
+        for number, line in enumerate(lines, 1):
+            if line.strip() and not line.lstrip().startswith("#"):
+                with refused_as_input(f"{arguments.script}, line {number}: "):
+                    perform(history, *parse_line(line), surroundings=surroundings)
+                count += 1
+        return f"Replay {counted(count, 'edit')}"
+
+    if arguments.dry_run or arguments.out is not None:
+        history = History(target.read())
+        before = history.graph
+        words = play(history)
+        written = None if arguments.dry_run else target.write(history.graph, arguments.out)
+    else:
+        with target.editing() as history:
+            before = history.graph
+            words = play(history)
+        written = None if history.graph is before else target.path
+    report(before, history.graph, words, written, arguments.json)
+    return 0

@@ -1,0 +1,46 @@
+"""List the viewpoints and edges of a graph for which an expression holds, such as `degree > 4 and not reviewed`.
+
+Quantities of viewpoints: id, x, y, z, height, submap, included, reviewed, locked, origin, degree, component, evidence,
+validity. Of edges: x, y, z, submap, component, reviewed, locked, origin, length, slope, alpha, evidence, validity.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from nvsim.cli.arguments import Positional
+
+
+@dataclass(frozen=True)
+class Arguments:
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
+    where: Positional[str]
+    """The expression."""
+    kind: Literal["viewpoints", "edges"] | None = None
+    """Only these; both, as far as they have the quantities named, when left out."""
+    map: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt for `validity`; what lies beside the graph when left out."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli.graph_target import GraphTarget, refused_as_input
+    from nvsim.graph.expression import by_expression
+
+    target = GraphTarget(arguments.graph, arguments.map)
+    graph = target.read()
+    with refused_as_input():
+        chosen = by_expression(graph, arguments.where, target.known(arguments.where), arguments.kind)
+    viewpoints = [id for id in graph.viewpoints if id in chosen.viewpoints]
+    edges = [key for key in graph.edges if key in chosen.edges]
+    if arguments.json:
+        print(json.dumps({"viewpoints": viewpoints, "edges": edges}))
+    else:
+        for line in (*viewpoints, *(f"{a} {b}" for a, b in edges)):
+            print(line)
+    return 0

@@ -1,0 +1,129 @@
+"""What the graph commands work on: the graph of a project, or a connectivity file of anyone's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim.errors import InputError
+from nvsim.graph.edits import EditError
+from nvsim.graph.history import History
+from nvsim.graph.journal import Journal, sidecar
+from nvsim.graph.operations import Surroundings
+from nvsim.graph.quantities import Known
+from nvsim.graph.types import NavGraph
+from nvsim.occupancy.types import OccupancyMap
+
+if TYPE_CHECKING:
+    from nvsim.graph.foreign import ForeignFile
+
+
+class GraphTarget:
+    """A project folder or a file, and what is known around its graph. Raises InputError when it is neither."""
+
+    def __init__(self, path: Path, occupancy: Path | None = None) -> None:
+        self.path = Path(path).expanduser().absolute()
+        self.is_project = self.path.is_dir()
+        if not self.path.exists():
+            raise InputError(f"{path} does not exist; name a project or an R2R connectivity file.")
+        self._map = occupancy
+
+    def read(self) -> NavGraph:
+        """The graph as it is saved."""
+        if self.is_project:
+            from nvsim.project.project import Project
+
+            with Project.open(self.path) as project:
+                return project.need_graph()
+        return self._foreign.graph
+
+    def known(self, expression: str) -> Known:
+        """What an expression may need; the map only where it asks for it."""
+        return Known(self._occupancy() if "validity" in expression else None)
+
+    def surroundings(self) -> Surroundings:
+        from nvsim.graph.sight import sight_on
+
+        occupancy, walk = self._occupancy(), None
+        if self.is_project:
+            from nvsim.project.project import Project
+
+            with Project.open(self.path) as project:
+                capture = project.capture()
+                walk = None if capture is None else capture.positions
+        return Surroundings(None if occupancy is None else sight_on(occupancy), walk)
+
+    def journal(self) -> Journal:
+        """Of its edits. Raises InputError when its folder cannot be written."""
+        if self.is_project:
+            from nvsim.project.layout import Layout
+
+            return Journal.open(Layout(self.path).edits)
+        return Journal.open(sidecar(self.path), plain=True)
+
+    @contextmanager
+    def editing(self) -> Iterator[History]:
+        """Its history, to be added to; what it was brought to is saved when the block ends without an error.
+
+        Raises InputError when a window is editing it, or left edits that it did not save."""
+        with self.journal() as journal:
+            if journal.refusal is not None:
+                raise InputError(f"{self.path} is being edited in a window; close it there first.")
+            history = journal.history(self.read())
+            if not history.clean:
+                raise InputError(
+                    f"{self.path} has {journal.recovered} edits that were not saved; open it in the window and save or "
+                    "undo them first."
+                )
+            yield history
+            if history.clean:
+                return
+            journal.flush()
+            self.write(history.graph)
+            history.mark_saved()
+
+    def write(self, graph: NavGraph, out: Path | None = None) -> Path:
+        """Saves the graph, all or nothing; `out` names a connectivity file to write in its stead, which for a foreign
+        file keeps what was not edited as it is. Returns what was written."""
+        if not self.is_project:
+            return self._foreign.save(graph, out)
+        from nvsim.project.project import Project
+
+        if out is not None:
+            from nvsim.graph.foreign import ForeignFile
+            from nvsim.graph.foreign.document import Document
+
+            return ForeignFile(out, Document(), None).save(graph)
+        with Project.open(self.path, writable=True) as project:
+            project.set_graph(graph)
+        return self.path
+
+    @cached_property
+    def _foreign(self) -> ForeignFile:
+        from nvsim.graph.foreign import ForeignFile
+
+        return ForeignFile.open(self.path)
+
+    def _occupancy(self) -> OccupancyMap | None:
+        if self._map is not None:
+            from nvsim.occupancy.read import read_map
+
+            return read_map(self._map)
+        if self.is_project:
+            from nvsim.project.project import Project
+
+            with Project.open(self.path) as project:
+                return project.occupancy()
+        return self._foreign.beside.occupancy()
+
+
+@contextmanager
+def refused_as_input(where: str = "") -> Iterator[None]:
+    """What an edit refuses is the person's mistake: the sentence, after `where`."""
+    try:
+        yield
+    except EditError as error:
+        raise InputError(f"{where}{error}") from error

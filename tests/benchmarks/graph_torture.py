@@ -1,0 +1,66 @@
+"""Random sequences of edits, selections, undo, redo, save and reopen, until so many steps were made without breaking a
+rule of tests/unit/test_graph_machine.py.
+
+python tests/benchmarks/graph_torture.py [--steps 10000] [--json]
+
+A broken rule ends it with the shortest sequence that breaks it, and exit code 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from hypothesis import HealthCheck, settings
+from hypothesis.stateful import run_state_machine_as_test
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
+from test_graph_machine import EditorMachine
+
+_LENGTH = 60  # steps of a sequence
+
+
+class Counted(EditorMachine):
+    made = 0
+
+    def teardown(self) -> None:
+        type(self).made += self.count
+        super().teardown()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.count = 0
+
+    def check_invariants(self, *arguments: object, **options: object) -> None:
+        self.count += 1
+        super().check_invariants(*arguments, **options)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("--steps", type=int, default=10_000)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    started = time.perf_counter()
+    while Counted.made < options.steps:
+        left = options.steps - Counted.made
+        run_state_machine_as_test(
+            Counted,
+            settings=settings(
+                max_examples=max(1, min(50, left // _LENGTH + 1)),
+                stateful_step_count=_LENGTH,
+                deadline=None,
+                database=None,
+                suppress_health_check=list(HealthCheck),
+            ),
+        )
+    result = {"steps": Counted.made, "broken": 0, "seconds": round(time.perf_counter() - started, 1)}
+    print(json.dumps(result) if options.json else result)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
