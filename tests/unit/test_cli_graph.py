@@ -1,0 +1,112 @@
+"""`nvsim graph ...` on a project and on a connectivity file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from nvsim.cli.main import main
+from nvsim.graph.connectivity import read_connectivity, write_connectivity
+from nvsim.graph.journal import Journal, sidecar
+from nvsim.graph.operations import perform
+from nvsim.graph.store import same_graph
+from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.project.layout import Layout
+from nvsim.project.project import Project
+
+
+def row() -> NavGraph:
+    ids = [f"v{i}" for i in range(6)]
+    viewpoints = {id: Viewpoint(id, (2.0 * i + (i == 5), 0.0, 1.5), origin="file") for i, id in enumerate(ids)}
+    return NavGraph("row", viewpoints, {(a, b): edge(a, b, "file") for a, b in zip(ids, ids[1:])})
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return write_connectivity(row(), tmp_path / "connectivity")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    with Project.create_or_open(tmp_path / "p.nvsim") as made:
+        made.set_graph(row())
+    return tmp_path / "p.nvsim"
+
+
+def test_select_prints_what_the_expression_holds_for(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["graph", "select", str(file), "degree == 1"]) == 0
+    assert capsys.readouterr().out.split() == ["v0", "v5"]
+    assert main(["graph", "select", str(file), "length > 2.5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"viewpoints": [], "edges": [["v4", "v5"]]}
+
+
+def test_edit_changes_a_file_and_leaves_nothing_beside_it(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["graph", "edit", str(file), "remove_edges", "--where", "length > 2.5", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["text"] == "Remove 1 edge" and printed["changed"]["removed_edges"] == 1
+    assert ("v4", "v5") not in read_connectivity(file).edges
+    assert sorted(p.name for p in file.parent.iterdir()) == ["row_connectivity.json", "scans.txt"]
+
+
+def test_dry_run_and_out_leave_the_file_alone(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    held = file.read_bytes()
+    edit = ["graph", "edit", str(file), "set_height", "--where", "x > 3", "--set", "height=1.2"]
+    assert main([*edit, "--dry-run"]) == 0 and "4 viewpoints changed" in capsys.readouterr().out
+    assert main([*edit, "--out", str(tmp_path / "other_connectivity.json")]) == 0
+    assert file.read_bytes() == held
+    assert read_connectivity(tmp_path / "other_connectivity.json").viewpoints["v3"].height == 1.2
+
+
+def test_edits_of_a_project_can_be_undone_and_replayed(project: Path, file: Path, tmp_path: Path) -> None:
+    p, script = str(project), tmp_path / "script.jsonl"
+    assert main(["graph", "edit", p, "add_viewpoint", "--set", "position=[1, 1, 1.5]", "id=door"]) == 0
+    assert main(["graph", "edit", p, "add_edges", "--set", 'pairs=[["door", "v0"], ["door", "v1"]]']) == 0
+    assert main(["graph", "log", p, "--script", str(script)]) == 0
+    assert main(["graph", "replay", str(file), str(script)]) == 0
+    assert ("door", "v1") in read_connectivity(file).edges
+    with Project.open(project) as opened, Journal.open(Layout(project).edits) as journal:
+        graph = opened.need_graph()
+        history = journal.history(graph)
+        assert history.clean and ("door", "v0") in graph.edges
+        assert history.undo() and history.undo() and same_graph(history.graph, row())
+
+
+def test_a_script_is_done_whole_or_not_at_all(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = tmp_path / "script.jsonl"
+    script.write_text('{"edit": "include", "ids": ["v1"], "included": false}\n\n# later\n{"edit": "include"}\n')
+    assert main(["graph", "replay", str(project), str(script)]) == 2
+    assert "script.jsonl, line 4: include needs ids" in capsys.readouterr().err
+    with Project.open(project) as opened:
+        assert same_graph(opened.need_graph(), row())
+
+
+def test_unsaved_edits_of_a_window_are_not_run_over(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit = ["graph", "edit", str(file), "remove_edges", "--where", "length > 2.5"]
+    with Journal.open(sidecar(file), plain=True) as journal:
+        perform(journal.history(read_connectivity(file)), "remove_viewpoints", {"ids": ["v0"]})
+        assert main(edit) == 2 and "edited in a window" in capsys.readouterr().err
+    assert main(edit) == 2 and "not saved" in capsys.readouterr().err
+    assert len(read_connectivity(file).edges) == 5
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["edit", "FILE", "fly"], "no edit 'fly'"),
+        (["edit", "FILE", "include", "--where", "degree >"], "no expression"),
+        (["edit", "FILE", "include", "--set", "ids"], "write NAME=VALUE"),
+        (["edit", "FILE", "rename_viewpoint", "--where", "degree > 1"], "takes no viewpoints or edges"),
+        (["select", "nowhere.json", "degree > 1"], "does not exist"),
+        (["select", "FILE", "validity < 1"], "there is none"),
+        (["replay", "FILE", "nowhere.jsonl"], "Cannot read"),
+    ],
+)
+def test_mistakes_are_said_in_a_sentence(
+    words: list[str], message: str, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["graph", *(str(file) if w == "FILE" else w for w in words)]) == 2
+    assert message in capsys.readouterr().err
