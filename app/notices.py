@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QToolButton, QVBoxLayout, QWidget
 
 from app import colors
@@ -52,10 +52,18 @@ class Notices(QObject):
 
 
 class _Card(QFrame):
-    def __init__(self, notice: Notice, close: Callable[[], None], parent: QWidget) -> None:
+    """Stays while the pointer rests on it; then its time runs anew."""
+
+    def __init__(self, notice: Notice, close: Callable[[], None], explain: Callable[[], None], parent: QWidget) -> None:
         super().__init__(parent)
         self.notice = notice
         self.count = 1
+        self._timer = QTimer(self, singleShot=True)
+        self._timer.timeout.connect(close)
+        seconds = SECONDS[notice.severity]
+        if seconds is not None:
+            self._timer.setInterval(int(1000 * seconds))
+            self._timer.start()
         self._label = QLabel(notice.text, self)
         self._label.setWordWrap(True)
         self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -66,12 +74,35 @@ class _Card(QFrame):
         button.clicked.connect(close)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(16, 8, 6, 8)
-        layout.addWidget(self._label, 1)
+        words = QVBoxLayout()
+        words.setSpacing(2)
+        words.addWidget(self._label)
+        if notice.detail:
+            more = QToolButton(self)
+            more.setText("Details in the log")
+            more.setAutoRaise(True)
+            more.setObjectName("noticeDetails")
+            more.clicked.connect(explain)
+            words.addWidget(more, 0, Qt.AlignmentFlag.AlignLeft)
+        layout.addLayout(words, 1)
         layout.addWidget(button, 0, Qt.AlignmentFlag.AlignTop)
         self.setFixedWidth(380)
 
+    def enterEvent(self, event: QEnterEvent) -> None:
+        self._timer.stop()
+        super().enterEvent(event)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        self._restart()
+        super().leaveEvent(event)
+
+    def _restart(self) -> None:
+        if SECONDS[self.notice.severity] is not None:
+            self._timer.start()
+
     def repeat(self) -> None:
         self.count += 1
+        self._restart()
         self._label.setText(f"{self.notice.text} ({self.count} times)")
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -87,7 +118,10 @@ class _Card(QFrame):
 
 
 class NoticeArea(QWidget):
-    """A stack of cards in the upper right corner of its parent; newest at the bottom."""
+    """A stack of cards in the upper right corner of its parent; newest at the bottom. detailsWanted(Notice): a person
+    asks for more about one."""
+
+    detailsWanted = Signal(object)
 
     def __init__(self, notices: Notices, parent: QWidget) -> None:
         super().__init__(parent)
@@ -113,15 +147,11 @@ class NoticeArea(QWidget):
                 self._place()
                 return
         if len(self._cards) >= MOST_SHOWN:
-            self._close(self._cards[0])
-        card = _Card(notice, lambda: self._close(card), self)
+            # What went wrong stays longest on a full screen.
+            self._close(next((c for c in self._cards if c.notice.severity != "error"), self._cards[0]))
+        card = _Card(notice, lambda: self._close(card), lambda: self.detailsWanted.emit(notice), self)
         self._cards.append(card)
         self._layout.addWidget(card)
-        seconds = SECONDS[notice.severity]
-        if seconds is not None:
-            timer = QTimer(card, singleShot=True)
-            timer.timeout.connect(lambda: self._close(card))
-            timer.start(int(1000 * seconds))
         card.show()
         self._place()
 

@@ -13,7 +13,7 @@ from app.actions import ActionTable
 from app.document import Document
 from app.jobs.queue import JobQueue
 from app.modes.stage import Stage
-from app.notices import NoticeArea, Notices
+from app.notices import Notice, NoticeArea, Notices
 from app.painter import Remark
 from app.panels.empty import EmptyState
 from app.parts import ACTIONS, PARTS
@@ -135,6 +135,7 @@ class MainWindow(QMainWindow):
         self.resizeDocks([docks["jobs"]], [215], Qt.Orientation.Vertical)
 
     def _connect(self) -> None:
+        self.notice_area.detailsWanted.connect(self._on_details)
         self.scene.troubled.connect(self._on_trouble)
         self.scene.remarked.connect(self._on_remark)
         self.document.contentsChanged.connect(self._on_contents)
@@ -180,6 +181,9 @@ class MainWindow(QMainWindow):
 
     def _on_trouble(self, trouble: Trouble) -> None:
         self.notices.add("error" if trouble.fatal else "warning", trouble.message, trouble.trace)
+
+    def _on_details(self, notice: Notice) -> None:
+        self.show_dock("log")
 
     def _on_remark(self, remark: Remark) -> None:
         self.notices.add("warning" if remark.warning else "log", remark.message, remark.trace)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QPalette, QTextCharFormat, QTextCursor, QTextDocument
+from PySide6.QtGui import QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
 from PySide6.QtWidgets import (
     QDialog,
     QHBoxLayout,
@@ -58,6 +58,7 @@ class HelpWindow(QDialog):
         if page.name != self.page:
             self.page = page.name
             self.text.setMarkdown(page.text)
+            self._space_tables()
             if not self.search.text():
                 self._mark_current()
         self.text.moveCursor(QTextCursor.MoveOperation.Start)
@@ -68,6 +69,17 @@ class HelpWindow(QDialog):
             bar = self.text.verticalScrollBar()
             bar.setValue(bar.value() + self.text.cursorRect(cursor).top() - 20)
         self._highlight()
+
+    def _space_tables(self) -> None:
+        """Markdown gives tables no room above and below, and hard borders."""
+        for frame in self.text.document().rootFrame().childFrames():
+            if isinstance(frame, QTextTable):
+                style = frame.format()
+                style.setTopMargin(4)
+                style.setBottomMargin(12)
+                style.setCellPadding(5)
+                style.setBorderBrush(self.palette().brush(QPalette.ColorRole.Light))
+                frame.setFormat(style)
 
     def _mark_current(self) -> None:
         for row in range(self.list.count()):

@@ -45,6 +45,40 @@ def test_repeated_notices_are_counted_not_stacked(area: NoticeArea) -> None:
     assert len(area.texts) == MOST_SHOWN and area.texts[-1] == f"Number {2 * MOST_SHOWN - 1}."
 
 
+def test_a_full_screen_lets_go_of_news_before_errors(area: NoticeArea) -> None:
+    from app.notices import Notice
+
+    area.show_notice(Notice("error", "The disk is full."))
+    for i in range(2 * MOST_SHOWN):
+        area.show_notice(Notice("info", f"Number {i}."))
+    assert "The disk is full." in area.texts and len(area.texts) == MOST_SHOWN
+
+
+def test_a_notice_stays_while_the_pointer_rests_on_it(area: NoticeArea, qtbot: QtBot, monkeypatch) -> None:
+    from PySide6.QtCore import QEvent, QPointF
+    from PySide6.QtGui import QEnterEvent
+
+    from app.notices import SECONDS, Notice
+
+    monkeypatch.setitem(SECONDS, "info", 0.05)
+    area.show_notice(Notice("info", "Saved."))
+    (card,) = area._cards
+    card.enterEvent(QEnterEvent(QPointF(), QPointF(), QPointF()))
+    qtbot.wait(120)
+    assert area.texts == ["Saved."]
+    card.leaveEvent(QEvent(QEvent.Type.Leave))
+    qtbot.waitUntil(lambda: not area.texts, timeout=2000)
+
+
+def test_what_has_details_leads_to_the_log(area: NoticeArea, qtbot: QtBot) -> None:
+    from app.notices import Notice
+
+    area.show_notice(Notice("error", "Odd.", "Traceback"))
+    with qtbot.waitSignal(area.detailsWanted, timeout=1000) as heard:
+        area.findChild(QToolButton, "noticeDetails").click()
+    assert heard.args[0].detail == "Traceback"
+
+
 def test_uncaught_errors_become_notices_and_the_hooks_go_back(qapp, capsys) -> None:
     notices, heard = Notices(), []
     notices.added.connect(heard.append)
