@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nvsim.graph.quantities import evidence_along
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import decide
 from nvsim.mapping.draft import SAME
+from nvsim.mapping.explain import explain
 
 _WORDS = {
     "alpha": "something stands in the corridor",
@@ -32,6 +34,22 @@ def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
         return ""
 
     return why
+
+
+def margin(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], float]:
+    """(graph, edge) -> how far the evidence along it, both ways, stays from the thresholds that decide, at the least;
+    negative where one fails, NaN where nothing was measured or all is stale."""
+
+    def least(graph: NavGraph, key: EdgeKey) -> float:
+        slack = [
+            (m.limit - m.value) if m.below else (m.value - m.limit)
+            for evidence in evidence_along(graph, key)
+            for m in explain(evidence, config).measures
+            if m.decides
+        ]
+        return min(slack, default=float("nan"))
+
+    return least
 
 
 def _leads_to(evidence: Evidence, graph: NavGraph, id: str) -> bool:

@@ -1,0 +1,70 @@
+"""Say what agents or a person would trip over in a navigation graph: of a project, of any R2R connectivity file, or of
+every scan in a folder of them. Exits with 1 where there are errors."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from nvsim.cli.arguments import Inline, Positional
+from nvsim.graph.findings import Limits
+
+
+@dataclass(frozen=True)
+class Arguments:
+    path: Positional[Path]
+    """A project, a *_connectivity.json, or a folder with scans.txt."""
+    occupancy: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt to hold the graph against, in place of the one found beside it."""
+    ignored: bool = False
+    """Show what a person chose to ignore as well."""
+    json: bool = False
+    """Print the findings as JSON."""
+    limits: Inline[Limits] = field(default_factory=Limits)
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli import show
+    from nvsim.cli.graph_source import sources
+    from nvsim.graph.findings import check_graph
+
+    report: list[dict[str, Any]] = []
+    for source in sources(arguments.path, arguments.limits, arguments.occupancy):
+        found = check_graph(source.graph, source.context)
+        hidden = [f for f in found if f.key in source.graph.ignored]
+        shown = found if arguments.ignored else [f for f in found if f.key not in source.graph.ignored]
+        counts = {s: sum(f.severity == s for f in found if f not in hidden) for s in ("error", "warning", "notice")}
+        report.append(
+            {
+                "scan": source.name,
+                **counts,
+                "ignored": len(hidden),
+                "findings": [
+                    {
+                        "key": f.key,
+                        "kind": f.kind,
+                        "severity": f.severity,
+                        "message": f.message,
+                        "viewpoints": f.viewpoints,
+                        "edges": f.edges,
+                        "ignored": source.graph.ignored.get(f.key),
+                        "fixes": [{"text": x.text, "edit": x.operation, **x.arguments} for x in f.fixes],
+                    }
+                    for f in shown
+                ],
+            }
+        )
+        if not arguments.json:
+            title = f"{source.name}: {_counted(counts)}" + (f", {len(hidden)} ignored" if hidden else "")
+            rows = [(f.severity, f.message, f.fixes[0].text if f.fixes else "") for f in shown]
+            show.table(("severity", "finding", "fix"), rows, title) if rows else print(title)
+    if arguments.json:
+        print(json.dumps(report))
+    return 1 if any(scan["error"] for scan in report) else 0
+
+
+def _counted(counts: dict[str, int]) -> str:
+    words = [f"{n} {severity}{'' if n == 1 else 's'}" for severity, n in counts.items() if n]
+    return ", ".join(words) or "nothing found"

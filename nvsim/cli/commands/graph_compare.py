@@ -1,0 +1,61 @@
+"""Compare two navigation graphs: what the second has otherwise than the first. With --merge the first is written with
+the differences that are chosen."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from nvsim.cli.arguments import Positional
+from nvsim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Arguments:
+    a: Positional[Path]
+    """A project or a *_connectivity.json."""
+    b: Positional[Path]
+    """The other one."""
+    tolerance: float = 0.3
+    """Metres within which viewpoints of different ids are the same."""
+    merge: Path | None = None
+    """Write the first, a connectivity file, with the differences taken over, to this file."""
+    take: tuple[str, ...] = ()
+    """Kinds of differences to take over, in words joined by a dash as in edge-added; all when left out."""
+    json: bool = False
+    """Print the differences as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli import show
+    from nvsim.cli.graph_source import one_source
+    from nvsim.graph.compare import KINDS, compare, merge
+    from nvsim.graph.edits import EditError
+
+    kinds = {kind.replace(" ", "-"): kind for kind in KINDS}
+    for word in arguments.take:
+        if word not in kinds:
+            raise InputError(f"There is no difference {word!r}; --take knows {', '.join(kinds)}.")
+    a, b = one_source(arguments.a), one_source(arguments.b)
+    found = compare(a.graph, b.graph, arguments.tolerance)
+    if arguments.json:
+        rows = [asdict(d) for d in found.deviations]
+        print(json.dumps({**found.counts(), "matched": len(found.matched), "differences": rows}))
+    else:
+        title = f"{len(found.matched)} viewpoints matched, {len(found.by_place)} of them by place"
+        rows_of = [(d.kind, d.words) for d in found.deviations]
+        show.table(("what", "difference"), rows_of, title) if rows_of else print(f"{title}; no difference")
+    if arguments.merge is not None:
+        from nvsim.cli.graph_source import is_project
+        from nvsim.graph.foreign import ForeignFile
+
+        if is_project(arguments.a):
+            raise InputError(f"{arguments.a} is a project; export it with `nvsim export r2r` and merge into the file.")
+        wanted = {kinds[word] for word in arguments.take} or set(KINDS)
+        try:
+            merged = merge(a.graph, b.graph, found, [d for d in found.deviations if d.kind in wanted])
+        except EditError as error:
+            raise InputError(f"The graphs cannot be merged so: {error}") from error
+        ForeignFile.open(a.path).save(merged, arguments.merge)
+    return 0

@@ -1,0 +1,38 @@
+"""List the edges that a person should look at, the least certain first."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli.arguments import Positional
+
+
+@dataclass(frozen=True)
+class Arguments:
+    path: Positional[Path]
+    """A project or a *_connectivity.json."""
+    count: int = 20
+    """How many to list."""
+    json: bool = False
+    """Print them as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli import show
+    from nvsim.cli.graph_source import one_source
+    from nvsim.graph.findings.viewpoints import short
+    from nvsim.graph.review import Review
+
+    source = one_source(arguments.path)
+    order = Review(source.margin).order(source.graph)
+    first = order[: max(0, arguments.count)]
+    if arguments.json:
+        rows = [{"edge": d.edge, "margin": None if math.isnan(d.margin) else d.margin, "why": d.why} for d in first]
+        print(json.dumps({"unreviewed": len(order), "edges": rows}))
+        return 0
+    rows_of = [(*map(short, d.edge), d.why) for d in first]
+    show.table(("from", "to", "why"), rows_of, f"{len(order)} edges are not reviewed")
+    return 0

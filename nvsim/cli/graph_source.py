@@ -1,0 +1,78 @@
+"""The graph that a command names: that of a project, of a connectivity file, or of every scan in a folder of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim.errors import InputError
+
+if TYPE_CHECKING:
+    from nvsim.graph.findings import Context, Limits
+    from nvsim.graph.types import EdgeKey, NavGraph
+    from nvsim.occupancy.types import OccupancyMap
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """path, name   where the graph lies, and what to call it
+    margin        how certain an edge is by its evidence; None where there is none
+    occupancy     the map that belongs to it, None where there is none
+    """
+
+    path: Path
+    name: str
+    graph: NavGraph
+    context: Context
+    margin: Callable[[NavGraph, EdgeKey], float] | None = None
+
+    @property
+    def occupancy(self) -> OccupancyMap | None:
+        return self.context.occupancy
+
+
+def is_project(path: Path) -> bool:
+    """Whether `path` is a project's folder."""
+    from nvsim.project.layout import Layout
+
+    return Layout(Path(path).expanduser().absolute()).database.is_file()
+
+
+def sources(path: Path, limits: Limits | None = None, occupancy: Path | None = None) -> Iterator[Source]:
+    """Every graph at `path`, one after another. `occupancy` is a map to use in place of the one found there.
+
+    Raises InputError when there is none, or it cannot be read.
+    """
+    map = None
+    if occupancy is not None:
+        from nvsim.occupancy.read import read_map
+
+        map = read_map(occupancy)
+    if is_project(path):
+        from nvsim.mapping.against import margin
+        from nvsim.project.graph_context import context_of
+        from nvsim.project.project import Project
+        from nvsim.project.stages.mapped import scan_name
+        from nvsim.project.thresholds import thresholds_of
+
+        with Project.open(path) as project:
+            context = context_of(project, limits, map)
+            yield Source(path, scan_name(project), project.need_graph(), context, margin(thresholds_of(project)))
+        return
+    from nvsim.graph.foreign import ForeignFile, connectivity_files
+
+    for file in connectivity_files(path):
+        foreign = ForeignFile.open(file)
+        context = foreign.context(limits, foreign.beside.occupancy() if map is None else map)
+        yield Source(file, foreign.scan, foreign.graph, context)
+
+
+def one_source(path: Path, occupancy: Path | None = None) -> Source:
+    """The one graph at `path`. Raises InputError when there are several."""
+    found = sources(path, occupancy=occupancy)
+    first = next(found)
+    if next(found, None) is not None:
+        raise InputError(f"{path} holds several scans; name the connectivity file of one.")
+    return first

@@ -1,0 +1,71 @@
+"""The walk through what a person should look at: the least certain edges first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from nvsim.graph.quantities import evidence_along
+from nvsim.graph.types import EdgeKey, NavGraph
+
+Margin = Callable[[NavGraph, EdgeKey], float]
+"""How far the evidence along an edge is from the thresholds, at the least; below 0 it speaks against it, NaN: none."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """edge    its key
+    margin  how far its evidence is from the thresholds; NaN where there is none
+    why     words for a person
+    """
+
+    edge: EdgeKey
+    margin: float
+    why: str
+
+
+class Review:
+    """Orders the edges of a graph that is being edited: margins are asked for again only where evidence changed."""
+
+    def __init__(self, margin: Margin | None = None) -> None:
+        """Without `margin` no edge has evidence that could be judged."""
+        self._margin = margin
+        self._known: dict[EdgeKey, tuple[tuple[int, ...], float]] = {}
+
+    def order(self, graph: NavGraph) -> list[Doubt]:
+        """Edges between included viewpoints that nobody reviewed: first those that nothing was measured along, a
+        person's before others and the longest first, then by margin, the smallest first."""
+        doubts = []
+        for key, edge in graph.edges.items():
+            a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
+            if edge.reviewed or not (a.included and b.included):
+                continue
+            margin = self._margin_of(graph, key)
+            if math.isnan(margin):
+                length = math.dist(a.position, b.position)
+                person = edge.origin == "person"
+                why = f"{'a person joined them and ' if person else ''}nothing was measured along its {length:.1f} m"
+                doubts.append(((0 if person else 1, -length), Doubt(key, margin, why)))
+            else:
+                sense = "speaks against it" if margin < 0 else "speaks for it"
+                why = f"the evidence {sense}, by {abs(margin):.2f}"
+                doubts.append(((2, margin), Doubt(key, margin, why)))
+        doubts.sort(key=lambda item: item[0])
+        return [doubt for _, doubt in doubts]
+
+    def next(self, graph: NavGraph, after: EdgeKey | None = None) -> Doubt | None:
+        """The edge to look at after `after`, or the least certain one; None when all are reviewed."""
+        order = self.order(graph)
+        at = next((i + 1 for i, doubt in enumerate(order) if doubt.edge == after), 0)
+        return order[at % len(order)] if order else None
+
+    def _margin_of(self, graph: NavGraph, key: EdgeKey) -> float:
+        if self._margin is None or not graph.evidence:
+            return math.nan
+        measured = tuple(map(id, evidence_along(graph, key)))
+        known = self._known.get(key)
+        if known is None or known[0] != measured:
+            known = (measured, self._margin(graph, key) if measured else math.nan)
+            self._known[key] = known
+        return known[1]
