@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -127,6 +128,7 @@ class NewProjectDialog(QDialog):
         for column, width in enumerate((280, 170, 240)):
             self.findings.header().resizeSection(column, width)
         self.findings.setRootIsDecorated(True)
+        self.findings.setWordWrap(True)
         self.findings.setAlternatingRowColors(True)
         self.problem = QLabel(self)
         self.problem.setWordWrap(True)
@@ -167,7 +169,8 @@ class NewProjectDialog(QDialog):
         if not self._named and text.strip():
             base = path.parent if path.is_file() else path
             name = "".join(c if c.isalnum() or c in "-_." else "-" for c in base.name) or "building"
-            self.project.setText(str(base.parent / f"{name}.nvsim"))
+            place = base.parent if os.access(base.parent, os.W_OK) else Path.home()
+            self.project.setText(str(place / f"{name}.nvsim"))
         self.result_shown = None
         self._due.start()
         self._show_state()
@@ -254,6 +257,9 @@ class NewProjectDialog(QDialog):
         path = Path(text).expanduser()
         if (path / "project.db").is_file():
             return f"{path.name} is a project already; open it, or give the new one another name."
+        above = next((p for p in path.parents if p.exists()), path)
+        if not path.exists() and not os.access(above, os.W_OK):
+            return f"{above} cannot be written; choose another place for the project."
         if path.is_file() or (path.is_dir() and any(path.iterdir())):
             return f"{path} holds other files; choose a new folder for the project."
         return ""

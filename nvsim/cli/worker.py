@@ -17,7 +17,7 @@ from nvsim.events import Done, Event, Failed, Log
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList
 
-NICE = 10
+NICE = 15  # the drawing process has 5, and is asked for pictures while a submap trains
 LIGHT_NICE = 5
 _started: list[subprocess.Popen[bytes]] = []
 

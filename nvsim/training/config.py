@@ -41,21 +41,31 @@ class RateConfig:
     """Learning rates of Adam, for scenes in metres."""
 
     means: float = 5e-4
+    """Of the centres, at the first step."""
     means_end: float = 5e-5
     """Decays exponentially from the first to the last step."""
     log_scales: float = 1e-2
+    """Of the logarithms of the standard deviations."""
     quats: float = 1e-3
+    """Of the rotations."""
     opacity_logits: float = 3e-2
+    """Of the logits of the opacities."""
     sh_dc: float = 2.5e-3
+    """Of the colours' constant part."""
     sh_rest: float = 1.25e-4
+    """Of the harmonics of degree 1 and above."""
     network: float = 2e-3
+    """Of the background and colour networks, at the first step."""
     network_end: float = 2e-4
+    """At the last step."""
     embedding: float = 2e-3
     """Decays as the networks' rate does."""
     features: float = 2.5e-3
     """Of the vectors from which Gaussians are coloured by position."""
     features_end: float = 2.5e-4
+    """At the last step."""
     texture: float = 4e-3
+    """Of the floor texture, at the first step."""
     texture_end: float = 2e-4
     """A constant rate leaves coloured noise on the floor."""
     exposure: float = 0.02
@@ -100,9 +110,11 @@ class AppearanceConfig:
     layers: int = 2
     """Layers of the colour network, its heads counting as one."""
     width: int = 128
+    """Width of the colour network."""
     background_layers: int = 3
     """Layers of the background network, its heads counting as one."""
     background_width: int = 128
+    """Width of the background network."""
     background_interval: float = 0.0
     """Share of the steps after which each further degree of the background's harmonics joins; 0: all at once."""
 
@@ -114,6 +126,7 @@ class TrainingConfig:
     name: str = "nvsim"
     """The preset this was made from."""
     steps: int = 2000
+    """Updates of the model, one training image each."""
     image_size: int = 640
     """Longest side of the training images, pixels."""
     coarse_share: float = 0.5
@@ -133,7 +146,9 @@ class TrainingConfig:
     seed_size: float = 0.5
     """Standard deviation of the seeds per mean distance of their three neighbours."""
     seed_opacity: float = 0.5
+    """Opacity of a Gaussian at the start."""
     sh_degree: int = 1
+    """Highest degree of the spherical harmonics of a Gaussian's colour, 0 to 3."""
     sh_interval: float = 0.15
     """Share of the steps after which each further degree of the spherical harmonics joins."""
     random_background: bool = False

@@ -64,8 +64,9 @@ class DensifyConfig:
     every: int = 100
     """Steps between refinements; not a share, because a mean gradient needs as many views whatever the run's length."""
     start: float = 0.1
+    """The share of all steps at which the model begins to grow."""
     stop: float = 0.7
-    """The shares of all steps between which the model grows."""
+    """The share at which growth ends."""
     prune_opacity: float = 0.02
     """Fainter Gaussians are removed."""
     largest: float = 1.0

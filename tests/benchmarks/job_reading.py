@@ -1,0 +1,45 @@
+"""What the window's looking at jobs costs its event loop: python tests/benchmarks/job_reading.py."""
+
+from __future__ import annotations
+
+import json
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+from app.jobs.history import History
+from app.jobs.queue import BYTES_A_LOOK
+from nvsim.events import Metric, Progress
+from nvsim.project.job_events import EventFile, event_line
+from nvsim.project.joblist import JobList
+
+EVENTS, JOBS = 20_000, 40
+
+
+def measure(folder: Path) -> dict[str, float]:
+    """Milliseconds, medians: of reading one piece of a long history, and of a look at a list of jobs."""
+    path = folder / "events.jsonl"
+    with open(path, "w") as file:
+        for i in range(EVENTS):
+            event = Metric("train", "psnr", 20.123, i, 0) if i % 5 else Progress("train", i, EVENTS, "1 of 3 submaps")
+            file.write(event_line(event, 1e9 + i))
+    events, history, pieces = EventFile(path), History(), []
+    while events.behind:
+        begin = time.perf_counter()
+        for at, event in events.read(BYTES_A_LOOK):
+            history.hear(at, event)
+        pieces.append(1e3 * (time.perf_counter() - begin))
+    jobs, looks = JobList(folder / "p.nvsim"), []
+    for _ in range(JOBS):
+        jobs.add("train", [], "Train")
+    for _ in range(50):
+        begin = time.perf_counter()
+        jobs.jobs()
+        looks.append(1e3 * (time.perf_counter() - begin))
+    return {"piece_ms": statistics.median(pieces), "pieces": len(pieces), "look_ms": statistics.median(looks)}
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name:
+        print(json.dumps(measure(Path(name))))
