@@ -93,6 +93,7 @@ class Document(QObject):
             self._following = False
             self.graph_arrays = GraphArrays.of(self.graph)
         if changed & {"graph", "occupancy", "capture"}:
+            self.editing.set_thresholds(contents.thresholds)
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
         if before.path != contents.path:
             self._selection = Selection()

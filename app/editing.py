@@ -26,6 +26,8 @@ from nvsim.graph.journal import Journal
 from nvsim.graph.operations import Surroundings, apply, describe, record
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.against import against
+from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OccupancyMap
 
@@ -60,11 +62,14 @@ class Editing(QObject):
         self.saving = False
         self._journal: Journal | None = None
         self._occupancy: OccupancyMap | None = None
+        self._against = against(MappingConfig())
         self._surroundings = Surroundings()
         self._saver: threading.Thread | None = None
         self._trouble = ""
         self._disk = QTimer(self, singleShot=True, interval=LOOK)
         self._disk.timeout.connect(self._look_at_disk)
+        self._checking = QTimer(self, singleShot=True, interval=0)
+        self._checking.timeout.connect(self.check)
         self._saved.connect(self._on_saved)
 
     # What there is -----------------------------------------------------------------------------------------------
@@ -108,7 +113,7 @@ class Editing(QObject):
         if graph is not None:
             self.history = self._opened(graph, file)
             self.history.listen(self._on_change)
-            self._check_all()
+            self.check_soon()
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 
@@ -344,7 +349,12 @@ class Editing(QObject):
         self._surroundings = Surroundings(visible, trajectory)
         if occupancy is not self._occupancy:
             self._occupancy = occupancy
-            self._check_all()
+            self.check_soon()
+
+    def set_thresholds(self, config: MappingConfig) -> None:
+        """What evidence is held against."""
+        self._against = against(config)
+        self.check_soon()
 
     @property
     def findings(self) -> Mapping[str, Finding]:
@@ -359,13 +369,17 @@ class Editing(QObject):
         """It is shown again."""
         self.run("heed_finding", {"key": finding.key})
 
-    def margins(self) -> Any:
-        return None
+    def check_soon(self) -> None:
+        """Looks at the whole graph once the event loop comes round: several reasons to do so come together."""
+        self._validator = None
+        self._checking.start()
 
-    def _check_all(self) -> None:
+    def check(self) -> None:
         """Looks at the whole graph."""
         graph = self.graph
-        context = Context(occupancy=self._occupancy)
+        context = Context(occupancy=self._occupancy, against=self._against)
+        if self.file is not None:
+            context = self.file.context(context)
         self._validator = None if graph is None else Validator(graph, context)
         self.findingsChanged.emit()
 

@@ -3,10 +3,17 @@ Knows no Qt."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+from nvsim.graph.findings import Context
+from nvsim.graph.foreign import ForeignFile, connectivity_files
+from nvsim.graph.journal import sidecar
 from nvsim.graph.types import NavGraph
+
+if TYPE_CHECKING:
+    from app.loading import Contents
 
 
 class GraphFile(Protocol):
@@ -22,6 +29,10 @@ class GraphFile(Protocol):
     def journal(self) -> Path | None: ...
     def save(self, graph: NavGraph) -> None:
         """Raises InputError when it cannot be written."""
+        ...
+
+    def context(self, known: Context) -> Context:
+        """What findings are held against: what is known already and what the file adds."""
         ...
 
 
@@ -48,3 +59,65 @@ class ProjectGraph:
 
         with Project.open(self._project, writable=True) as project:
             project.set_graph(graph)
+
+    def context(self, known: Context) -> Context:
+        return known
+
+
+class ForeignGraph:
+    """A connectivity file. What nobody edits is written back as it was read. `scans` are the files of its folder."""
+
+    foreign = True
+
+    def __init__(self, file: ForeignFile, scans: tuple[Path, ...] = ()) -> None:
+        self._file, self.scans = file, scans
+
+    @property
+    def name(self) -> str:
+        return self._file.path.name
+
+    @property
+    def journal(self) -> Path | None:
+        return sidecar(self._file.path)
+
+    def save(self, graph: NavGraph) -> None:
+        self._file.save(graph)
+
+    def context(self, known: Context) -> Context:
+        own = self._file.context(known.limits, known.occupancy, known.against)
+        return replace(own, floor=known.floor)
+
+
+class GraphSource:
+    """A connectivity file, or a folder of them, as the window opens it; of a folder the first scan."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when a folder holds none."""
+        files = connectivity_files(path)
+        self.path = files[0]
+        self.scans = tuple(files if len(files) > 1 else _siblings(path))
+
+    def contents(self) -> Contents:
+        """Reads it, and a map beside it. Raises InputError with the entry and the reason."""
+        from app.loading import Contents
+
+        file = ForeignFile.open(self.path)
+        return Contents(
+            self.path, graph=file.graph, occupancy=file.beside.occupancy(), graph_file=ForeignGraph(file, self.scans)
+        )
+
+
+def _siblings(path: Path) -> list[Path]:
+    """The connectivity files in the folder of one, in order of their names."""
+    return sorted(path.parent.glob("*_connectivity.json")) if path.is_file() else [path]
+
+
+def holds_graph(path: Path) -> bool:
+    """Whether `path` looks like a connectivity file or a folder of them rather than a project or splats."""
+    if path.is_file():
+        return path.suffix.lower() == ".json"
+    return (
+        path.is_dir()
+        and not (path / "project.db").exists()
+        and ((path / "scans.txt").is_file() or any(path.glob("*_connectivity.json")))
+    )

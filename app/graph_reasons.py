@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from app.document import Document
+from app.graph_files import ForeignGraph
 from app.reasons import UNDECIDED, Reason
 
 Check = Callable[[Document], Reason]
@@ -79,3 +80,9 @@ def can_save(document: Document) -> Reason:
     if document.editing.file is None:
         return "there is no file to save it to"
     return None if document.editing.dirty else "everything is saved"
+
+
+def with_scans(document: Document) -> Reason:
+    file = document.contents.graph_file
+    many = isinstance(file, ForeignGraph) and len(file.scans) > 1
+    return None if many else "the graph is not one of several in a folder"

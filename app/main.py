@@ -5,12 +5,17 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from app.graph_files import holds_graph
 from nvsim.errors import InputError
+from nvsim.graph.foreign import connectivity_files
 
 
 def check_project(path: Path) -> None:
-    """Raises InputError when `path` is neither a project that this version can read nor a file of a kind that may hold
-    splats."""
+    """Raises InputError when `path` is neither a project that this version can read, nor a connectivity file or a
+    folder of them, nor a file of a kind that may hold splats."""
+    if holds_graph(path):
+        connectivity_files(path)
+        return
     if path.is_file():
         from nvsim.splats.formats.choice import recognise
 

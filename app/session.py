@@ -8,11 +8,12 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSettings
 
 from app.document import Document
+from app.graph_files import GraphSource, holds_graph
 from app.loading import Contents
 from app.notices import Notices
 from app.render_child import ProjectSource
 from app.splat_file import SplatFile
-from app.watcher import ProjectWatcher, SplatReader
+from app.watcher import FileReader, ProjectWatcher
 from app.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.splats.formats.upright import UPS
@@ -28,16 +29,24 @@ class Session(QObject):
         self.notices = Notices(self)
         self.document = Document(parent=self)
         self.window = MainWindow(self.document, settings, self.notices)
-        self._watcher: ProjectWatcher | SplatReader | None = None
+        self._watcher: ProjectWatcher | FileReader | None = None
         self.window.projectChosen.connect(self._on_chosen)
         self.window.refreshWanted.connect(self._refresh)
         self.window.turnWanted.connect(self._turn_up)
         self.document.contentsChanged.connect(self._on_contents)
 
     def open(self, path: Path) -> None:
-        """Reads the project from now on, or the splat file once. The path was checked before."""
+        """Reads the project from now on, or a file once. The path was checked before."""
+        if holds_graph(path):
+            try:
+                source = GraphSource(path)
+            except InputError as error:
+                self.notices.error(str(error))
+                return
+            self._read_once(source)
+            return
         if path.is_file():
-            self._read_splats(SplatFile.of(path))
+            self._read_once(SplatFile.of(path))
             return
         self._stop_watching()
         self.window.show_source(None)
@@ -47,11 +56,11 @@ class Session(QObject):
         self._watcher.failed.connect(self.notices.error)
         self._watcher.start()
 
-    def _read_splats(self, file: SplatFile) -> None:
+    def _read_once(self, file: SplatFile | GraphSource) -> None:
         self._stop_watching()
         self.window.show_source(None)
         self.document.set_contents(Contents(file.path))
-        self._watcher = SplatReader(file, self)
+        self._watcher = FileReader(file, self)
         self._watcher.read.connect(self.document.set_contents)
         self._watcher.failed.connect(self.notices.error)
         self._watcher.start()
@@ -60,12 +69,13 @@ class Session(QObject):
         stamp = self.document.contents.scene_stamp
         if isinstance(stamp, SplatFile):
             following = UPS[(UPS.index(stamp.up) + 1) % len(UPS)]
-            self._read_splats(replace(stamp, up=following))
+            self._read_once(replace(stamp, up=following))
 
     def close(self) -> None:
         """Ends every thread and process; the window closes too."""
         self._stop_watching()
         self.window.close()
+        self.document.editing.close()
 
     def _stop_watching(self) -> None:
         if self._watcher is not None:

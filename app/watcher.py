@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
+from typing import Protocol
 
 from PySide6.QtCore import QObject, Signal
 
-from app.loading import ProjectReader
-from app.splat_file import SplatFile
+from app.loading import Contents, ProjectReader
 from nvsim.errors import InputError
 
 PERIOD = 1.0  # seconds
+
+
+class Readable(Protocol):
+    """A file of which the contents of a window can be made; it is read once."""
+
+    def contents(self) -> Contents:
+        """Raises InputError."""
+        ...
 
 
 class ProjectWatcher(QObject):
@@ -63,17 +71,17 @@ class ProjectWatcher(QObject):
             reader.close()
 
 
-class SplatReader(QObject):
+class FileReader(QObject):
     """read(Contents) once from a thread, or failed(str)."""
 
     read = Signal(object)
     failed = Signal(str)
 
-    def __init__(self, file: SplatFile, parent: QObject | None = None) -> None:
+    def __init__(self, file: Readable, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._file = file
         self._stopped = False
-        self._thread = threading.Thread(target=self._run, name="splat reader", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="file reader", daemon=True)
 
     def start(self) -> None:
         self._thread.start()

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QWidget
 
 from app.graph_arrays import GraphArrays
 from app.overlays import short_id
+from nvsim.graph.quantities import quantity
 from nvsim.graph.types import NavGraph
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -29,15 +30,15 @@ class Facts:
     graph: NavGraph
     degrees: NDArray[np.int64]
     lengths: NDArray[np.float64]
-    margins: NDArray[np.float64]
+    evidence: NDArray[np.float64]
 
     @staticmethod
-    def of(graph: NavGraph, margins: NDArray[np.float64] | None = None) -> Facts:
+    def of(graph: NavGraph) -> Facts:
         arrays = GraphArrays.of(graph)
         degrees = np.bincount(arrays.edges.reshape(-1), minlength=len(arrays.ids))
         ends = arrays.positions[arrays.edges]
         lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-        return Facts(graph, degrees, lengths, np.full(len(lengths), np.nan) if margins is None else margins)
+        return Facts(graph, degrees, lengths, quantity(graph, "evidence", kind="edges")[1])
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ def _metres(value: float) -> str:
     return f"{value:.2f}"
 
 
-def _margin(value: float) -> str:
-    return "–" if np.isnan(value) else f"{value:+.2f}"
+def _share(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.2f}"
 
 
 ORIGINS = {"start": "start", "step": "step", "merge": "merge", "person": "person", "file": "file"}
@@ -91,8 +92,8 @@ EDGE_COLUMNS: tuple[Column[tuple[str, str]], ...] = (
     Column("From", "One end", lambda f: [a for a, _ in f.graph.edges], short_id),
     Column("To", "The other end", lambda f: [b for _, b in f.graph.edges], short_id),
     Column("Length", "Metres", lambda f: f.lengths, _metres, True),
-    Column("Margin", "How clearly the evidence speaks for it; 0 is undecided, below 0 against it",
-           lambda f: f.margins, _margin, True),
+    Column("Evidence", "1 where every corridor that was measured is clear, 0 where one is full; – without evidence",
+           lambda f: f.evidence, _share, True),
     Column("Reviewed", "Whether a person looked at it", lambda f: [e.reviewed for e in f.graph.edges.values()], _yes),
     Column("Locked", "Whether edits leave it alone", lambda f: [e.locked for e in f.graph.edges.values()], _yes),
     Column("Made by", "Who put it there", lambda f: [e.origin for e in f.graph.edges.values()], str),

@@ -3,6 +3,8 @@ and the 3D view."""
 
 from __future__ import annotations
 
+import re
+
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, QTimer, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -21,8 +23,12 @@ from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTabl
 from app.panels.submaps import table
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
+from nvsim.graph.expression import by_expression
+from nvsim.graph.quantities import Known
 from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import NavGraph
 
+_ID = re.compile(r"[0-9a-f]{2,32}|[A-Za-z0-9_-]{6,}")
 SETTLE = 120  # milliseconds after the last edit until the rows are made again
 
 
@@ -42,8 +48,9 @@ class TablePanel(QWidget):
         self.filter = QLineEdit(self)
         self.filter.setPlaceholderText('degree > 4 and origin == "person"')
         self.filter.setToolTip(
-            "Shows the rows for which this holds. Words: degree, component, length (of edges), evidence, validity, "
-            "submap, reviewed, locked, included, origin, x, y, z, height; and, or, not, comparisons, arithmetic."
+            "Shows the rows for which this holds. Words: degree, height, included (of viewpoints), length, slope, "
+            "alpha (of edges), component, evidence, validity, submap, reviewed, locked, origin, x, y, z (of both); "
+            "and, or, not, comparisons, arithmetic. Or a piece of an id."
         )
         self.filter.setClearButtonEnabled(True)
         self.filter.textChanged.connect(self._on_change)
@@ -104,7 +111,7 @@ class TablePanel(QWidget):
             return
         graph = self._document.graph
         kept = None if graph is None else self._filtered()
-        facts = None if graph is None else Facts.of(graph, self._document.editing.margins())
+        facts = None if graph is None else Facts.of(graph)
         self._linking = True
         self.viewpoints.show(facts, None if kept is None else kept.viewpoints)
         self.edges.show(facts, None if kept is None else kept.edges)
@@ -120,10 +127,7 @@ class TablePanel(QWidget):
         if not text or graph is None:
             return None
         try:
-            return GraphSelection(
-                frozenset(id for id in graph.viewpoints if text in id),
-                frozenset(key for key in graph.edges if text in key[0] or text in key[1]),
-            )
+            return self._kept(graph, text)
         except (EditError, InputError) as error:
             self.trouble.setText(str(error))
             palette = self.trouble.palette()
@@ -131,6 +135,16 @@ class TablePanel(QWidget):
             self.trouble.setPalette(palette)
             self.trouble.show()
             return None
+
+    def _kept(self, graph: NavGraph, text: str) -> GraphSelection:
+        """What the expression holds for. Of the kind that it says nothing about, everything; and a piece of an id finds
+        what it is in."""
+        if _ID.fullmatch(text) and any(text in id for id in graph.viewpoints):
+            return GraphSelection(
+                frozenset(id for id in graph.viewpoints if text in id),
+                frozenset(key for key in graph.edges if text in key[0] or text in key[1]),
+            )
+        return by_expression(graph, text, Known(self._document.contents.occupancy))
 
     def select_filtered(self) -> None:
         """Selects every row that passes the filter, in the tab that is shown."""

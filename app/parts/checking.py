@@ -2,16 +2,79 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
+from app.actions import Action
+from app.graph_reasons import with_editing, writable
 from app.panels.validation import ValidationPanel
 from app.parts.part import Dock, Part, Workspace
+from app.parts.selecting import SelectPart
+from app.review import to_review
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import EdgeKey
 
 
 class CheckPart(Part):
-    ACTIONS = ()
+    """The review walks from the least certain edge on: N goes to the next, Y says it is right and goes on, Del takes it
+    out of the graph."""
+
+    ACTIONS = (
+        Action("next_review", "&Next to review", "The least certain edge that nobody reviewed; again: the one after it",
+               "&Graph", 1, "N", "next_review", toolbar=True, enabled=with_editing),
+        Action("accept_review", "It is &right, go on", "Mark what is selected as reviewed and go to the next",
+               "&Graph", 1, "Shift+N", enabled=writable),
+        Action("validation", "&Validation", "What is wrong with the graph", "&Graph", 1, "F8", enabled=with_editing),
+    )  # fmt: skip
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self.panel = ValidationPanel(workspace.document)
+        self.panel.activated.connect(self._show)
+        self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this walk
+        workspace.document.projectChanged.connect(self._passed.clear)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("validation", "Validation", self.panel, "right", "details"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "next_review": self.next,
+            "accept_review": self.accept,
+            "validation": lambda: self.workspace.window.show_dock("validation"),
+        }
+
+    def next(self) -> None:
+        """Goes to the least certain edge that was neither reviewed nor passed by in this walk."""
+        editing = self.workspace.document.editing
+        if editing.graph is None:
+            return
+        self._passed |= editing.selection.edges
+        waiting = to_review(editing.graph)
+        left = [key for key in waiting if key not in self._passed]
+        if not waiting:
+            self.workspace.notices.info("Every edge is reviewed.")
+            return
+        if not left:
+            self._passed.clear()
+            left = waiting
+        self._show(GraphSelection(frozenset(), frozenset({left[0]})))
+        done = len(editing.graph.edges) - len(waiting)
+        self.workspace.modes.said.emit(
+            f"{done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · Y it is right · Shift+N right, "
+            "go on · Del remove it"
+        )
+
+    def accept(self) -> None:
+        """What is selected is right; the next one."""
+        editing = self.workspace.document.editing
+        chosen = editing.selection
+        if chosen:
+            edges = [list(key) for key in sorted(chosen.edges)]
+            if not editing.run("mark_reviewed", {"viewpoints": sorted(chosen.viewpoints), "edges": edges}):
+                return
+        self.next()
+
+    def _show(self, chosen: GraphSelection) -> None:
+        for part in self.workspace.window.parts:
+            if isinstance(part, SelectPart):
+                part.show_selection(chosen)

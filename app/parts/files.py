@@ -8,6 +8,8 @@ from pathlib import Path
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
+from app.graph_files import ForeignGraph
+from app.graph_reasons import with_scans
 from app.parts.part import Part
 from app.reasons import with_project
 from nvsim.splats.formats.choice import READABLE
@@ -30,6 +32,29 @@ class FilePart(Part):
             "Open a splat file of any program: PLY, compressed PLY, SPZ, SOG, .splat",
             "&File",
             shortcut="Ctrl+Shift+O",
+        ),
+        Action(
+            "open_graph",
+            "Open &graph…",
+            "Open a connectivity file of anyone's: Matterport3D, R2R, ours",
+            "&File",
+            shortcut="Ctrl+G",
+        ),
+        Action(
+            "next_scan",
+            "Ne&xt scan",
+            "Open the next connectivity file of the same folder",
+            "&File",
+            shortcut="Ctrl+PgDown",
+            enabled=with_scans,
+        ),
+        Action(
+            "previous_scan",
+            "Pre&vious scan",
+            "Open the connectivity file before in the same folder",
+            "&File",
+            shortcut="Ctrl+PgUp",
+            enabled=with_scans,
         ),
         Action(
             "refresh",
@@ -57,6 +82,9 @@ class FilePart(Part):
         return {
             "open": self.choose_project,
             "open_splats": self.choose_splats,
+            "open_graph": self.choose_graph,
+            "next_scan": lambda: self._step_scan(1),
+            "previous_scan": lambda: self._step_scan(-1),
             "refresh": window.refreshWanted.emit,
             "screenshot": self.choose_picture,
             "quit": window.close,
@@ -73,6 +101,19 @@ class FilePart(Part):
         name, _ = QFileDialog.getOpenFileName(window, "Open a splat file", self._start(), f"Splats ({pattern})")
         if name:
             window.projectChosen.emit(Path(name))
+
+    def choose_graph(self) -> None:
+        window = self.workspace.window
+        pattern = "Connectivity (*_connectivity.json *.json)"
+        name, _ = QFileDialog.getOpenFileName(window, "Open a graph", self._start(), pattern)
+        if name:
+            window.projectChosen.emit(Path(name))
+
+    def _step_scan(self, step: int) -> None:
+        file = self.workspace.document.contents.graph_file
+        if isinstance(file, ForeignGraph) and self.workspace.document.path in file.scans:
+            at = file.scans.index(self.workspace.document.path)
+            self.workspace.window.projectChosen.emit(file.scans[(at + step) % len(file.scans)])
 
     def choose_picture(self) -> None:
         window = self.workspace.window

@@ -10,6 +10,7 @@ from app.actions import Action
 from app.cameras import focused
 from app.graph_reasons import selected, viewpoints, with_editing
 from app.map_view import MapView
+from app.panels.histogram import HistogramPanel
 from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
 from app.parts.part import Dock, Part, Workspace
@@ -38,12 +39,14 @@ class SelectPart(Part):
         document = workspace.document
         self._editing = document.editing
         self.tables = TablePanel(document)
+        self.histogram = HistogramPanel(document)
         self.history = HistoryPanel(document)
         self.tables.activated.connect(self.show_selection)
 
     def docks(self) -> tuple[Dock, ...]:
         return (
             Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs"),
+            Dock("histogram", "Histogram", self.histogram, "bottom", "jobs"),
             Dock("history", "History", self.history, "left", "frames"),
         )
 

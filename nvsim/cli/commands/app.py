@@ -1,4 +1,4 @@
-"""Open the window on a project, or on a splat file of any program."""
+"""Open the window on a project, on a navigation graph of anyone's, or on a splat file of any program."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pathlib import Path
 from nvsim.cli import window
 from nvsim.cli.arguments import Memory, Positional, memory_budget
 from nvsim.errors import InputError
+from nvsim.graph.foreign import connectivity_files
+from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 from nvsim.splats.formats.choice import recognise
 
@@ -15,7 +17,8 @@ from nvsim.splats.formats.choice import recognise
 @dataclass(frozen=True)
 class Arguments:
     path: Positional[Path | None] = None
-    """The project folder, NAME.nvsim, or a splat file: PLY, compressed PLY, SPZ, SOG, .splat."""
+    """The project folder, NAME.nvsim; a connectivity file, SCAN_connectivity.json, or a folder of them with its
+    scans.txt; or a splat file: PLY, compressed PLY, SPZ, SOG, .splat."""
     project: Path | None = None
     """The same, by name."""
     memory: Memory = None
@@ -26,7 +29,11 @@ def run(arguments: Arguments) -> int:
     path = arguments.project or arguments.path
     if path is not None:
         # A sentence here rather than a window that opens on nothing.
-        if path.is_file():
+        if path.suffix.lower() == ".json" or (path.is_dir() and not Layout(path).database.exists()):
+            if not path.exists():
+                raise InputError(f"{path} does not exist; name a project, a connectivity file or a splat file.")
+            connectivity_files(path)
+        elif path.is_file():
             recognise(path)
         else:
             Project.open(path).close()

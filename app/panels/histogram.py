@@ -1,0 +1,168 @@
+"""How a quantity is spread over the graph, and selecting a range of it: drag the ends of the region."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, Qt, QTimer
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from app import colors
+from app.document import Document
+from nvsim.graph.edits import EditError
+from nvsim.graph.quantities import Kind, Known, quantity
+from nvsim.graph.selection import GraphSelection
+
+QUANTITIES: dict[str, tuple[str, Kind]] = {
+    "Degree of viewpoints": ("degree", "viewpoints"),
+    "Component of viewpoints": ("component", "viewpoints"),
+    "Height above the floor": ("height", "viewpoints"),
+    "Evidence of viewpoints": ("evidence", "viewpoints"),
+    "Validity of viewpoints on the map": ("validity", "viewpoints"),
+    "Submap of viewpoints": ("submap", "viewpoints"),
+    "Reviewed viewpoints": ("reviewed", "viewpoints"),
+    "Length of edges": ("length", "edges"),
+    "Evidence of edges": ("evidence", "edges"),
+    "Slope of edges": ("slope", "edges"),
+    "Validity of edges on the map": ("validity", "edges"),
+    "Reviewed edges": ("reviewed", "edges"),
+}
+"""Words -> a quantity of nvsim.graph.quantities."""
+BARS = 40
+SETTLE = 150  # milliseconds
+
+
+class HistogramPanel(QWidget):
+    """Renders one quantity of the document's graph."""
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self._ids: tuple[object, ...] = ()
+        self._values = np.zeros(0)
+        self._quiet = False
+        self.choice = QComboBox(self)
+        self.choice.addItems(list(QUANTITIES))
+        self.choice.currentIndexChanged.connect(self.renew)
+        self.words = QLabel(self)
+        self.words.setForegroundRole(self.words.palette().ColorRole.PlaceholderText)
+        self.plot = pg.PlotWidget(self)
+        self.plot.setMenuEnabled(False)
+        self.plot.hideButtons()
+        self.plot.setMouseEnabled(x=False, y=False)
+        self.bars = pg.BarGraphItem(x=[0.0], height=[0.0], width=1.0)
+        self.region = pg.LinearRegionItem(brush=pg.mkBrush(255, 209, 102, 50), pen=pg.mkPen(colors.SELECTED, width=2))
+        self.region.setZValue(10)
+        self.plot.addItem(self.bars)
+        self.plot.addItem(self.region)
+        self.region.sigRegionChanged.connect(self._say)
+        self.region.sigRegionChangeFinished.connect(self.select_range)
+        self._none = QPushButton("Whole range", self)
+        self._none.setToolTip("Moves both ends outwards and selects nothing")
+        self._none.clicked.connect(self._open)
+        row = QHBoxLayout()
+        row.addWidget(self.choice)
+        row.addWidget(self.words, 1, Qt.AlignmentFlag.AlignLeft)
+        row.addWidget(self._none)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(4, 4, 4, 4)
+        layout.setSpacing(4)
+        layout.addLayout(row)
+        layout.addWidget(self.plot)
+        self._soon = QTimer(self, singleShot=True, interval=SETTLE)
+        self._soon.timeout.connect(self.renew)
+        document.graphChanged.connect(self._on_change)
+        document.contentsChanged.connect(self._on_contents)
+        self._dress()
+
+    def _on_change(self, _: object) -> None:
+        if self.isVisible():
+            self._soon.start()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "graph" in parts:
+            self._soon.start()
+
+    def showEvent(self, event: object) -> None:
+        self._soon.start(0)
+
+    def renew(self) -> None:
+        """Counts again."""
+        graph, (name, kind) = self._document.graph, QUANTITIES[self.choice.currentText()]
+        self._ids, self._values, trouble = (), np.zeros(0), "nothing is known of this here"
+        if graph is not None:
+            try:
+                ids, found = quantity(graph, name, Known(self._document.contents.occupancy), kind)
+                values = found.astype(np.float64)
+                known = np.isfinite(values)
+                self._ids, self._values = tuple(id for id, k in zip(ids, known, strict=True) if k), values[known]
+            except EditError as error:
+                trouble = str(error)
+        if not len(self._values):
+            self.bars.setOpts(x=[0.0], height=[0.0], width=1.0)
+            self.words.setText(trouble)
+            return
+        counts, edges = _counted(self._values)
+        width = float(edges[1] - edges[0])
+        self.bars.setOpts(x=(edges[:-1] + edges[1:]) / 2, height=counts, width=0.9 * width)
+        self.plot.setXRange(edges[0], edges[-1], padding=0.04)
+        self.plot.setYRange(0, counts.max() * 1.05, padding=0)
+        self.region.setBounds((edges[0] - width / 2, edges[-1] + width / 2))
+        self._open()
+
+    @property
+    def chosen(self) -> tuple[object, ...]:
+        """The ids or edges whose value lies in the region."""
+        low, high = self.region.getRegion()
+        inside = (self._values >= low) & (self._values <= high)
+        return tuple(self._ids[i] for i in np.flatnonzero(inside))
+
+    def select_range(self) -> None:
+        """Selects what lies in the region, unless that is everything."""
+        if self._quiet:
+            return
+        found = self.chosen
+        if len(found) == len(self._ids):
+            found = ()
+        edges = frozenset(key for key in found if isinstance(key, tuple))
+        ids = frozenset(key for key in found if isinstance(key, str))
+        self._document.editing.select(GraphSelection(ids, edges))
+
+    def _open(self) -> None:
+        self._quiet = True
+        self.region.setRegion(self._bounds())
+        self._quiet = False
+        self._say()
+
+    def _bounds(self) -> tuple[float, float]:
+        _, edges = _counted(self._values)
+        return float(edges[0]), float(edges[-1])
+
+    def _say(self) -> None:
+        low, high = self.region.getRegion()
+        self.words.setText(f"{low:.4g} to {high:.4g}: {len(self.chosen):,} of {len(self._ids):,}")
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.PaletteChange:
+            self._dress()
+        super().changeEvent(event)
+
+    def _dress(self) -> None:
+        self.plot.setBackground(self.palette().base().color())
+        ink = QColor(self.palette().text().color())
+        for name in ("left", "bottom"):
+            axis = self.plot.getAxis(name)
+            axis.setPen(pg.mkPen(ink))
+            axis.setTextPen(pg.mkPen(ink))
+        self.bars.setOpts(brush=pg.mkBrush(colors.NODE), pen=pg.mkPen(None))
+
+
+def _counted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Counts and the edges between them; whole numbers get a bar each as long as they are few."""
+    if not len(values):
+        return np.zeros(1), np.array([0.0, 1.0])
+    low, high = float(values.min()), float(values.max())
+    if np.array_equal(values, np.round(values)) and high - low <= BARS:
+        return np.histogram(values, bins=np.arange(low - 0.5, high + 1.5))
+    return np.histogram(values, bins=BARS, range=(low, high if high > low else low + 1e-6))
