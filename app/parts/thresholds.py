@@ -61,7 +61,7 @@ class ThresholdPart(Part):
         self.layer = PreviewLayer(self.trial, document)
         self.panel.applied.connect(self.apply)
         self.panel.built.connect(self.build)
-        self.trial.changed.connect(self._on_trial)
+        self.trial.decided.connect(self._on_trial)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_edit)
 

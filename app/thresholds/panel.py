@@ -67,6 +67,7 @@ class ThresholdPanel(QScrollArea):
         layout.addStretch(1)
         self.setWidget(content)
         trial.changed.connect(self.refresh)
+        trial.decided.connect(self._show_outcome)
         self.refresh()
 
     def _buttons(self, parent: QWidget) -> QHBoxLayout:
@@ -141,6 +142,9 @@ class ThresholdPanel(QScrollArea):
             marks = {name: threshold.of(source) for name, source in sources.items()}
             decides = config.rule == "worst" or not threshold.worst_only
             self.rows[threshold.field].show_value(threshold.of(config), marks, decides)
+        self._show_outcome()
+
+    def _show_outcome(self) -> None:
         reason = self.obstacle
         self.apply.setEnabled(reason is None)
         self.apply.setToolTip(

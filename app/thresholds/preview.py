@@ -16,6 +16,7 @@ from app.primitives import Primitives
 from app.thresholds.trial import Trial
 from nvsim.geometry.camera import Camera
 
+_MANY = 800  # lines in view, beyond which broad ones would make the slider stutter
 _LIFT = 0.02  # metres above the edges that are there
 
 
@@ -63,11 +64,12 @@ class PreviewLayer(Layer):
         for name, tone in _TONES.items():
             places = self._ends[name] + [0.0, 0.0, _LIFT]
             lines, _, depth = projected_segments(camera, places[:, 0], places[:, 1])
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing, len(lines) < 4000)
+            many = len(lines) > _MANY
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing, not many)
             for near, far, width in ((8.0, np.inf, 2.0), (0.0, 8.0, 3.6)):
-                pen = QPen(QColor(tone), width)
-                if name == "appear":
-                    pen.setStyle(Qt.PenStyle.DashLine if len(lines) < 1000 else Qt.PenStyle.SolidLine)
+                pen = QPen(QColor(tone), 1.0 if many else width)
+                if name == "appear" and not many:
+                    pen.setStyle(Qt.PenStyle.DashLine)
                 painter.setPen(pen)
                 self._primitives.draw_lines(painter, lines[(depth >= near) & (depth < far)])
 
@@ -86,7 +88,7 @@ class PreviewMarks(QObject):
             plot.addItem(item, ignoreBounds=True)
             self._items[name] = item
         self._of: object = None
-        trial.changed.connect(self.refresh)
+        trial.decided.connect(self.refresh)
 
     def refresh(self) -> None:
         if self._of is self._trial.outcome:
@@ -94,4 +96,5 @@ class PreviewMarks(QObject):
         self._of = self._trial.outcome
         for name, places in ends(self._trial, self._document).items():
             flat = places.reshape(-1, 3)
+            self._items[name].setPen(pg.mkPen(_TONES[name], width=2.6 if len(places) <= _MANY else 1.0))
             self._items[name].setData(flat[:, 0], flat[:, 1])

@@ -14,10 +14,10 @@ from nvsim.mapping.redecide import Redecider, Redecision
 
 
 class Trial(QObject):
-    """changed(): `outcome` or `config` is another; ready(): the graph can be decided now."""
+    """changed(): `config` is another, and what it leads to follows; decided(): `outcome` is another."""
 
     changed = Signal()
-    ready = Signal()
+    decided = Signal()
     _prepared = Signal(int, object)
 
     def __init__(self, document: Document, parent: QObject | None = None) -> None:
@@ -67,11 +67,13 @@ class Trial(QObject):
         if graph is None or self._thread is not None or (self._redecider and self._redecider.graph is graph):
             return
         self._number += 1
-        number, walk = self._number, self._document.trajectory.positions
+        number, walk, config = self._number, self._document.trajectory.positions, self.config
         self._redecider = None
 
         def work() -> None:
-            self._prepared.emit(number, Redecider(graph, walk))
+            redecider = Redecider(graph, walk)
+            redecider.decide(config)  # the sums for this width of the robot are made here
+            self._prepared.emit(number, redecider)
 
         self._thread = threading.Thread(target=work, name="thresholds", daemon=True)
         self._thread.start()
@@ -91,6 +93,7 @@ class Trial(QObject):
         self._redecider, self.outcome = None, None
         self._number += 1  # what is under way is about a graph of the past
         self.changed.emit()
+        self.decided.emit()
         if self.differs:
             self.prepare()
 
@@ -109,7 +112,6 @@ class Trial(QObject):
                 self.prepare()
             return
         self._redecider = redecider
-        self.ready.emit()
         self._decide()
 
     def _decide(self) -> None:
@@ -118,4 +120,4 @@ class Trial(QObject):
         begin = time.perf_counter()
         self.outcome = self._redecider.decide(self.config)
         self.milliseconds = 1e3 * (time.perf_counter() - begin)
-        self.changed.emit()
+        self.decided.emit()
