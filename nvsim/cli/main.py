@@ -43,6 +43,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "bench startup": ("bench_startup", "seconds until the help and until the window"),
     "bench train": ("bench_train", "milliseconds of a training step and its parts"),
     "bench panorama": ("bench_panorama", "milliseconds of panoramas, whole and of the corridors only"),
+    "bench graph": ("bench_graph", "milliseconds of an edit of a large graph, seconds to open and save a file"),
     "bench map": ("bench_map", "viewpoints per second of the map builder"),
     "app": ("app", "open the window on a project"),
 }

@@ -16,7 +16,7 @@ _Parts = tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]
 
 @dataclass(frozen=True)
 class Difference:
-    """Ids and keys in file order. "changed" are those in both graphs with another value."""
+    """Ids and keys; those added in file order. "changed" are those in both graphs with another value."""
 
     added_viewpoints: tuple[str, ...] = ()
     removed_viewpoints: tuple[str, ...] = ()
@@ -53,7 +53,7 @@ def _among(names: Iterable[K], before: Mapping[K, Any], after: Mapping[K, Any]) 
             removed.append(name)
         elif old != new:
             changed.append(name)
-    return _in_order(added, after), _in_order(removed, before), _in_order(changed, after)
+    return _in_order(added, after), tuple(removed), tuple(changed)
 
 
 def _in_order(names: list[K], mapping: Mapping[K, Any]) -> tuple[K, ...]:

@@ -9,7 +9,8 @@ from typing import Any
 from nvsim.graph.delta import Delta, delta_between, folded
 from nvsim.graph.types import NavGraph
 
-_BUDGET = 256 << 20  # bytes for mappings that steps do not share
+# Bytes for mappings that steps do not share. More would not only cost memory: Python's collector walks through them.
+_BUDGET = 64 << 20
 _ENTRY = 100  # bytes of a dict's entry, near enough
 _STRIDE = 32  # a graph that is made again for a step far back is kept this much earlier as well
 

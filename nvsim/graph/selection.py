@@ -147,6 +147,6 @@ def inside_polygon(points: NDArray[np.float64], corners: NDArray[np.float64]) ->
     for (x0, y0), (x1, y1) in zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist()):
         if y0 == y1:
             continue
-        crosses = (y0 > y) != (y1 > y)
-        found ^= crosses & (x < (x1 - x0) * (y - y0) / (y1 - y0) + x0)
+        crosses = np.flatnonzero((y0 > y) != (y1 > y))
+        found[crosses] ^= x[crosses] < (x1 - x0) * ((y[crosses] - y0) / (y1 - y0)) + x0
     return found

@@ -9,20 +9,23 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import itertools
 import json
 import operator
 import struct
 import zipfile
 import zlib
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint
 
+T = TypeVar("T")
 _VERSION = 1
+_BLOCK = 256
 _ARRAYS = ("alpha", "up", "support")
 _SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in _ARRAYS)
 _BLOB = "_blob"  # evidence keeps the blob it was read from, so that writing it again costs nothing
@@ -89,23 +92,32 @@ def decode_evidence(blob: bytes) -> Evidence:
 def encode_graph(graph: NavGraph) -> bytes:
     """One self-contained blob; `decode_graph` gives an equal graph."""
     blobs = [encode_evidence(e) for e in graph.evidence.values()]
-    index = {
-        "version": _VERSION,
-        "scan": graph.scan,
-        "viewpoints": list(map(viewpoint_row, graph.viewpoints.values())),
-        "edges": list(map(edge_row, graph.edges.values())),
-        "evidence": [len(b) for b in blobs],
-        "ignored": dict(graph.ignored),
-    }
+    small = {"version": _VERSION, "scan": graph.scan, "ignored": dict(graph.ignored)}
+    index = "".join(
+        (
+            json.dumps(small, separators=(",", ":"))[:-1],
+            *(',"viewpoints":', _rows(graph.viewpoints.values(), viewpoint_row)),
+            *(',"edges":', _rows(graph.edges.values(), edge_row)),
+            *(',"evidence":', _rows(map(len, blobs), int), "}"),
+        )
+    ).encode()
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         # A fixed date makes equal graphs equal bytes.
         for name, data, method in (
-            ("graph.json", json.dumps(index, separators=(",", ":")).encode(), zipfile.ZIP_DEFLATED),
+            ("graph.json", index, zipfile.ZIP_DEFLATED),
             ("evidence.bin", b"".join(blobs), zipfile.ZIP_STORED),  # deflated already
         ):
             archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data, method, compresslevel=1)
     return out.getvalue()
+
+
+def _rows(things: Iterable[T], row: Callable[[T], Any]) -> str:
+    """A JSON list, made in blocks: one long call would keep the interpreter from everybody else."""
+    rest, blocks = iter(things), []
+    while block := list(itertools.islice(rest, _BLOCK)):
+        blocks.append(json.dumps(list(map(row, block)), separators=(",", ":"))[1:-1])
+    return f"[{','.join(blocks)}]"
 
 
 def decode_graph(blob: bytes) -> NavGraph:

@@ -19,13 +19,14 @@ import tempfile
 import time
 from pathlib import Path
 
+from nvsim.graph.benchmark import random_graph
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.journal_rows import fingerprint
 
 sys.path.insert(0, str(Path(__file__).parent))
-from random_edits import random_edit, random_graph
+from random_edits import random_edit
 
 
 def child(folder: Path, count: int, edits: int, seed: int) -> None:
@@ -49,7 +50,7 @@ def child(folder: Path, count: int, edits: int, seed: int) -> None:
 def one(kill_after: float, count: int, edits: int, seed: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        file = write_connectivity(random_graph(count, seed), folder)
+        file = write_connectivity(random_graph(count, seed=seed), folder)
         argv = [sys.executable, __file__, "--child", name, "--viewpoints", str(count), "--edits", str(edits),
                 "--seed", str(seed)]  # fmt: skip
         process = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True)

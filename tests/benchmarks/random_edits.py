@@ -1,36 +1,14 @@
-"""A random graph and random edits on it: shared by the commands that measure and torture the editor."""
+"""Random edits: shared by the commands that torture the editor."""
 
 from __future__ import annotations
 
 import random
 
-import numpy as np
-from scipy.spatial import cKDTree
-
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operations import perform
 from nvsim.graph.selection import selection
-from nvsim.graph.types import NavGraph, Viewpoint, edge
-
-
-def random_graph(viewpoints: int = 10_000, seed: int = 0, edges: int | None = None) -> NavGraph:
-    """Viewpoints about 2 m apart on a floor plan, joined to their nearest neighbours: 4 edges for each viewpoint unless
-    said otherwise."""
-    rng = np.random.default_rng(seed)
-    side = 2.0 * np.sqrt(viewpoints)
-    places = np.column_stack([rng.uniform(0, side, (viewpoints, 2)), np.full(viewpoints, 1.5)])
-    ids = [rng.bytes(16).hex() for _ in range(viewpoints)]
-    count = 4 * viewpoints if edges is None else edges
-    near = cKDTree(places).query(places, k=min(viewpoints, 13))[1]
-    pairs = {tuple(sorted((i, int(j)))) for rank in range(1, near.shape[1]) for i, j in enumerate(near[:, rank])}
-    chosen = sorted(pairs, key=lambda p: float(np.linalg.norm(places[p[0]] - places[p[1]])))[:count]
-    made = [edge(ids[i], ids[j]) for i, j in chosen]
-    return NavGraph(
-        "bench",
-        {id: Viewpoint(id, (float(p[0]), float(p[1]), float(p[2]))) for id, p in zip(ids, places, strict=True)},
-        {e.key: e for e in made},
-    )
+from nvsim.graph.types import NavGraph
 
 
 def random_edit(history: History, rng: random.Random) -> bool:

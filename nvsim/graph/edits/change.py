@@ -7,7 +7,7 @@ costs what it touches and not what the graph holds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
@@ -80,15 +80,36 @@ class Change:
         self._own_viewpoints()[viewpoint.id] = viewpoint
         self._touched_viewpoints[viewpoint.id] = None
 
-    def drop(self, id: str) -> None:
-        """The viewpoint goes, and with it its edges and all evidence measured from it or towards it."""
-        self._need_loose(id, self.viewpoint(id))
-        for other in self.neighbours(id):
-            self.drop_edge(id, other)
-        for key in self.evidence_keys(id):
-            self.drop_evidence(key)
-        del self._own_viewpoints()[id]
-        self._touched_viewpoints[id] = None
+    def drop(self, *ids: str) -> None:
+        """The viewpoints go, and with them their edges and all evidence measured from them or towards them."""
+        gone = dict.fromkeys(ids)
+        for id in gone:
+            found = self.viewpoint(id)
+            if found.locked:
+                raise EditError(f"Viewpoint {id} is locked; unlock it first.")
+        keys = dict.fromkeys(key_of(id, other) for id in gone for other in self.neighbours(id))
+        for a, b in keys:
+            if self.edges[a, b].locked:
+                raise EditError(f"The edge from {a} to {b} is locked and holds its ends; unlock it first.")
+        names = dict.fromkeys(name for id in gone for name in self.evidence_keys(id))
+        if keys:
+            edges, adjacency = self._own_edges(), self._own_adjacency()
+            around = {end for key in keys for end in key if end not in gone}
+            for key in keys:
+                del edges[key]
+            _thin(adjacency, gone, around, gone)
+            self._touched_edges |= keys
+        if names:
+            evidence, index = self._own_evidence(), self._own_evidence_of()
+            around = {end for name in names for end in _ends(evidence[name]) if end not in gone}
+            for name in names:
+                del evidence[name]
+            _thin(index, gone, around, names)
+            self._touched_evidence |= names
+        viewpoints = self._own_viewpoints()
+        for id in gone:
+            del viewpoints[id]
+        self._touched_viewpoints |= gone
 
     def _need_loose(self, id: str, viewpoint: Viewpoint) -> None:
         if viewpoint.locked:
@@ -218,6 +239,18 @@ class Change:
         if self._evidence_of is None:
             self._evidence_of = copied(self.graph.evidence_of)
         return self._evidence_of
+
+
+def _thin(index: dict[str, tuple[K, ...]], gone: Iterable[str], around: Iterable[str], without: Container[K]) -> None:
+    """Takes `gone` out of an index, and the names `without` out of the entries of those `around`."""
+    for id in gone:
+        index.pop(id, None)
+    for id in around:
+        left = tuple(name for name in index[id] if name not in without)
+        if left:
+            index[id] = left
+        else:
+            del index[id]
 
 
 def copied(mapping: Mapping[K, V]) -> dict[K, V]:

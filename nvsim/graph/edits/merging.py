@@ -23,8 +23,7 @@ def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = Non
     gone = [id for id in names if id != kept]
     places = [change.viewpoint(id).position for id in unique((kept, *gone))]
     others = unique(other for id in gone for other in change.neighbours(id) if other != kept and other not in gone)
-    for id in gone:
-        change.drop(id)
+    change.drop(*gone)
     if middle:
         move_in(change, kept, _mean(places))
     for other in others:

@@ -55,9 +55,9 @@ def remove_viewpoints(graph: NavGraph, ids: Iterable[str]) -> NavGraph:
 
     Raises EditError when one of them is not there or is locked.
     """
-    change = Change(graph)
-    for id in unique(ids):
-        change.drop(id)
+    change, gone = Change(graph), unique(ids)
+    if gone:
+        change.drop(*gone)
     return change.done()
 
 
