@@ -186,7 +186,7 @@ class Canvas(QWidget):
             return
         if what == "difference":
             if self._difference is None:
-                self._difference = difference(self._photo.image, painted, self._gain)
+                self._difference = difference(self._photo, painted, self._gain)
             painted = self._difference
         ratio = self.devicePixelRatioF()
         target = pane.image_rect

@@ -42,8 +42,11 @@ class Painted:
 
 def photo(image: NDArray[np.uint8]) -> Painted:
     """(H, W, 3) uint8 RGB."""
-    wide = image.astype(np.uint32)
-    return Painted(0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2], opaque=True)
+    pixels = np.empty((*image.shape[:2], 4), np.uint8)
+    for channel in range(3):
+        pixels[..., channel] = image[..., 2 - channel]
+    pixels[..., 3] = 255
+    return Painted(pixels.view(np.uint32)[..., 0], opaque=True)
 
 
 def render(pixels: NDArray[np.uint8]) -> Painted:
@@ -53,12 +56,16 @@ def render(pixels: NDArray[np.uint8]) -> Painted:
 
 def tint(mask: Mask, color: str) -> Painted:
     """`mask` (H, W) in one colour, elsewhere transparent."""
-    return Painted(np.where(mask, np.uint32(QColor(color).rgba()), np.uint32(0)), opaque=False)
+    return Painted(_two_tones(color)[mask.view(np.uint8)], opaque=False)
 
 
 def retint(painted: Painted, mask: Mask, color: str, box: Box) -> None:
     """Shows what has changed of `mask` within `box`."""
-    painted.pixels[box.slices] = np.where(mask[box.slices], np.uint32(QColor(color).rgba()), np.uint32(0))
+    painted.pixels[box.slices] = _two_tones(color)[mask[box.slices].view(np.uint8)]
+
+
+def _two_tones(color: str) -> NDArray[np.uint32]:
+    return np.array([0, QColor(color).rgba()], np.uint32)
 
 
 def normals(values: NDArray[np.float32]) -> Painted:
@@ -68,16 +75,17 @@ def normals(values: NDArray[np.float32]) -> Painted:
     return Painted(known * (0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]), opaque=False)
 
 
-def difference(photo_image: QImage, rendered: Painted, gain: float) -> Painted:
+def difference(photographed: Painted, rendered: Painted, gain: float) -> Painted:
     """The largest difference of the three channels at the render's size, `gain` times, from dark to bright."""
     from PySide6.QtCore import Qt
 
     width, height = rendered.size
     mode, smooth = Qt.AspectRatioMode.IgnoreAspectRatio, Qt.TransformationMode.SmoothTransformation
-    scaled = photo_image.scaled(width, height, mode, smooth).convertToFormat(_RGB32)
-    a = np.frombuffer(scaled.constBits(), np.uint8).reshape(height, scaled.bytesPerLine() // 4, 4)[:, :width, :3]
-    b = rendered.pixels.view(np.uint8).reshape(height, width, 4)[..., :3]
-    off = np.where(a > b, a - b, b - a).max(axis=-1)
+    scaled = photographed.shrunk(width, height).scaled(width, height, mode, smooth).convertToFormat(_RGB32)
+    a = np.frombuffer(scaled.constBits(), np.uint8).reshape(height, scaled.bytesPerLine() // 4, 4)[:, :width]
+    b = rendered.pixels.view(np.uint8).reshape(height, width, 4)
+    off = np.maximum(a, b) - np.minimum(a, b)
+    most = np.maximum(np.maximum(off[..., 0], off[..., 1]), off[..., 2])
     colors = ramp(np.clip(np.arange(256) * (gain / 255), 0, 1)).astype(np.uint32)
     table = 0xFF000000 | colors[:, 0] << 16 | colors[:, 1] << 8 | colors[:, 2]
-    return Painted(table.astype(np.uint32)[off], opaque=True)
+    return Painted(table.astype(np.uint32)[most], opaque=True)

@@ -108,7 +108,7 @@ def test_a_frame_opens_beside_the_render_from_its_own_camera(opened, qtbot: QtBo
     assert "frame 3 of 8" in browser.page.title.text()
     photo, render = browser.page.canvas._photo, browser.page.canvas._render
     # The photo was made by the renderer itself: what differs is the photo's smaller size.
-    off = pictures.difference(photo.image, render, 1.0).pixels & 0xFF
+    off = pictures.difference(photo, render, 1.0).pixels & 0xFF
     dark = int(pictures.ramp(np.zeros(1))[0, 2])
     assert np.median(np.abs(off.astype(int) - dark)) < 12
     # And the 3D view stands where the frame was taken.
