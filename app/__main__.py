@@ -15,7 +15,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--theme", choices=("dark", "light"), help="in place of the remembered one")
     parser.add_argument("--seconds", type=float, help="close by itself after this time")
     parser.add_argument("--screenshot", type=Path, help="save the settled window as a PNG file and close")
-    parser.add_argument("--bench", action="store_true", help="measure itself, print one JSON object and close")
+    parser.add_argument(
+        "--bench",
+        nargs="?",
+        type=int,
+        const=0,
+        metavar="CYCLES",
+        help="measure itself, print JSON and close",
+    )
     parser.add_argument("--memory", type=float, metavar="GIB", help="for trained models; remembered, 0 forgets it")
     parser.add_argument("--renderer", choices=("automatic", "cpu", "opengl"), help="who draws colours; remembered")
     given = parser.parse_args(arguments)

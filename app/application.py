@@ -41,12 +41,12 @@ def run_application(
     screenshot: Path | None,
     seconds: float | None,
     theme: str | None,
-    bench: bool,
+    bench: int | None,
     memory: float | None,
     renderer: str | None,
 ) -> int:
     """See main.run."""
-    with _settings(remembered=not bench and screenshot is None) as settings:
+    with _settings(remembered=bench is None and screenshot is None) as settings:
         if renderer is not None:
             settings.setValue("renderer", next(p for p in PREFERENCES if p.lower() == renderer))
         budget = _memory_budget(settings, memory)
@@ -71,7 +71,7 @@ def _run(
     screenshot: Path | None,
     seconds: float | None,
     theme: str | None,
-    bench: bool,
+    bench: int | None,
     budget: int | None,
 ) -> int:
     app = make_application(theme, settings)
@@ -82,10 +82,10 @@ def _run(
         session.window.show()
         # What takes long begins when the window is on the screen.
         QTimer.singleShot(0, lambda: session.open(project) if project is not None else None)
-        if bench:
+        if bench is not None:
             from app.bench import Bench
 
-            measurement = Bench(session)
+            measurement = Bench(session, bench)
             measurement.finished.connect(lambda figures: (print(json.dumps(figures)), app.quit()))
             measurement.start()
         elif screenshot is not None:

@@ -50,7 +50,9 @@ class GraphArrays:
             ids,
             positions,
             feet,
-            np.array([(index[a], index[b]) for a, b in graph.edges], np.int64).reshape(-1, 2),
+            np.fromiter((index[id] for key in graph.edges for id in key), np.int64, 2 * len(graph.edges)).reshape(
+                -1, 2
+            ),
             np.array([v.submap for v in values], np.int64),
             np.array([v.included for v in values], bool),
             index,

@@ -32,7 +32,7 @@ def run(
     screenshot: Path | None = None,
     seconds: float | None = None,
     theme: str | None = None,
-    bench: bool = False,
+    bench: int | None = None,
     memory: float | None = None,
     renderer: str | None = None,
 ) -> int:
@@ -41,7 +41,7 @@ def run(
     screenshot   the whole window is saved there once it has settled, then it closes
     seconds      it closes by itself after that time
     theme        "dark" or "light" in place of the remembered one
-    bench        measures itself, prints one JSON object and closes
+    bench        measures itself, prints one JSON object and closes; the project is closed and opened again so often
     memory       GiB for the trained models in memory, remembered for the next window; 0 forgets it
     renderer     who draws colours, "automatic", "cpu" or "opengl", remembered for the next window
     """

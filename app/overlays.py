@@ -14,7 +14,7 @@ from app.layers.graph import GraphLayer
 from app.layers.grid import GridLayer
 from app.layers.labels import LabelLayer
 from app.layers.labels import short_id as short_id
-from app.layers.layer import PaintsOver
+from app.layers.layer import Layer, PaintsOver
 from app.layers.occupancy import OccupancyLayer
 from app.layers.trajectory import TrajectoryLayer
 from nvsim.geometry.camera import Camera
@@ -101,10 +101,13 @@ class Overlays(QObject):
                 layer.shown, layer.opacity = state[layer.name]
         self.changed.emit()
 
-    def paint(self, painter: QPainter, camera: Camera) -> None:
-        """Draws what is shown over a picture that `camera` took, scaled to the widget's logical pixels."""
+    def paint(self, painter: QPainter, camera: Camera, moving: bool = False) -> None:
+        """Draws what is shown over a picture that `camera` took, scaled to the widget's logical pixels; coarser where
+        the camera is `moving`."""
         for layer in self._layers:
             if layer.shown and layer.opacity > 0:
+                if isinstance(layer, Layer):
+                    layer.moving = moving
                 painter.save()
                 painter.setRenderHint(QPainter.RenderHint.Antialiasing)
                 painter.setOpacity(layer.opacity)

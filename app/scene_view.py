@@ -173,7 +173,7 @@ class SceneView(QWidget):
         else:
             paint_ground(painter, self.size(), self.palette())
         self.overlays.grid.bare = image is None
-        self.overlays.paint(painter, self.overlay_camera)
+        self.overlays.paint(painter, self.overlay_camera, picture is not None and picture.request.moving)
         paint_status(painter, self.size(), self.pose, picture, self.note or self.hint)
         painter.end()
         if picture is not self._painted:

@@ -56,6 +56,12 @@ class Session(QObject):
         self._watcher.failed.connect(self.notices.error)
         self._watcher.start()
 
+    def close_project(self) -> None:
+        """Goes back to a window without a project."""
+        self._stop_watching()
+        self.window.show_source(None)
+        self.document.set_contents(Contents())
+
     def _read_once(self, file: SplatFile | GraphSource) -> None:
         self._stop_watching()
         self.window.show_source(None)

@@ -14,6 +14,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 
 MOST = 60_000  # points drawn; evenly taken from all
+MOST_MOVING = 12_000
 _NEAR = 0.1  # metres
 _LARGE = 3.0  # metres; nearer points get a dot of 3 pixels instead of 2
 _TURN = np.uint32(2654435761)
@@ -50,7 +51,8 @@ class CloudLayer(Layer):
         if self._image.shape != (k.height, k.width):
             self._image = np.zeros((k.height, k.width), np.uint32)
         self._image[:] = 0
-        draw_dots(self._image, camera, self._points, self._tones)
+        most = MOST_MOVING if self.moving else MOST
+        draw_dots(self._image, camera, self._points[:most], self._tones[:most])
         picture = QImage(self._image.data, k.width, k.height, 4 * k.width, QImage.Format.Format_ARGB32_Premultiplied)
         painter.drawImage(QRectF(0, 0, k.width, k.height), picture)
 
@@ -58,10 +60,9 @@ class CloudLayer(Layer):
 def thinned(cloud: Cloud) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """At most MOST points (N, 3) and their tones (N,) 0xffRRGGBB; without colours the height makes them."""
     count = len(cloud.points)
-    rows = np.arange(count)
-    if count > MOST:
-        # A walk through the file in steps would take whole scan lines; a scattered order takes some of each.
-        rows = np.argsort((rows.astype(np.uint32) * _TURN), kind="stable")[:MOST]
+    rows = np.arange(0, count, max(1, count // (8 * MOST)))
+    # Steps alone would take whole scan lines; in a scattered order the first few stand for all.
+    rows = rows[np.argsort(rows.astype(np.uint32) * _TURN, kind="stable")[:MOST]]
     points = cloud.points[rows]
     if cloud.colors is not None:
         rgb = cloud.colors[rows].astype(np.uint32)
@@ -76,12 +77,19 @@ def draw_dots(
 ) -> None:
     """Writes a dot of 2 or 3 pixels for each of `points` (N, 3) into `image` (H, W); near ones over far ones."""
     height, width = image.shape
-    pixels, depths = camera.project(points)
-    seen = (depths > _NEAR) & (pixels >= 0).all(axis=1) & (pixels[:, 0] < width - 2) & (pixels[:, 1] < height - 2)
+    to_camera = camera.world_to_camera.astype(np.float32)
+    x, y, depths = to_camera[:3, :3] @ points.T + to_camera[:3, 3:]
+    k = camera.intrinsics
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        x, y = np.float32(k.fx) * x / depths + np.float32(k.cx), np.float32(k.fy) * y / depths + np.float32(k.cy)
+    seen = (depths > _NEAR) & (x >= 0) & (y >= 0) & (x < width - 2) & (y < height - 2)
     rows = np.flatnonzero(seen)
-    rows = rows[np.argsort(-depths[rows])]
-    for among, size in ((rows[depths[rows] >= _LARGE], 2), (rows[depths[rows] < _LARGE], 3)):
-        at = pixels[among].astype(np.intp)
-        for dy in range(size):
-            for dx in range(size):
-                image[at[:, 1] + dy, at[:, 0] + dx] = tones[among]
+    # Whole centimetres up to 655 m: sorting short numbers costs a tenth of sorting fractions.
+    nearness = np.uint16(65535) - np.minimum(100 * depths[rows], 65535).astype(np.uint16)
+    rows = rows[np.argsort(nearness, kind="stable")]
+    places, tones, depths = y[rows].astype(np.intp) * width + x[rows].astype(np.intp), tones[rows], depths[rows]
+    flat = image.reshape(-1)
+    first_near = int(np.searchsorted(-depths, -_LARGE))
+    for part, size in ((slice(None, first_near), 2), (slice(first_near, None), 3)):
+        for offset in (dy * width + dx for dy in range(size) for dx in range(size)):
+            flat[places[part] + offset] = tones[part]

@@ -18,6 +18,7 @@ from nvsim.geometry.camera import Camera
 REACH = 8.0  # metres from the eye
 MOST = 150  # frusta; the nearest ones
 STANDING_IN = 0.3  # metres; the frustum of a camera one stands in would only line the picture
+MOST_MOVING = 60
 _LENGTH = 0.22  # metres along the line of sight
 
 
@@ -59,7 +60,8 @@ class FrustumLayer(Layer):
             self._of = capture
         distance = np.linalg.norm(self._document.trajectory.positions - camera.position, axis=1)
         near = np.flatnonzero((distance < REACH) & (distance > STANDING_IN))
-        near = near[np.argsort(distance[near], kind="stable")[:MOST]]
+        near = near[np.argsort(distance[near], kind="stable")[: MOST_MOVING if self.moving else MOST]]
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing, not self.moving)
         lines, index, _ = projected_segments(camera, self._starts[near].reshape(-1, 3), self._ends[near].reshape(-1, 3))
         owners = self._document.trajectory.submaps[near[index // 8]]
         for owner in np.unique(owners):

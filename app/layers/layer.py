@@ -36,6 +36,8 @@ class Layer:
     title = ""
     shown = True
     opacity = 1.0
+    moving = False
+    """Set before each painting: whether the camera is on its way, so that coarse now is better than fine too late."""
 
     @property
     def missing(self) -> str:

@@ -13,7 +13,8 @@ from app.layers.layer import Layer
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.types import FREE, OCCUPIED
 
-_RAYS = 90_000  # at most; a picture of fewer than the pixels is enlarged
+_RAYS = 60_000  # at most; a picture of fewer than the pixels is enlarged
+_RAYS_MOVING = 15_000
 _FAR = 60.0  # metres
 _FREE, _OCCUPIED = (0x40, 0x3F, 0xB3, 0x7F), (0xC0, 0xE0, 0x5D, 0x5D)  # alpha, red, green, blue
 
@@ -46,7 +47,8 @@ class OccupancyLayer(Layer):
             self._tones[occupancy.cells == OCCUPIED] = _premultiplied(*_OCCUPIED)
             self._of = occupancy
         k = camera.intrinsics
-        share = min(1.0, (_RAYS / (k.width * k.height)) ** 0.5)
+        rays = _RAYS_MOVING if self.moving else _RAYS
+        share = min(1.0, (rays / (k.width * k.height)) ** 0.5)
         width, height = max(1, round(k.width * share)), max(1, round(k.height * share))
         x, y, z = camera.position
         floor = floor_height(self._document, float(x), float(y), below=float(z))

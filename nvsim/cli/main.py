@@ -41,6 +41,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),
+    "bench app": ("bench_app", "how the window holds up: gaps, pace, sharpness, memory, a large graph"),
     "bench train": ("bench_train", "milliseconds of a training step and its parts"),
     "bench panorama": ("bench_panorama", "milliseconds of panoramas, whole and of the corridors only"),
     "bench graph": ("bench_graph", "milliseconds of an edit of a large graph, seconds to open and save a file"),

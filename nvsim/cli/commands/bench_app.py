@@ -1,0 +1,143 @@
+"""How the window holds up: gaps of its event loop while the camera flies and a submap trains, frames a second, time
+until the picture is sharp, memory, and both views of a large graph. In a real window; without a display under Xvfb."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nvsim.cli import show
+from nvsim.cli.window import has_display
+from nvsim.errors import InputError
+from nvsim.events import silent
+
+NICE = 10  # of a job
+_SCREEN = "2560x1440x24"
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: Path | None = None
+    """A project with trained models; one of random rooms when left out."""
+    submaps: int = 3
+    """Rooms of the project that is made."""
+    gaussians: int = 300_000
+    """Gaussians of each of its submaps."""
+    viewpoints: int = 10_000
+    """Viewpoints of its graph; about four times as many edges."""
+    train: bool = True
+    """Measure a second time while a submap of the built-in building trains, as a job does: with low priority."""
+    cycles: int = 0
+    """Close and open the project so often, and say by how much the window has grown."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    with tempfile.TemporaryDirectory(prefix="nvsim-bench-") as folder, _display() as environment:
+        project = arguments.project or _project(Path(folder) / "rooms.nvsim", arguments)
+        empty = _window(["--bench"], environment)
+        command = [f"--project={project.resolve()}", f"--bench={arguments.cycles}"]
+        figures = _window(command, environment)
+        figures["start_s"] = empty["start_s"]
+        if arguments.train:
+            with _training(Path(folder) / "trains.nvsim"):
+                busy = _window([f"--project={project.resolve()}", "--bench"], environment)
+            figures |= {f"quiet_{name}": figures[name] for name in ("gap_p99_ms", "gap_max_ms")}
+            figures |= {name: busy[name] for name in ("gap_p99_ms", "gap_max_ms")}
+            figures |= {f"busy_{name}": busy[name] for name in ("fps_moving", "sharp_ms")}
+    show.figures(figures, arguments.json, "the window")
+    return 0
+
+
+def _project(folder: Path, arguments: Arguments) -> Path:
+    from nvsim.evaluation.window_project import Size, write_project
+
+    if min(arguments.submaps, arguments.gaussians, arguments.viewpoints) < 1:
+        raise InputError("A project to measure on has at least one submap, one Gaussian and one viewpoint.")
+    return write_project(folder, Size(arguments.submaps, arguments.gaussians, arguments.viewpoints))
+
+
+def _window(arguments: Sequence[str], environment: dict[str, str]) -> dict[str, Any]:
+    command = [sys.executable, "-P", "-m", "app", *arguments]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        last = (result.stderr.strip().splitlines() or ["no message"])[-1]
+        raise InputError(f"the window does not start here: {last}")
+    figures: dict[str, Any] = json.loads(result.stdout.strip().splitlines()[-1])
+    return figures
+
+
+@contextmanager
+def _display() -> Iterator[dict[str, str]]:
+    """The environment of a window: this one's, or one with an X server of its own. Raises InputError without either."""
+    if has_display():
+        yield dict(os.environ)
+        return
+    server = shutil.which("Xvfb")
+    if server is None:
+        raise InputError("there is no display and no Xvfb; install xvfb, or run this on a desktop.")
+    read, write = os.pipe()
+    process = subprocess.Popen(
+        [server, "-displayfd", str(write), "-screen", "0", _SCREEN, "-nolisten", "tcp"],
+        pass_fds=(write,),
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(write)
+    try:
+        with os.fdopen(read) as answer:
+            number = answer.readline().strip()  # it is written when the server accepts connections
+        if not number:
+            raise InputError("Xvfb ended before it was ready; see whether it starts by itself.")
+        yield {**os.environ, "DISPLAY": f":{number}", "QT_QPA_PLATFORM": "xcb"}
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+@contextmanager
+def _training(folder: Path) -> Iterator[None]:
+    """A submap of the small built-in building in training, once its steps have begun."""
+    nvsim = [sys.executable, "-m", "nvsim.cli.main"]
+    _prepare(folder)
+    process = subprocess.Popen(
+        [*nvsim, "train", "--project", str(folder), "--json", "--steps", "100000"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: os.nice(NICE),
+    )
+    try:
+        assert process.stdout is not None
+        if not any('"metric"' in line for line in process.stdout):
+            raise InputError("the training did not begin; `nvsim demo --small` says what is wrong.")
+        yield
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def _prepare(folder: Path) -> None:
+    """The small built-in building up to its floor masks."""
+    from nvsim.capture.building import BuildingConfig, generate
+    from nvsim.project.config import CaptureConfig, RunConfig
+    from nvsim.project.project import Project
+    from nvsim.project.stages import floors, imported, submaps
+
+    with Project.create_or_open(folder) as project:
+        generate(project.layout.root, BuildingConfig(seed=0, size="small"))
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
+        submaps.run(project, RunConfig().submaps, silent)
+        floors.run(project, silent)
