@@ -46,13 +46,12 @@ class GraphArrays:
         positions = np.array([v.position for v in values], np.float64).reshape(-1, 3)
         feet = positions.copy()
         feet[:, 2] -= [v.height for v in values]
+        ends = (index[id] for key in graph.edges for id in key)
         return GraphArrays(
             ids,
             positions,
             feet,
-            np.fromiter((index[id] for key in graph.edges for id in key), np.int64, 2 * len(graph.edges)).reshape(
-                -1, 2
-            ),
+            np.fromiter(ends, np.int64, 2 * len(graph.edges)).reshape(-1, 2),
             np.array([v.submap for v in values], np.int64),
             np.array([v.included for v in values], bool),
             index,
