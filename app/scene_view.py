@@ -6,6 +6,7 @@ overlays are drawn with the camera of the picture beneath them, so that the two 
 
 from __future__ import annotations
 
+import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
@@ -47,12 +48,6 @@ class SceneView(QWidget):
         self.surface = SceneSurface(self, document)
         self.navigation = Navigation(self)
         self.places = Places(document, self.navigation, lambda: self.width() / max(1, self.height()))
-        self.home = self.places.home
-        self.look_over = self.places.look_over
-        self.look_from_above = self.places.look_from_above
-        self.focus_on_selection = self.places.focus_on_selection
-        self.snap_to_frame = self.places.snap_to_frame
-        self.go_to_position = self.places.go_to_position
         self.feed = PictureFeed(self._device_size, lambda: self.pose, self)
         self.link = self.feed.link
         self.hint = ""  # what the project lacks
@@ -117,6 +112,27 @@ class SceneView(QWidget):
         """Draws so many Gaussians at most, those that cover most; 0 draws all."""
         self.feed.budget = budget
         self.feed.ask_sharp()
+
+    # These are methods of the widget, since Qt forgets a connection to one when the widget goes.
+
+    def home(self) -> None:
+        self.places.home()
+
+    def look_over(self) -> None:
+        self.places.look_over()
+
+    def look_from_above(self) -> None:
+        self.places.look_from_above()
+
+    def focus_on_selection(self) -> None:
+        self.places.focus_on_selection()
+
+    def snap_to_frame(self, index: int) -> None:
+        self.places.snap_to_frame(index)
+
+    def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
+        """Stands at `position` (3,) looking level; keeps the heading unless one is given."""
+        self.places.go_to_position(position, heading)
 
     def show_hovered(self, viewpoint: str | None) -> None:
         """Marks the viewpoint under the cursor, be it of this view or of the map."""
