@@ -25,10 +25,9 @@ from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.journal import Journal
 from nvsim.graph.operations import Surroundings, apply, describe, record
 from nvsim.graph.selection import NOTHING, GraphSelection
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.against import against
 from nvsim.mapping.config import MappingConfig
-from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OccupancyMap
 
 LOOK = 1200  # milliseconds after a step until it must be on the disk
@@ -341,11 +340,7 @@ class Editing(QObject):
 
     def set_surroundings(self, occupancy: OccupancyMap | None, trajectory: NDArray[np.float64] | None) -> None:
         """What the graph is checked against, and what edits may need: (N, 3) the places of the frames."""
-        visible = (
-            None
-            if occupancy is None
-            else lambda a, b: segment_is_free(occupancy, np.array(a.position[:2]), np.array(b.position[:2]))
-        )
+        visible = None if occupancy is None else lambda a, b: _is_free_between(occupancy, a, b)
         self._surroundings = Surroundings(visible, trajectory)
         if occupancy is not self._occupancy:
             self._occupancy = occupancy
@@ -402,3 +397,9 @@ class Editing(QObject):
 
 def _counted(number: int, thing: str) -> str:
     return f"{number:,} {thing}" + ("" if number == 1 else "s")
+
+
+def _is_free_between(occupancy: OccupancyMap, a: Viewpoint, b: Viewpoint) -> bool:
+    from nvsim.occupancy.paths import segment_is_free  # brings numba, for which the window's start must not wait
+
+    return segment_is_free(occupancy, np.array(a.position[:2]), np.array(b.position[:2]))
