@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "graph replay": ("graph_replay", "do the edits of a script again"),
     "graph log": ("graph_log", "list the edits that were made, or write them as a script"),
     "graph check": ("graph_check", "what agents or a person would trip over in a graph, yours or any R2R file"),
+    "graph propose": ("graph_propose", "edges and viewpoints that a graph lacks, with reasons, as a list or a script"),
     "graph review": ("graph_review", "the edges to look at, the least certain first"),
     "graph compare": ("graph_compare", "what one graph has otherwise than another, and a merge of the two"),
     "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),

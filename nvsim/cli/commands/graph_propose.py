@@ -1,0 +1,92 @@
+"""Propose edges and viewpoints that a navigation graph lacks: of a project, or of any R2R connectivity file with a map.
+
+With --script the proposals are printed as a script of edits: delete the lines that are wrong and run the rest with
+`nvsim graph replay`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nvsim.cli.arguments import Positional
+
+if TYPE_CHECKING:
+    from nvsim.graph.proposals import EdgeProposal, PlaceProposal
+
+
+@dataclass(frozen=True)
+class Arguments:
+    path: Positional[Path]
+    """A project or a *_connectivity.json."""
+    occupancy: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside it."""
+    reach: float = 3.5
+    """Metres: no longer edges are proposed."""
+    sees: float = 3.0
+    """Metres: floor farther than this from every viewpoint that sees it asks for another."""
+    radius: float = 0.25
+    """Metres, of the robot."""
+    count: int = 20
+    """How many edges and how many viewpoints to propose at most."""
+    script: bool = False
+    """Print edits, one JSON object a line, for `nvsim graph replay`."""
+    json: bool = False
+    """Print the proposals as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli import show
+    from nvsim.cli.graph_source import one_source
+    from nvsim.errors import InputError
+    from nvsim.graph.findings.viewpoints import short
+    from nvsim.graph.proposals import propose_edges, propose_viewpoints
+
+    for name in ("reach", "sees"):
+        if not 0 < getattr(arguments, name) < 100:
+            raise InputError(f"--{name} is {getattr(arguments, name)}; it must be between 0 and 100 metres.")
+    source = one_source(arguments.path, arguments.occupancy)
+    if source.occupancy is None and source.margin is None:
+        raise InputError(
+            f"{arguments.path} has neither evidence nor a map to propose from; name a map with --occupancy."
+        )
+    count, radius = max(0, arguments.count), max(0.0, arguments.radius)
+    edges = propose_edges(source.graph, source.occupancy, source.margin, reach=arguments.reach, radius=radius)[:count]
+    places: tuple[PlaceProposal, ...] = ()
+    if source.occupancy is not None:
+        places = propose_viewpoints(
+            source.graph, source.occupancy, sees=arguments.sees, radius=radius, reach=arguments.reach, most=count
+        )
+    if arguments.script:
+        print("\n".join(_script(edges, places)))
+    elif arguments.json:
+        print(json.dumps({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
+    else:
+        rows = [(*map(short, e.edge), f"{e.score:.2f}", e.words) for e in edges]
+        at = [(f"{p.position[0]:.2f}, {p.position[1]:.2f}", f"{p.score:.2f}", p.words) for p in places]
+        for thing, head, lines in (("edge", ("from", "to"), rows), ("viewpoint", ("place",), at)):
+            title = f"{len(lines)} {thing}{'' if len(lines) == 1 else 's'} proposed"
+            show.table((*head, "score", "why"), lines, title) if lines else print(title)
+    return 0
+
+
+def _script(edges: tuple[EdgeProposal, ...], places: tuple[PlaceProposal, ...]) -> Iterator[str]:
+    """An edge each, and each viewpoint followed by its edges, after a comment that says why."""
+    from nvsim.graph.operations import record
+
+    for e in edges:
+        yield f"# {e.words}"
+        yield json.dumps(record("add_edges", {"pairs": [e.edge]}))
+    for p in places:
+        yield f"# {p.words}"
+        yield json.dumps(record("add_viewpoint", {"position": p.position, "height": p.height, "id": p.new_id}))
+        if p.joins:
+            yield json.dumps(record("add_edges", {"pairs": [(p.new_id, other) for other in p.joins]}))
+
+
+def _plain(proposal: EdgeProposal | PlaceProposal) -> dict[str, Any]:
+    """JSON has no infinity: a way that does not exist is null."""
+    return {key: None if value == float("inf") else value for key, value in asdict(proposal).items()}

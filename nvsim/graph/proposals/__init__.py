@@ -1,0 +1,9 @@
+"""What the machine would add to a graph: edges where the way is free, viewpoints where nothing is seen.
+
+It only proposes; a person, or a script, takes what is right.
+"""
+
+from nvsim.graph.proposals.edges import EdgeProposal, propose_edges
+from nvsim.graph.proposals.places import PlaceProposal, propose_viewpoints
+
+__all__ = ["EdgeProposal", "PlaceProposal", "propose_edges", "propose_viewpoints"]

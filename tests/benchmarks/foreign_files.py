@@ -1,0 +1,72 @@
+"""Seconds to open and to save connectivity files: `python tests/benchmarks/foreign_files.py [VIEWPOINTS ...]`.
+
+Every viewpoint of the made-up scan has eight neighbours. Saved are: no edit, a moved viewpoint with a removed edge, and
+a removed viewpoint, by which every list of the file gets shorter.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from nvsim.graph import edits
+from nvsim.graph.foreign import ForeignFile
+
+
+def write(path: Path, count: int) -> None:
+    rows = []
+    for i in range(count):
+        near = {(i + k) % count for k in (-4, -3, -2, -1, 1, 2, 3, 4)}
+        free = ["true" if j in near else "false" for j in range(count)]
+        seen = ["true" if abs(i - j) < 30 else "false" for j in range(count)]
+        pose = [1, 0, 0, i % 70 * 2.5, 0, 0, 1, i // 70 * 2.5, 0, -1, 0, 1.5, 0, 0, 0, 1]
+        rows.append(
+            f'{{"image_id": "{i:032x}", "pose": {json.dumps(pose)}, "included": true, "visible": [{", ".join(seen)}], '
+            f'"unobstructed": [{", ".join(free)}], "height": 1.5}}'
+        )
+    path.write_text("[" + ", ".join(rows) + "]")
+
+
+def main() -> None:
+    for count in [int(text) for text in sys.argv[1:]] or [1500, 5000]:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "made1_connectivity.json"
+            maker = multiprocessing.Process(target=write, args=(path, count))  # its memory is not counted
+            maker.start()
+            maker.join()
+            begin = time.perf_counter()
+            file = ForeignFile.open(path)
+            opened = time.perf_counter() - begin
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+            ids = list(file.graph.viewpoints)
+            edited = edits.move_viewpoint(file.graph, ids[7], (1.0, 2.0, 1.5))
+            edited = edits.remove_edges(edited, [next(iter(edited.edges))])
+            times = {}
+            for name, graph in (
+                ("unedited", file.graph),
+                ("moved", edited),
+                ("removed", edits.remove_viewpoints(edited, [ids[3]])),
+            ):
+                begin = time.perf_counter()
+                file.save(graph, path.with_name("out_connectivity.json"))
+                times[name] = time.perf_counter() - begin
+            print(
+                json.dumps(
+                    {
+                        "viewpoints": count,
+                        "megabytes": path.stat().st_size >> 20,
+                        "open_s": round(opened, 3),
+                        "open_peak_mib": peak,
+                        **{f"save_{name}_s": round(value, 3) for name, value in times.items()},
+                    }
+                )
+            )
+
+
+if __name__ == "__main__":
+    main()
