@@ -25,7 +25,7 @@ from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.journal import Journal
 from nvsim.graph.operations import Surroundings, apply, describe, record
 from nvsim.graph.selection import NOTHING, GraphSelection
-from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.graph.types import NavGraph
 from nvsim.mapping.against import against
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
@@ -340,7 +340,7 @@ class Editing(QObject):
 
     def set_surroundings(self, occupancy: OccupancyMap | None, trajectory: NDArray[np.float64] | None) -> None:
         """What the graph is checked against, and what edits may need: (N, 3) the places of the frames."""
-        visible = None if occupancy is None else lambda a, b: _is_free_between(occupancy, a, b)
+        visible = None if occupancy is None else partial(_free_between, occupancy)
         self._surroundings = Surroundings(visible, trajectory)
         if occupancy is not self._occupancy:
             self._occupancy = occupancy
@@ -399,7 +399,9 @@ def _counted(number: int, thing: str) -> str:
     return f"{number:,} {thing}" + ("" if number == 1 else "s")
 
 
-def _is_free_between(occupancy: OccupancyMap, a: Viewpoint, b: Viewpoint) -> bool:
-    from nvsim.occupancy.paths import segment_is_free  # brings numba, for which the window's start must not wait
+def _free_between(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) whether nothing known stands between places a and b, (N, 3) each."""
+    # Brings numba, for which the window's start must not wait.
+    from nvsim.occupancy.paths import segments_are_free, standing_room
 
-    return segment_is_free(occupancy, np.array(a.position[:2]), np.array(b.position[:2]))
+    return segments_are_free(standing_room(occupancy), occupancy, a[:, :2], b[:, :2])

@@ -143,3 +143,13 @@ def test_a_graph_built_again_does_not_replace_edits(window: MainWindow, document
     document.set_contents(replace(document.contents, graph=demo_room.graph(document.contents.submaps)))
     assert document.graph is mine
     assert "yours is kept" in window.notice_area.texts[-1]
+
+
+def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
+    import demo_room
+
+    from app.editing import _free_between
+
+    starts = np.array([[1.0, 3.7, 1.5], [1.0, 1.0, 1.5]])
+    ends = np.array([[6.0, 3.7, 1.5], [2.0, 1.0, 1.5]])  # through the table; across the open floor
+    assert _free_between(demo_room.occupancy(), starts, ends).tolist() == [False, True]
