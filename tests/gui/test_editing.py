@@ -147,6 +147,7 @@ def test_a_graph_built_again_does_not_replace_edits(window: MainWindow, document
 
 def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
     import demo_room
+    import numpy as np
 
     from app.editing import _free_between
 
