@@ -6,6 +6,7 @@ who shows the graph hears of the difference.
 
 from __future__ import annotations
 
+import gc
 import threading
 import uuid
 from collections.abc import Iterable, Mapping
@@ -32,6 +33,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 
 LOOK = 1200  # milliseconds after a step until it must be on the disk
+LARGE = 2000  # viewpoints from which on Python's collector is felt
 EYE = 1.5  # metres above the floor, of a viewpoint that nobody gave another height
 
 Place = tuple[float, float, float]
@@ -114,6 +116,10 @@ class Editing(QObject):
             self.history = self._opened(graph, file)
             self.history.listen(self._on_change)
             self.check_soon()
+            if len(graph.viewpoints) > LARGE:
+                # What was opened stays: the collector need not walk through all of it in the middle of an edit.
+                gc.collect()
+                gc.freeze()
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 
@@ -174,33 +180,32 @@ class Editing(QObject):
         history, file = self.history, self.file
         if history is None or file is None or not self.writable or self.saving:
             return
-        graph, index = history.graph, history.index
+        graph, journal = history.graph, self._journal
         self.saving = True
 
         def work() -> None:
             trouble = ""
             try:
+                if journal is not None:
+                    journal.flush()  # so that after a crash the journal knows what the file holds
                 file.save(graph)
             except InputError as error:
                 trouble = str(error)
-            self._saved.emit((history, index), trouble)
+            self._saved.emit((history, graph), trouble)
 
         self._saver = threading.Thread(target=work, name="graph saver")
         self._saver.start()
         if wait:
             self._saver.join()
 
-    def _on_saved(self, what: tuple[History, int], trouble: str) -> None:
-        history, index = what
+    def _on_saved(self, what: tuple[History, NavGraph], trouble: str) -> None:
+        history, graph = what
         self.saving = False
         if trouble:
             self.failed.emit(trouble)
         elif history is self.history:
-            now = history.index
-            # What was edited while it was written is not saved.
-            if now == index:
-                history.mark_saved()
-            else:
+            history.mark_saved(graph)
+            if not history.clean:
                 self.told.emit("Saved as it was when saving began; what came after is not saved yet.")
 
     # Editing -----------------------------------------------------------------------------------------------------

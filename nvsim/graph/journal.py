@@ -24,6 +24,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.locking import Held, WriterLock
 
 _PERIOD = 0.4  # seconds from a step to its writing
+_UNHEARD = 8  # steps at the end among which a saved graph is looked for
 OUTSIDE = "Changed outside the editor"
 
 
@@ -87,17 +88,25 @@ class Journal:
         mine = fingerprint(graph, plain=self._plain)
         if mine == written.saved:
             self.recovered = history.edits_since_saved()
-        elif mine == fingerprint(history.graph, plain=self._plain):
-            # It was saved, and the process died before it could say so here.
-            if self.refusal is None:
-                history.mark_saved()
+        elif self.refusal is None and (held := self._saved_unheard(history, mine)) is not None:
+            history.mark_saved(held)
+            self.recovered = history.edits_since_saved()
         elif self.refusal is None:
             self.recovered = history.edits_since_saved()
             history.perform(OUTSIDE, graph)
             history.mark_saved()
-        else:
+        elif mine != fingerprint(history.graph, plain=self._plain):
             return History(graph, self)
         return history
+
+    def _saved_unheard(self, history: History, mine: str) -> NavGraph | None:
+        """The graph of one of the last steps, where it is what the file holds: it was saved, and the process died
+        before it could say so here."""
+        for index in range(history.index, max(-1, history.index - _UNHEARD), -1):
+            graph = history.graph_at(index)
+            if fingerprint(graph, plain=self._plain) == mine:
+                return graph
+        return None
 
     # The recorder of the history --------------------------------------------------------------------------------
 

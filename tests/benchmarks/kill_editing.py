@@ -39,6 +39,7 @@ def child(folder: Path, count: int, edits: int, seed: int) -> None:
         made += random_edit(history, rng)
         print(json.dumps({"made": made, "at": time.time(), "graph": fingerprint(history.graph)}), flush=True)
         if made % 50 == 0:
+            journal.flush()
             write_connectivity(history.graph, folder)
             history.mark_saved()
         time.sleep(rng.uniform(0.0, 0.04))

@@ -110,6 +110,20 @@ def test_a_save_that_the_journal_did_not_hear_of_is_recognised(tmp_path: Path) -
         assert again.clean and journal.recovered == 0 and len(again.steps) == len(history.steps)
 
 
+def test_edits_after_a_save_that_was_not_heard_of_come_back_as_unsaved(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        edited(history)
+        saved = history.graph
+        perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+    with Journal.open(path) as journal:
+        again = journal.history(saved)
+        assert journal.recovered == 1 and not again.clean and again.undo_text == "Remove 1 edge"
+        again.undo()
+        assert again.clean
+
+
 def test_a_file_changed_outside_wins_and_what_was_unsaved_is_an_undo_away(tmp_path: Path) -> None:
     path = tmp_path / "edits.db"
     with Journal.open(path) as journal:
