@@ -1,0 +1,185 @@
+"""What another graph has otherwise: a list to choose from, drawn in colours over both views, and merged on demand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QHeaderView, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from app import colors
+from app.comparing import Compared
+from app.panels.submaps import table
+from nvsim.graph.compare import Deviation
+from nvsim.graph.selection import GraphSelection
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+INKS = {
+    "viewpoint added": colors.OPEN,
+    "viewpoint removed": colors.BLOCKED,
+    "viewpoint moved": colors.SELECTED,
+    "viewpoint changed": colors.TRAJECTORY,
+    "edge added": colors.OPEN,
+    "edge removed": colors.BLOCKED,
+}
+
+
+class DeviationModel(QAbstractTableModel):
+    """A row for each difference, with a box to choose it for the merge."""
+
+    def __init__(self, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.rows: tuple[Deviation, ...] = ()
+        self.chosen: set[Deviation] = set()
+
+    def show(self, found: tuple[Deviation, ...]) -> None:
+        self.beginResetModel()
+        self.rows = found
+        self.chosen &= set(found)
+        self.endResetModel()
+
+    def choose(self, rows: tuple[Deviation, ...]) -> None:
+        """Exactly these."""
+        self.chosen = set(rows)
+        if self.rows:
+            self.dataChanged.emit(self.index(0, 0), self.index(len(self.rows) - 1, 0))
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self.rows)
+
+    def columnCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else 2
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and 0 <= section < 2:
+            return ("Difference", "What the other graph has")[section]
+        return None
+
+    def flags(self, index: _Index) -> Qt.ItemFlag:
+        boxed = Qt.ItemFlag.ItemIsUserCheckable if index.column() == 0 else Qt.ItemFlag.NoItemFlags
+        return super().flags(index) | boxed
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid() or index.row() >= len(self.rows):
+            return None
+        found = self.rows[index.row()]
+        if role == Qt.ItemDataRole.CheckStateRole and index.column() == 0:
+            return Qt.CheckState.Checked if found in self.chosen else Qt.CheckState.Unchecked
+        if role == Qt.ItemDataRole.ForegroundRole and index.column() == 0:
+            return QColor(INKS[found.kind])
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return found.words
+        if role == Qt.ItemDataRole.DisplayRole:
+            return (found.kind, found.words)[index.column()]
+        return None
+
+    def setData(self, index: _Index, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
+        if role != Qt.ItemDataRole.CheckStateRole or not index.isValid():
+            return False
+        found = self.rows[index.row()]
+        (self.chosen.add if Qt.CheckState(value) == Qt.CheckState.Checked else self.chosen.discard)(found)
+        self.dataChanged.emit(index, index)
+        return True
+
+
+class ComparePanel(QWidget):
+    """opened(): another graph is wanted; stepped(int): the graph after that step of the history; closed(); merged(list
+    of Deviation); activated(GraphSelection)."""
+
+    opened = Signal()
+    stepped = Signal(int)
+    closed = Signal()
+    merged = Signal(object)
+    activated = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.compared: Compared | None = None
+        self.model = DeviationModel(self)
+        self.open = QPushButton("Other graph…", self)
+        self.open.setToolTip("A connectivity file to compare with")
+        self.open.clicked.connect(self.opened)
+        self.steps = QComboBox(self)
+        self.steps.setToolTip("Compare with the graph as it was after a step of the history")
+        self.steps.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.steps.activated.connect(self._on_step)
+        self.close_button = QPushButton("Close", self)
+        self.close_button.setToolTip("Compare no more")
+        self.close_button.clicked.connect(self.closed)
+        self.words = QLabel("Choose another graph, or a step of the history, to compare with.", self)
+        self.words.setWordWrap(True)
+        self.table = table(self.model, self)
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        header.resizeSection(0, 150)
+        self.table.doubleClicked.connect(self._on_double_click)
+        self.all = QPushButton("Choose all", self)
+        self.all.clicked.connect(self._choose_all)
+        self.merge = QPushButton("Take what is chosen", self)
+        self.merge.setToolTip("The chosen differences come into the graph that is edited, as one step")
+        self.merge.clicked.connect(self._on_merge)
+        self.model.dataChanged.connect(self._enable)
+        top, bottom = QHBoxLayout(), QHBoxLayout()
+        for widget, stretch in ((self.open, 0), (self.steps, 1), (self.close_button, 0)):
+            top.addWidget(widget, stretch)
+        bottom.addWidget(self.all)
+        bottom.addStretch(1)
+        bottom.addWidget(self.merge)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(4, 4, 4, 4)
+        layout.setSpacing(4)
+        layout.addLayout(top)
+        layout.addWidget(self.words)
+        layout.addWidget(self.table, 1)
+        layout.addLayout(bottom)
+        self.show_compared(None)
+
+    def show_steps(self, texts: tuple[str, ...], current: int) -> None:
+        """The steps to choose from."""
+        self.steps.clear()
+        self.steps.addItem("With a step of the history…", -1)
+        for i, text in enumerate(texts):
+            if i != current:
+                self.steps.addItem(f"{i}: {text}", i)
+
+    def show_compared(self, compared: Compared | None) -> None:
+        """Lists the differences; None: nothing is compared."""
+        self.compared = compared
+        self.model.show(() if compared is None else compared.comparison.deviations)
+        if compared is None:
+            self.words.setText("Choose another graph, or a step of the history, to compare with.")
+        else:
+            counts = {kind: n for kind, n in compared.comparison.counts().items() if n}
+            told = ", ".join(f"{n:,} {kind.split()[0]}{'s' if n > 1 else ''} {kind.split()[1]}"
+                             for kind, n in counts.items())  # fmt: skip
+            self.words.setText(f"{compared.name}: {told or 'nothing is different'}.")
+        self._enable()
+
+    def _enable(self, *_: object) -> None:
+        self.close_button.setEnabled(self.compared is not None)
+        self.all.setEnabled(bool(self.model.rows))
+        self.merge.setEnabled(bool(self.model.chosen))
+        self.merge.setText(f"Take {len(self.model.chosen):,} chosen" if self.model.chosen else "Take what is chosen")
+
+    def _choose_all(self) -> None:
+        everything = len(self.model.chosen) == len(self.model.rows)
+        self.model.choose(() if everything else self.model.rows)
+        self._enable()
+
+    def _on_step(self, row: int) -> None:
+        step = self.steps.itemData(row)
+        if isinstance(step, int) and step >= 0:
+            self.stepped.emit(step)
+
+    def _on_merge(self) -> None:
+        self.merged.emit([d for d in self.model.rows if d in self.model.chosen])
+
+    def _on_double_click(self, index: QModelIndex) -> None:
+        found = self.model.rows[index.row()]
+        self.activated.emit(
+            GraphSelection(frozenset({found.viewpoint} if found.viewpoint else ()), frozenset({found.edge} if found.edge else ()))
+        )
+
+
