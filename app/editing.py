@@ -26,9 +26,11 @@ from nvsim.graph.findings import Context, Finding, Validator
 from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.journal import Journal
 from nvsim.graph.operations import Surroundings, apply, describe, record
+from nvsim.graph.review import Review
 from nvsim.graph.selection import NOTHING, GraphSelection
+from nvsim.graph.sight import sight_on
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.against import against
+from nvsim.mapping.against import against, margin
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 
@@ -64,7 +66,10 @@ class Editing(QObject):
         self.saving = False
         self._journal: Journal | None = None
         self._occupancy: OccupancyMap | None = None
-        self._against = against(MappingConfig())
+        self._thresholds = MappingConfig()
+        self._against = against(self._thresholds)
+        self.review = Review(margin(self._thresholds))
+        """The order in which a person looks at edges."""
         self._surroundings = Surroundings()
         self._saver: threading.Thread | None = None
         self._trouble = ""
@@ -346,7 +351,7 @@ class Editing(QObject):
 
     def set_surroundings(self, occupancy: OccupancyMap | None, trajectory: NDArray[np.float64] | None) -> None:
         """What the graph is checked against, and what edits may need: (N, 3) the places of the frames."""
-        visible = None if occupancy is None else partial(_free_between, occupancy)
+        visible = None if occupancy is None else partial(_see_each_other, occupancy)
         self._surroundings = Surroundings(visible, trajectory)
         if occupancy is not self._occupancy:
             self._occupancy = occupancy
@@ -354,7 +359,9 @@ class Editing(QObject):
 
     def set_thresholds(self, config: MappingConfig) -> None:
         """What evidence is held against."""
-        self._against = against(config)
+        if config == self._thresholds:
+            return
+        self._thresholds, self._against, self.review = config, against(config), Review(margin(config))
         self.check_soon()
 
     @property
@@ -401,13 +408,10 @@ class Editing(QObject):
             self.stepsChanged.emit()
 
 
+def _see_each_other(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Made when asked: few edits need it."""
+    return sight_on(occupancy)(a, b)
+
+
 def _counted(number: int, thing: str) -> str:
     return f"{number:,} {thing}" + ("" if number == 1 else "s")
-
-
-def _free_between(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N,) whether nothing known stands between places a and b, (N, 3) each."""
-    # Brings numba, for which the window's start must not wait.
-    from nvsim.occupancy.paths import segments_are_free, standing_room
-
-    return segments_are_free(standing_room(occupancy), occupancy, a[:, :2], b[:, :2])

@@ -86,13 +86,14 @@ class DeviationModel(QAbstractTableModel):
 
 class ComparePanel(QWidget):
     """opened(): another graph is wanted; stepped(int): the graph after that step of the history; closed(); merged(list
-    of Deviation); activated(GraphSelection)."""
+    of Deviation); activated(GraphSelection); shown(): it came to the front."""
 
     opened = Signal()
     stepped = Signal(int)
     closed = Signal()
     merged = Signal(object)
     activated = Signal(object)
+    shown = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -135,6 +136,9 @@ class ComparePanel(QWidget):
         layout.addWidget(self.table, 1)
         layout.addLayout(bottom)
         self.show_compared(None)
+
+    def showEvent(self, event: object) -> None:
+        self.shown.emit()
 
     def show_steps(self, texts: tuple[str, ...], current: int) -> None:
         """The steps to choose from."""
@@ -179,7 +183,7 @@ class ComparePanel(QWidget):
     def _on_double_click(self, index: QModelIndex) -> None:
         found = self.model.rows[index.row()]
         self.activated.emit(
-            GraphSelection(frozenset({found.viewpoint} if found.viewpoint else ()), frozenset({found.edge} if found.edge else ()))
+            GraphSelection(
+                frozenset({found.viewpoint} if found.viewpoint else ()), frozenset({found.edge} if found.edge else ())
+            )
         )
-
-

@@ -6,6 +6,7 @@ from __future__ import annotations
 from app.actions import Action
 from app.parts.camera import CameraPart
 from app.parts.checking import CheckPart
+from app.parts.comparing import ComparePart
 from app.parts.editing import EditPart
 from app.parts.files import FilePart
 from app.parts.frames import FramePart
@@ -44,6 +45,7 @@ PARTS: tuple[type[Part], ...] = (
     EditPart,
     SelectPart,
     CheckPart,
+    ComparePart,
     ProposePart,
     LookPart,
     PalettePart,

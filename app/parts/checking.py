@@ -9,7 +9,6 @@ from app.graph_reasons import with_editing, writable
 from app.panels.validation import ValidationPanel
 from app.parts.part import Dock, Part, Workspace
 from app.parts.selecting import SelectPart
-from app.review import to_review
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 
@@ -49,19 +48,20 @@ class CheckPart(Part):
         if editing.graph is None:
             return
         self._passed |= editing.selection.edges
-        waiting = to_review(editing.graph)
-        left = [key for key in waiting if key not in self._passed]
+        waiting = editing.review.order(editing.graph)
+        left = [doubt for doubt in waiting if doubt.edge not in self._passed]
         if not waiting:
             self.workspace.notices.info("Every edge is reviewed.")
             return
         if not left:
             self._passed.clear()
             left = waiting
-        self._show(GraphSelection(frozenset(), frozenset({left[0]})))
+        self._show(GraphSelection(frozenset(), frozenset({left[0].edge})))
         done = len(editing.graph.edges) - len(waiting)
+        why = left[0].why
         self.workspace.modes.said.emit(
-            f"{done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · Y it is right · Shift+N right, "
-            "go on · Del remove it"
+            f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
+            "Y it is right · Shift+N right, go on · Del remove it"
         )
 
     def accept(self) -> None:

@@ -41,6 +41,7 @@ class ComparePart(Part):
         self.panel.closed.connect(self.close)
         self.panel.merged.connect(self.merge)
         self.panel.activated.connect(self._show)
+        self.panel.shown.connect(self._on_steps)
         self._soon = QTimer(self, singleShot=True, interval=SETTLE)
         self._soon.timeout.connect(self._again)
         workspace.document.graphChanged.connect(self._on_edit)
@@ -92,7 +93,9 @@ class ComparePart(Part):
             self.workspace.notices.warning(str(error))
             return
         count = len(chosen)
-        self._editing.perform(f"Take {count:,} {'difference' if count == 1 else 'differences'} from {compared.name}", graph)
+        self._editing.perform(
+            f"Take {count:,} {'difference' if count == 1 else 'differences'} from {compared.name}", graph
+        )
 
     def _set(self, compared: Compared | None) -> None:
         if compared is None and self.panel.compared is None:
@@ -130,7 +133,9 @@ class ComparePart(Part):
             line(painter, surface, known[:, 0], known[:, 1], INKS[kind], 3.4, Qt.PenStyle.SolidLine)
         for kind in ("viewpoint removed", "viewpoint added", "viewpoint changed"):
             found = [compared.place(d.viewpoint) for d in compared.of_kind(kind)]
-            dots(painter, surface, np.array([p for p in found if p], float).reshape(-1, 3), INKS[kind], 8.0, filled=False)
+            dots(
+                painter, surface, np.array([p for p in found if p], float).reshape(-1, 3), INKS[kind], 8.0, filled=False
+            )
         moved = [(compared.place(d.viewpoint), compared.other_place(d.viewpoint))
                  for d in compared.of_kind("viewpoint moved")]  # fmt: skip
         ways = np.array([pair for pair in moved if None not in pair], float).reshape(-1, 2, 3)

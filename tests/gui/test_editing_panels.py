@@ -1,0 +1,322 @@
+"""The panels of editing: validation, history, tables, histogram, compare, proposals, and the walk through review."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QItemSelectionModel, Qt
+from PySide6.QtWidgets import QApplication
+from pytestqt.modeltest import ModelTester
+from pytestqt.qtbot import QtBot
+
+from app.document import Document
+from app.panels.comparison import ComparePanel
+from app.panels.form import Form
+from app.panels.histogram import HistogramPanel
+from app.panels.history import HistoryPanel
+from app.panels.tables import TablePanel
+from app.panels.validation import ValidationPanel
+from app.window import MainWindow
+from nvsim.graph.connectivity import write_connectivity
+from nvsim.graph.selection import GraphSelection, selection
+from nvsim.mapping.newcomers import Newcomers
+
+
+def cut_off(document: Document, row: int = 0) -> str:
+    """Removes all edges of a viewpoint; returns its id."""
+    id = document.graph_arrays.ids[row]
+    pairs = [list(key) for key in document.graph.edges if id in key]
+    document.editing.run("remove_edges", {"pairs": pairs})
+    return id
+
+
+@pytest.fixture
+def validation(window: MainWindow, document: Document) -> ValidationPanel:
+    window.show_dock("validation")
+    document.editing.check()
+    panel = window.panels["validation"]
+    assert isinstance(panel, ValidationPanel)
+    return panel
+
+
+def test_an_edit_that_isolates_a_viewpoint_is_found_at_once(validation: ValidationPanel, document: Document) -> None:
+    id = cut_off(document)
+    validation.renew()
+    found = [f for f in validation.model.rows if f.kind == "isolated"]
+    assert [f.viewpoints for f in found] == [(id,)]
+    assert validation.boxes["error"].text() == "1 error"
+    document.editing.undo()
+    validation.renew()
+    assert not [f for f in validation.model.rows if f.kind == "isolated"]
+
+
+def test_a_finding_is_selected_fixed_and_taken_back(validation: ValidationPanel, document: Document) -> None:
+    id = cut_off(document)
+    validation.renew()
+    row = next(i for i, f in enumerate(validation.model.rows) if f.kind == "isolated")
+    validation.table.selectRow(row)
+    assert document.editing.selection.viewpoints == {id}
+    assert validation.fix.isEnabled()
+    validation.apply_first_fix()
+    validation.renew()
+    assert not [f for f in validation.model.rows if f.kind == "isolated"]
+    document.editing.undo()
+    validation.renew()
+    assert [f for f in validation.model.rows if f.kind == "isolated"]
+
+
+def test_a_finding_is_ignored_for_good_with_a_reason(validation: ValidationPanel, document: Document) -> None:
+    cut_off(document)
+    validation.renew()
+    row = next(i for i, f in enumerate(validation.model.rows) if f.kind == "isolated")
+    validation.table.selectRow(row)
+    validation.ignore()
+    assert not document.graph.ignored  # without a reason nothing happens
+    validation.reason.setText("a lookout")
+    validation.ignore()
+    validation.renew()
+    assert list(document.graph.ignored.values()) == ["a lookout"]
+    assert not [f for f in validation.model.rows if f.kind == "isolated"]
+    validation.ignored.setChecked(True)
+    assert [f for f in validation.model.rows if f.kind == "isolated"]
+
+
+def test_a_double_click_on_a_finding_brings_the_views_there(
+    validation: ValidationPanel, window: MainWindow, document: Document, qtbot: QtBot
+) -> None:
+    cut_off(document, 3)
+    validation.renew()
+    row = next(i for i, f in enumerate(validation.model.rows) if f.kind == "isolated")
+    validation.table.selectRow(row)
+    goal = document.graph_arrays.feet[3]
+    validation.table.doubleClicked.emit(validation.model.index(row, 1))
+    qtbot.waitUntil(lambda: np.linalg.norm(window.scene.pose.pivot[:2] - goal[:2]) < 0.1, timeout=3000)
+    shown = window.panels["map"].plot.getViewBox().viewRect().center()
+    assert (shown.x(), shown.y()) == pytest.approx(tuple(goal[:2]), abs=0.1)
+
+
+def test_the_filter_of_findings_hides_other_severities(validation: ValidationPanel, document: Document) -> None:
+    cut_off(document)
+    validation.renew()
+    validation.boxes["error"].setChecked(False)
+    assert not [f for f in validation.model.rows if f.severity == "error"]
+    validation.boxes["error"].setChecked(True)
+    validation.text.setText("no such words")
+    assert not validation.model.rows and not validation.clean.isHidden()
+
+
+def test_a_click_in_the_history_goes_there(window: MainWindow, document: Document) -> None:
+    panel = window.panels["history"]
+    assert isinstance(panel, HistoryPanel)
+    first = document.graph
+    cut_off(document)
+    document.select(viewpoint=document.graph_arrays.ids[2])
+    assert panel.model.rowCount() == 3
+    assert panel.model.index(1, 0).data().startswith("Remove ")
+    panel.list.clicked.emit(panel.model.index(0, 0))
+    assert document.graph is first and document.editing.history.index == 0
+    panel.list.clicked.emit(panel.model.index(2, 0))
+    assert document.graph is not first
+
+
+@pytest.fixture
+def tables(window: MainWindow) -> TablePanel:
+    window.show_dock("tables")
+    panel = window.panels["tables"]
+    assert isinstance(panel, TablePanel)
+    panel.renew()
+    return panel
+
+
+def test_the_tables_are_sound_models(tables: TablePanel, qtmodeltester: ModelTester) -> None:
+    qtmodeltester.check(tables.viewpoints)
+    qtmodeltester.check(tables.edges)
+
+
+def test_rows_and_views_select_each_other(tables: TablePanel, document: Document) -> None:
+    ids = document.graph_arrays.ids
+    view = tables.views[0]
+    for row in (2, 5):
+        flags = QItemSelectionModel.SelectionFlag.Select | QItemSelectionModel.SelectionFlag.Rows
+        view.selectionModel().select(tables.viewpoints.index(row, 0), flags)
+    assert document.editing.selection.viewpoints == {tables.viewpoints.key(2), tables.viewpoints.key(5)}
+    document.editing.select(selection(ids[7:10]))
+    rows = {index.row() for index in view.selectionModel().selectedRows()}
+    assert rows == set(tables.viewpoints.rows_of(frozenset(ids[7:10]))) and len(rows) == 3
+
+
+def test_columns_sort_by_their_values(tables: TablePanel) -> None:
+    tables.viewpoints.sort(1, Qt.SortOrder.DescendingOrder)
+    degrees = [int(tables.viewpoints.index(row, 1).data()) for row in range(tables.viewpoints.rowCount())]
+    assert degrees == sorted(degrees, reverse=True)
+
+
+def test_an_expression_filters_the_rows_and_a_wrong_one_says_why(tables: TablePanel, document: Document) -> None:
+    tables.filter.setText("degree > 4")
+    tables.renew()
+    degree = np.bincount(document.graph_arrays.edges.reshape(-1))
+    assert tables.viewpoints.rowCount() == int((degree > 4).sum())
+    tables.filter.setText("degre > 4")
+    tables.renew()
+    assert "degre" in tables.trouble.text() and not tables.trouble.isHidden()
+    tables.filter.setText(document.graph_arrays.ids[4][:8])
+    tables.renew()
+    assert tables.viewpoints.rowCount() == 1 and tables.trouble.isHidden()
+
+
+def test_a_range_of_the_histogram_selects(window: MainWindow, document: Document) -> None:
+    window.show_dock("histogram")
+    panel = window.panels["histogram"]
+    assert isinstance(panel, HistogramPanel)
+    panel.choice.setCurrentText("Length of edges")
+    panel.renew()
+    panel.region.setRegion((2.5, 9.0))
+    panel.select_range()
+    arrays = document.graph_arrays
+    ends = arrays.positions[arrays.edges]
+    long = np.flatnonzero(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > 2.5)
+    assert document.editing.selection.edges == {arrays.edge_key(row) for row in long} and len(long)
+
+
+def test_the_review_walks_from_the_least_certain_edge_on(window: MainWindow, document: Document) -> None:
+    go = window.actions_table["next_review"]
+    go.trigger()
+    (first,) = document.editing.selection.edges
+    window.actions_table["reviewed"].trigger()
+    assert document.graph.edges[first].reviewed
+    go.trigger()
+    (second,) = document.editing.selection.edges
+    assert second != first
+    window.actions_table["remove"].trigger()
+    assert second not in document.graph.edges
+    go.trigger()
+    (third,) = document.editing.selection.edges
+    window.actions_table["accept_review"].trigger()
+    (fourth,) = document.editing.selection.edges
+    assert document.graph.edges[third].reviewed and fourth not in (first, second, third)
+
+
+def test_another_graph_is_compared_drawn_and_merged(
+    window: MainWindow, document: Document, tmp_path: Path, qtbot: QtBot
+) -> None:
+    graph = document.graph
+    gone, moved = next(iter(graph.edges)), document.graph_arrays.ids[9]
+    x, y, z = graph.viewpoints[moved].position
+    other = replace(
+        graph,
+        edges={key: e for key, e in graph.edges.items() if key != gone},
+        viewpoints={**graph.viewpoints, moved: replace(graph.viewpoints[moved], position=(x + 0.4, y, z))},
+    )
+    path = write_connectivity(other, tmp_path)
+    part = next(p for p in window.parts if type(p).__name__ == "ComparePart")
+    part.compare_with_file(path)
+    panel = window.panels["compare"]
+    assert isinstance(panel, ComparePanel)
+    assert {d.kind for d in panel.model.rows} == {"edge removed", "viewpoint moved"}
+    window.grab()
+    panel.model.choose(tuple(d for d in panel.model.rows if d.kind == "edge removed"))
+    panel.merge.click()
+    assert gone not in document.graph.edges
+    assert document.graph.viewpoints[moved].position == (x, y, z)
+    qtbot.waitUntil(lambda: len(panel.model.rows) == 1, timeout=3000)
+    document.editing.undo()
+    assert document.graph is graph
+
+
+def test_the_graph_is_compared_with_an_earlier_step(window: MainWindow, document: Document) -> None:
+    cut_off(document)
+    part = next(p for p in window.parts if type(p).__name__ == "ComparePart")
+    part.compare_with_step(0)
+    panel = window.panels["compare"]
+    assert isinstance(panel, ComparePanel) and {d.kind for d in panel.model.rows} == {"edge added"}
+    panel.model.choose(panel.model.rows)
+    panel.merge.click()
+    assert set(document.graph.edges) == set(document.contents.graph.edges)
+
+
+def test_measured_evidence_becomes_part_of_the_edit_and_proposes_edges(window: MainWindow, document: Document) -> None:
+    document.editing.add_viewpoint((2.2, 2.2, 1.5))
+    (new,) = document.editing.selection.viewpoints
+    steps = len(document.editing.history.steps)
+    near = document.graph_arrays.ids[0]
+    pair = (min(new, near), max(new, near))
+    sample = replace(next(iter(document.graph.evidence.values())), viewpoint=new)
+    part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
+    part._on_measured(Newcomers((sample,), {new: 1}, (pair,), ()), {new: document.graph.viewpoints[new].position})
+    assert sample.key in document.graph.evidence and document.graph.viewpoints[new].submap == 1
+    assert len(document.editing.history.steps) == steps
+    assert pair not in document.graph.edges and part.proposals.edges == (pair,)
+    window.grab()
+    window.actions_table["accept_proposals"].trigger()
+    assert document.graph.edges[pair].origin == "person" and not part.proposals
+    document.editing.undo()
+    document.editing.undo()
+    assert new not in document.graph.viewpoints
+
+
+def test_what_was_measured_elsewhere_is_not_taken(window: MainWindow, document: Document) -> None:
+    document.editing.add_viewpoint((2.2, 2.2, 1.5))
+    (new,) = document.editing.selection.viewpoints
+    part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
+    before = document.graph
+    part._on_measured(Newcomers((), {new: 1}, (), ()), {new: (9.0, 9.0, 1.5)})
+    assert document.graph is before
+    part._soon.stop()
+
+
+@pytest.mark.parametrize(
+    ("action", "rows", "changed"),
+    [
+        ("connect_visible", (0, 2, 3), "edges"),
+        ("set_height", (3, 4), "viewpoints"),
+        ("copy_to_floor", (3, 4), "viewpoints"),
+        ("align", (3,), "viewpoints"),
+    ],
+)
+def test_a_form_runs_its_operation(
+    window: MainWindow, document: Document, action: str, rows: tuple[int, ...], changed: str
+) -> None:
+    before = document.graph
+    document.editing.select(selection([document.graph_arrays.ids[row] for row in rows]))
+    window.actions_table[action].trigger()
+    form = next(f for f in window.findChildren(Form) if f.isVisible())
+    for name, value in (("distance", 9.0), ("height", 1.2), ("dz", 3.0)):
+        if name in form.inputs:
+            form.inputs[name].setValue(value)
+    form.apply.click()
+    form.close()
+    QApplication.processEvents()
+    assert document.graph is not before
+    assert getattr(document.graph, changed) != getattr(before, changed)
+
+
+def test_commands_on_the_selection_do_what_they_say(window: MainWindow, document: Document) -> None:
+    ids, act = document.graph_arrays.ids, window.actions_table
+    document.editing.select(GraphSelection(frozenset({ids[3]})))
+    act["exclude"].trigger()
+    assert not document.graph.viewpoints[ids[3]].included
+    act["include"].trigger()
+    act["lock"].trigger()
+    assert document.graph.viewpoints[ids[3]].included and document.graph.viewpoints[ids[3]].locked
+    before = document.graph
+    act["remove"].trigger()
+    assert document.graph is before and "locked" in window.modes.refusal
+    act["unlock"].trigger()
+    act["grow"].trigger()
+    assert document.editing.selection.viewpoints == {ids[3], *document.graph.neighbours(ids[3])}
+    act["component"].trigger()
+    assert len(document.editing.selection.viewpoints) == len(ids)
+    act["select_none"].trigger()
+    assert not document.editing.selection and not act["grow"].isEnabled()
+    document.editing.select(selection([ids[0], ids[-1]]))
+    act["path"].trigger()
+    assert {ids[0], ids[-1]} <= document.editing.selection.viewpoints and document.editing.selection.edges
+    act["select_all"].trigger()
+    act["invert"].trigger()
+    assert not document.editing.selection
+    document.editing.select(selection([ids[0], ids[1]]))
+    act["merge"].trigger()
+    assert len(document.graph.viewpoints) == len(ids) - 1
