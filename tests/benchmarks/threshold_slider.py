@@ -1,0 +1,83 @@
+"""What a step of a threshold slider takes in the window, until map and 3D view have painted what it changes. Every edge
+disappears, which is the most there is to draw.
+
+QT_QPA_PLATFORM=offscreen python -m tests.benchmarks.threshold_slider
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
+
+from app.application import make_application
+from app.document import Document
+from app.loading import Contents
+from app.notices import Notices
+from app.parts.thresholds import ThresholdPart
+from app.window import MainWindow
+from tests.benchmarks.redecide import field
+
+
+def turns(done: Callable[[], bool], least: float = 0.0) -> float:
+    """Runs the event loop until `done`, `least` seconds at least; the longest turn in milliseconds."""
+    longest, end = 0.0, time.perf_counter() + least
+    while time.perf_counter() < end or not done():
+        begin = time.perf_counter()
+        QApplication.processEvents()
+        longest = max(longest, time.perf_counter() - begin)
+        time.sleep(0.001)
+    return 1e3 * longest
+
+
+def measured_on(side: int, settings: QSettings) -> dict[str, object]:
+    """The figures of a graph of side x side viewpoints, in a window of 1280x720."""
+    document = Document()
+    window = MainWindow(document, settings, Notices())
+    window.resize(1280, 720)
+    window.show()
+    document.set_contents(Contents(Path("field.nvsim"), graph=field(side)))
+    part = next(p for p in window.parts if isinstance(p, ThresholdPart))
+    part.show_panel()
+    window.scene.look_over()
+    turns(lambda: True, 1.5)
+    begin = time.perf_counter()
+    part.trial.prepare()
+    longest = turns(lambda: part.trial.redecider is not None)
+    prepared = time.perf_counter() - begin
+    whole, deciding = [], []
+    for step in range(30):
+        before, begin = part.trial.outcome, time.perf_counter()
+        part.panel.rows["row_alpha"].slider.setValue(4 + step % 2)
+        while part.trial.outcome is before:
+            QApplication.processEvents()
+        QApplication.processEvents()  # what was decided is painted
+        whole.append(1e3 * (time.perf_counter() - begin))
+        deciding.append(part.trial.milliseconds)
+    window.close()
+    return {
+        "viewpoints": side * side,
+        "prepare_s": round(prepared, 2),
+        "longest_turn_while_preparing_ms": round(longest),
+        "step_ms": round(statistics.median(whole[1:]), 1),
+        "step_max_ms": round(max(whole[1:]), 1),
+        "deciding_ms": round(statistics.median(deciding[1:]), 1),
+    }
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
+        make_application("dark", settings)
+        for side in (32, 100):
+            print(json.dumps(measured_on(side, settings)))
+
+
+if __name__ == "__main__":
+    main()
