@@ -149,8 +149,8 @@ def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
     import demo_room
     import numpy as np
 
-    from app.editing import _free_between
+    from app.editing import _see_each_other
 
     starts = np.array([[1.0, 3.7, 1.5], [1.0, 1.0, 1.5]])
     ends = np.array([[6.0, 3.7, 1.5], [2.0, 1.0, 1.5]])  # through the table; across the open floor
-    assert _free_between(demo_room.occupancy(), starts, ends).tolist() == [False, True]
+    assert _see_each_other(demo_room.occupancy(), starts, ends).tolist() == [False, True]
