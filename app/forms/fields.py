@@ -98,7 +98,7 @@ def _walk(cls: type, values: dict[str, Any], path: str, prefix: str, section: st
             inner = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
             title = section if inline else _title(field.name)
             if section and not inline:
-                title = f"{section}: {_title(field.name).lower()}"
+                title = f"{section}: {_title(field.name)}"
             _walk(typing.cast(type, hint), inner, f"{here}.", prefix if inline else f"{flag}.", title, found)
         elif not positional:
             found.append(_field(hint, here, f"--{flag}", field.name, section, value, docs.get(field.name, "")))
@@ -145,7 +145,7 @@ def _field(hint: Any, path: str, flag: str, name: str, section: str, default: An
 
 
 def _title(name: str) -> str:
-    words = name.replace("_", " ")
+    words = " ".join(word.upper() if word in _SHORT else word for word in name.split("_"))
     return words[:1].upper() + words[1:]
 
 
@@ -162,6 +162,7 @@ def unit_of(name: str, help: str, kind: Kind) -> str:
     return ""
 
 
+_SHORT = ("ssim", "lpips", "csv", "sh", "mcmc", "dc")
 _UNITS = (
     (r"^Metres per unit", "m per unit"),
     (r"^Metres\b|\bmetres[:;.]|in metres\b|, metres\b|of metres\b", "m"),

@@ -83,6 +83,7 @@ class CommandForm(QDialog):
         self.search.setPlaceholderText("Find a setting")
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._filter)
+        self.presets.setVisible(self.presets.count() > 0)
         above = QHBoxLayout()
         if self.presets.count():
             above.addWidget(QLabel("Preset", self))

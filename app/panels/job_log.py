@@ -65,7 +65,8 @@ class JobLog(QPlainTextEdit):
         handle = self._handle
         if handle is None or handle.state not in ("failed", "interrupted"):
             return
-        if handle.message:
+        said = [line.text for line in handle.history.lines if line.kind == "error"]
+        if handle.message and not any(handle.message in text for text in said):
             self.appendHtml(f'<span style="color:{colors.BLOCKED_TEXT}">{html.escape(handle.message)}</span>')
         try:
             with open(handle.job.messages, "rb") as file:
@@ -73,5 +74,6 @@ class JobLog(QPlainTextEdit):
                 printed = file.read().decode(errors="replace").strip()
         except OSError:
             return
-        if printed:
-            self.appendPlainText(printed)
+        news = [line for line in printed.splitlines() if not any(text.partition(": ")[2] in line for text in said)]
+        if news:
+            self.appendPlainText("\n".join(news))

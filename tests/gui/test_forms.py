@@ -141,7 +141,7 @@ def test_what_is_no_number_is_named_and_cannot_be_started(qtbot: QtBot, form: Co
     line = form.rows["config.loss.ssim"].editor.line
     line.setText("a fifth")
     qtbot.waitUntil(lambda: not form.start_button.isEnabled())
-    assert "Ssim is “a fifth”, which is not a number" in form.problem.text()
+    assert "SSIM is “a fifth”, which is not a number" in form.problem.text()
     line.setText("0,25")
     qtbot.waitUntil(form.start_button.isEnabled)
     assert form.arguments() == ["--loss.ssim", "0.25"]
