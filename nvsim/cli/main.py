@@ -31,6 +31,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "graph compare": ("graph_compare", "what one graph has otherwise than another, and a merge of the two"),
     "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),
     "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
+    "export graph": (
+        "export_graph",
+        "write a graph as GraphML, GeoJSON, SVG, PNG or R2R, from a project or an R2R file",
+    ),
     "export splats": ("export_splats", "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF"),
     "evaluate views": ("evaluate_views", "PSNR, SSIM and LPIPS of the frames held out of training"),
     "evaluate ablation": (

@@ -18,12 +18,14 @@ class Arguments(ProjectArguments):
     """The scan id; the project's name in letters and digits when left out."""
     frame: Literal["aligned", "capture"] = "aligned"
     """The frame of the poses: upright, or the capture's own (only where that is upright too)."""
+    force: bool = False
+    """Write what R2R agents would choke on as well."""
 
 
 def run(arguments: Arguments) -> int:
     from nvsim.project.stages.exported import export_r2r
 
     with Project.open(arguments.project) as project:
-        written = export_r2r(project, arguments.out, arguments.scan, arguments.frame)
+        written = export_r2r(project, arguments.out, arguments.scan, arguments.frame, arguments.force)
     print(f'{{"written": "{written}"}}' if arguments.json else f"Wrote {written}")
     return 0

@@ -12,14 +12,18 @@ from nvsim.project.project import Project
 from nvsim.project.stages.mapped import scan_name
 
 
-def export_r2r(project: Project, out: Path, scan: str | None, frame: str) -> Path:
+def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force: bool = False) -> Path:
     """Writes `<scan>_connectivity.json` and scans.txt; returns the path of the former.
 
-    `frame` "capture" undoes the alignment. Raises InputError when that frame is not upright, or there is no graph.
+    `frame` "capture" undoes the alignment. Raises InputError when that frame is not upright, there is no graph, or
+    agents would choke on it and `force` is not set.
     """
     from nvsim.graph.connectivity import write_connectivity
+    from nvsim.graph.exports import refuse
 
     graph = replace(project.need_graph(), scan=scan or scan_name(project))
+    if not force:
+        refuse(graph)
     if frame == "capture":
         alignment = project.need_capture().alignment
         if np.degrees(np.arccos(np.clip(alignment.rotation[2, 2], -1, 1))) > 2.0:

@@ -1,0 +1,90 @@
+"""Write a navigation graph for other programs: GraphML, GeoJSON, a picture of it on its map (SVG, PNG), or R2R
+connectivity. What agents would choke on is not written as R2R, unless with --force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from nvsim.cli.arguments import Positional
+from nvsim.errors import InputError
+
+if TYPE_CHECKING:
+    from nvsim.cli.graph_source import Source
+    from nvsim.graph.exports import Anchor
+
+
+@dataclass(frozen=True)
+class Arguments:
+    path: Positional[Path]
+    """A project, a *_connectivity.json, or a folder with scans.txt."""
+    format: Literal["graphml", "geojson", "svg", "png", "r2r"] = "graphml"
+    """What to write."""
+    out: Path = Path("graphs")
+    """The folder to write to; one file per scan, named after it."""
+    occupancy: Path | None = None
+    """Pictures: a ROS map.yaml or an OctoMap .bt to draw underneath, in place of the one found beside the graph."""
+    longest_side: int = 1600
+    """Pixels of a picture's longer side."""
+    latitude: float | None = None
+    """GeoJSON: degrees of the origin, WGS 84; without them coordinates stay in local metres."""
+    longitude: float | None = None
+    """GeoJSON: degrees of the origin."""
+    bearing: float = 0.0
+    """GeoJSON: degrees clockwise from north of the frame's y axis."""
+    force: bool = False
+    """R2R: write what agents would choke on."""
+    json: bool = False
+    """Print what was written as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    import json
+
+    from nvsim.cli.graph_source import sources
+
+    written = [_write(source, arguments) for source in sources(arguments.path, occupancy=arguments.occupancy)]
+    for path in written:
+        print(json.dumps({"written": str(path)}) if arguments.json else f"Wrote {path}")
+    return 0
+
+
+def _write(source: Source, arguments: Arguments) -> Path:
+    from nvsim.graph import exports
+
+    path = arguments.out / f"{source.name}.{arguments.format}"
+    if arguments.format == "r2r":
+        return _write_r2r(source, arguments)
+    if arguments.format == "graphml":
+        return exports.write_graphml(source.graph, path)
+    if arguments.format == "geojson":
+        return exports.write_geojson(source.graph, path, _anchor(arguments))
+    picture = exports.draw(source.graph, source.occupancy, arguments.longest_side)
+    return exports.write_svg(picture, path) if arguments.format == "svg" else exports.write_png(picture, path)
+
+
+def _write_r2r(source: Source, arguments: Arguments) -> Path:
+    from dataclasses import replace
+
+    from nvsim.cli.graph_source import is_project
+    from nvsim.graph.connectivity import SUFFIX, write_connectivity
+    from nvsim.graph.exports import refuse
+    from nvsim.graph.foreign import ForeignFile
+
+    graph = replace(source.graph, scan=source.name)
+    if not arguments.force:
+        refuse(graph, source.context)
+    if is_project(arguments.path):
+        return write_connectivity(graph, arguments.out)
+    return ForeignFile.open(source.path).save(graph, arguments.out / f"{source.name}{SUFFIX}")
+
+
+def _anchor(arguments: Arguments) -> Anchor | None:
+    from nvsim.graph.exports import Anchor
+
+    if (arguments.latitude is None) != (arguments.longitude is None):
+        raise InputError("A place on the earth needs both --latitude and --longitude.")
+    if arguments.latitude is None or arguments.longitude is None:
+        return None
+    return Anchor(arguments.latitude, arguments.longitude, bearing=arguments.bearing)

@@ -1,0 +1,8 @@
+"""Graphs for other programs: GraphML, GeoJSON, a picture; and what speaks against handing a graph to R2R agents."""
+
+from nvsim.graph.exports.geojson import Anchor, write_geojson
+from nvsim.graph.exports.graphml import write_graphml
+from nvsim.graph.exports.picture import draw, write_png, write_svg
+from nvsim.graph.exports.refusal import choking, refuse
+
+__all__ = ["Anchor", "choking", "draw", "refuse", "write_geojson", "write_graphml", "write_png", "write_svg"]

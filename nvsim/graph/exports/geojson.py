@@ -1,0 +1,75 @@
+"""GeoJSON (RFC 7946): viewpoints as points, edges as lines. The format wants longitude and latitude; without an anchor
+on the earth the coordinates are the building's own metres, and the file says so."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.graph.types import NavGraph
+
+_A, _E2 = 6378137.0, 6.69437999014e-3  # WGS 84: equatorial radius in metres, first eccentricity squared
+_LOCAL = "Coordinates are local metres (x, y, z up), not longitude and latitude."
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """Where on the earth the origin of the graph's frame is: degrees, WGS 84; `altitude` in metres; `bearing` is that
+    of the frame's +y, degrees clockwise from north."""
+
+    latitude: float
+    longitude: float
+    altitude: float = 0.0
+    bearing: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.latitude, self.longitude, self.altitude, self.bearing)
+        if not all(map(math.isfinite, values)) or abs(self.latitude) >= 90 or abs(self.longitude) > 180:
+            raise InputError(
+                f"There is no place at latitude {self.latitude}, longitude {self.longitude}; give degrees, -90 to 90 "
+                "and -180 to 180."
+            )
+
+    def place(self, x: float, y: float, z: float) -> list[float]:
+        """Longitude, latitude (degrees) and height (metres) of a point, on the ellipsoid's tangent plane: centimetres
+        off at a kilometre."""
+        turn = math.radians(self.bearing)
+        east = x * math.cos(turn) + y * math.sin(turn)
+        north = y * math.cos(turn) - x * math.sin(turn)
+        latitude = math.radians(self.latitude)
+        w = 1.0 - _E2 * math.sin(latitude) ** 2
+        meridian, prime = _A * (1.0 - _E2) / w**1.5, _A / math.sqrt(w)
+        lon = self.longitude + math.degrees(east / (prime * math.cos(latitude)))
+        return [round(lon, 9), round(self.latitude + math.degrees(north / meridian), 9), round(self.altitude + z, 4)]
+
+
+def write_geojson(graph: NavGraph, path: Path, anchor: Anchor | None = None) -> Path:
+    """A FeatureCollection; returns `path`. Raises InputError when the disk refuses."""
+
+    def at(id: str) -> list[float]:
+        x, y, z = map(float, graph.viewpoints[id].position)
+        return [x, y, z] if anchor is None else anchor.place(x, y, z)
+
+    note = _LOCAL if anchor is None else "Longitude, latitude and height, WGS 84."
+    features: list[dict[str, Any]] = []
+    for v in graph.viewpoints.values():
+        properties = {"kind": "viewpoint", "height": v.height, "included": v.included, "origin": v.origin,
+                      "reviewed": v.reviewed, "note": note}  # fmt: skip
+        features.append(_feature(v.id, {"type": "Point", "coordinates": at(v.id)}, properties))
+    for (a, b), e in graph.edges.items():
+        length = math.dist(graph.viewpoints[a].position, graph.viewpoints[b].position)
+        properties = {"kind": "edge", "from": a, "to": b, "length": round(length, 4), "origin": e.origin,
+                      "reviewed": e.reviewed, "note": note}  # fmt: skip
+        features.append(_feature(f"{a} {b}", {"type": "LineString", "coordinates": [at(a), at(b)]}, properties))
+    collection = {"type": "FeatureCollection", "scan": graph.scan, "note": note, "features": features}
+    atomic.write_text(path, json.dumps(collection, separators=(",", ":")) + "\n")
+    return path
+
+
+def _feature(id: str, geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "id": id, "geometry": geometry, "properties": properties}

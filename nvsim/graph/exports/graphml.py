@@ -1,0 +1,33 @@
+"""GraphML, which networkx, Gephi, yEd and igraph read. Format: http://graphml.graphdrawing.org/"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from nvsim import atomic
+from nvsim.errors import InputError
+from nvsim.graph.types import NavGraph
+
+
+def write_graphml(graph: NavGraph, path: Path) -> Path:
+    """An undirected graph. Nodes: x, y, z, height (metres), included, reviewed, submap, origin. Edges: length (metres),
+    weight (the same, for programs that look for it), origin, reviewed. Returns `path`.
+
+    Raises InputError when an id cannot stand in XML or the disk refuses.
+    """
+    import networkx as nx
+
+    found = nx.Graph(scan=graph.scan, units="metres", up="z")
+    for v in graph.viewpoints.values():
+        if not v.id.isprintable():
+            raise InputError(f"The viewpoint id {v.id!r} cannot stand in a GraphML file; rename it.")
+        x, y, z = map(float, v.position)
+        found.add_node(v.id, x=x, y=y, z=z, height=float(v.height), included=v.included, reviewed=v.reviewed,
+                       submap=v.submap, origin=v.origin)  # fmt: skip
+    for (a, b), e in graph.edges.items():
+        length = math.dist(graph.viewpoints[a].position, graph.viewpoints[b].position)
+        found.add_edge(a, b, length=length, weight=length, origin=e.origin, reviewed=e.reviewed)
+    with atomic.replacing(path) as temporary:
+        nx.write_graphml_xml(found, temporary, encoding="utf-8", prettyprint=len(found) < 10_000)
+    return path
