@@ -34,8 +34,11 @@ class Table:
 
     @property
     def plotted(self) -> list[int]:
-        """The columns worth a plot: numbers that differ, and that are no index."""
-        found = []
+        """The columns worth a plot: numbers that differ, and that are no index; none where every row has a unit of its
+        own."""
+        found: list[int] = []
+        if self.columns[:1] == ("figure",):
+            return found
         for i, name in enumerate(self.columns):
             values = {row[i] for row in self.rows if _is_number(row[i])}
             if len(values) > 1 and name not in ("frame", "view", "submap", "frames"):

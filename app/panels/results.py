@@ -31,6 +31,7 @@ from nvsim.errors import InputError
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
+_FEW = 12  # rows whose names can stand beside lying bars
 
 
 class ResultModel(QAbstractTableModel):
@@ -198,18 +199,26 @@ class ResultPanel(QWidget):
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
             widget.setEnabled(shown)
+        self.plot.setVisible(shown)
         if not shown:
             return
         values = np.array(self.table.numbers(plotted[chosen]))
         known = np.flatnonzero(np.isfinite(values))
-        if len(values) > 60:
-            self.plot.plot(known, values[known], pen=pyqtgraph.mkPen(colors.NODE, width=1.5))
-        else:
+        names = [str(row[0]) for row in self.table.rows]
+        few = len(values) <= _FEW
+        if few:  # lying bars leave room for their names
+            bars = pyqtgraph.BarGraphItem(x0=0.0, width=values[known], y=known, height=0.7, brush=colors.NODE, pen=None)
+            self.plot.addItem(bars)
+        elif len(values) <= 60:
             bars = pyqtgraph.BarGraphItem(x=known, height=values[known], width=0.7, brush=colors.NODE, pen=None)
             self.plot.addItem(bars)
-        names = [str(row[0]) for row in self.table.rows]
-        step = max(1, len(names) // 8)
-        self.plot.getAxis("bottom").setTicks([[(i, names[i][:14]) for i in range(0, len(names), step)]])
+        else:
+            self.plot.plot(known, values[known], pen=pyqtgraph.mkPen(colors.NODE, width=1.5))
+        self.plot.getPlotItem().invertY(few)  # in the order of the table
+        step = 1 if few else max(1, len(names) // 8)
+        ticks = [[(i, names[i][:22]) for i in range(0, len(names), step)]]
+        self.plot.getAxis("left").setTicks(ticks if few else None)
+        self.plot.getAxis("bottom").setTicks(None if few else ticks)
         self.plot.setTitle(self.columns.currentText(), size="9pt", color=self.palette().text().color())
         self.plot.autoRange()
 
