@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from nvsim.graph.types import NavGraph
 
 
 def keep_edits(graph: NavGraph, previous: NavGraph | None) -> NavGraph:
-    """`graph` with the viewpoints and edges of `previous` that a person made, as far as their ends still exist."""
+    """`graph` with what of `previous` a person made or locked (edges as far as their ends still exist),
+    the marks of what stands where it stood, and the findings that are let be."""
     if previous is None:
         return graph
-    viewpoints = dict(graph.viewpoints)
-    for id, viewpoint in previous.viewpoints.items():
-        if viewpoint.origin == "person":
-            viewpoints.setdefault(id, viewpoint)
-    edges = dict(graph.edges)
-    for key, edge in previous.edges.items():
-        if edge.origin == "person" and all(end in viewpoints for end in key):
-            edges.setdefault(key, edge)
-    return NavGraph(graph.scan, viewpoints, edges, graph.evidence)
+    viewpoints, edges = dict(graph.viewpoints), dict(graph.edges)
+    for id, was in previous.viewpoints.items():
+        now = viewpoints.get(id)
+        if now is None:
+            if was.origin == "person" or was.locked:
+                viewpoints[id] = was
+        elif now.position == was.position and (was.reviewed or was.locked):
+            viewpoints[id] = replace(now, reviewed=was.reviewed, locked=was.locked)
+    for key, held in previous.edges.items():
+        found = edges.get(key)
+        if found is None:
+            if (held.origin == "person" or held.locked) and all(end in viewpoints for end in key):
+                edges[key] = held
+        elif held.reviewed or held.locked:
+            edges[key] = replace(found, reviewed=held.reviewed, locked=held.locked)
+    return NavGraph(graph.scan, viewpoints, edges, graph.evidence, previous.ignored)
