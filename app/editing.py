@@ -257,7 +257,11 @@ class Editing(QObject):
             return False
         # A key of its own lets what is measured later become part of the step.
         key = merge or uuid.uuid4().hex
-        self.history.perform(words, graph, selection, key, record(*done[0]) if len(done) == 1 else None)
+        if len(done) == 1:
+            line = record(*done[0])
+        else:
+            line = record("together", {"edits": [record(*each) for each in done], "text": words})
+        self.history.perform(words, graph, selection, key, line)
         return True
 
     def amend(self, text: str, graph: NavGraph) -> None:

@@ -41,8 +41,15 @@ class GraphTarget:
         return self._foreign.graph
 
     def known(self, expression: str) -> Known:
-        """What an expression may need; the map only where it asks for it."""
-        return Known(self._occupancy() if "validity" in expression else None)
+        """What an expression may need: a map where it asks for one, and in a project the thresholds of the builder for
+        `evidence`."""
+        margin = None
+        if self.is_project:
+            from nvsim.mapping.against import margin as of_thresholds
+            from nvsim.mapping.config import MappingConfig
+
+            margin = of_thresholds(MappingConfig())
+        return Known(self._occupancy() if "validity" in expression else None, margin)
 
     def surroundings(self) -> Surroundings:
         from nvsim.graph.sight import sight_on

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvsim.graph.edits import EditError
+from nvsim.graph.types import Edge, Viewpoint
 
 NEEDED: Any = object()
 
@@ -43,7 +44,7 @@ def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any
         words, parse = KINDS[argument.kind]
         try:
             found[argument.name] = parse(value)
-        except (TypeError, ValueError, OverflowError) as error:
+        except (TypeError, ValueError, KeyError, OverflowError) as error:
             text = str(value)
             shown = text if len(text) <= 60 else text[:57] + "..."
             raise EditError(f"{argument.name} of {edit} is {shown}; it must be {words}.") from error
@@ -90,6 +91,26 @@ def _edge(value: Any) -> tuple[str, str]:
     return a, b
 
 
+def _viewpoint(value: Any) -> Viewpoint:
+    if not isinstance(value, Mapping):
+        raise TypeError
+    known = dict(value)
+    place = _place(known.pop("position"))
+    return Viewpoint(position=place, **{name: _FIELDS[name](known[name]) for name in known})
+
+
+def _edge_value(value: Any) -> Edge:
+    if not isinstance(value, Mapping) or {"a", "b"} - set(value):
+        raise TypeError
+    return Edge(**{name: _FIELDS[name](value[name]) for name in value})
+
+
+def _edit(value: Any) -> dict[str, Any]:
+    if not isinstance(value, Mapping) or not isinstance(value.get("edit"), str):
+        raise TypeError
+    return dict(value)
+
+
 def _list(value: Any) -> list[Any]:
     if isinstance(value, set | frozenset):
         return sorted(value)  # so that the same edit gives the same graph every time
@@ -97,6 +118,14 @@ def _list(value: Any) -> list[Any]:
         raise TypeError
     return list(value)
 
+
+_FIELDS: Mapping[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("id", "a", "b", "origin"), _name),
+    **dict.fromkeys(("included", "reviewed", "locked"), _flag),
+    "height": _number,
+    "submap": _integer,
+}
+"""Fields of viewpoints and edges beside the position."""
 
 KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "name": ("a text", _name),
@@ -108,5 +137,17 @@ KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "edge": ("a list of two ids", _edge),
     "viewpoints": ("a list of ids", lambda value: tuple(map(_name, _list(value)))),
     "edges": ("a list of pairs of ids", lambda value: tuple(map(_edge, _list(value)))),
+    "whole viewpoints": (
+        'a list of objects such as {"id": "a", "position": [1, 2, 1.5], "height": 1.5}',
+        lambda value: tuple(map(_viewpoint, _list(value))),
+    ),
+    "whole edges": (
+        'a list of objects such as {"a": "x", "b": "y", "origin": "person"}',
+        lambda value: tuple(map(_edge_value, _list(value))),
+    ),
+    "edits": (
+        'a list of objects such as {"edit": "remove_edges", "pairs": [["a", "b"]]}',
+        lambda value: tuple(map(_edit, _list(value))),
+    ),
 }
-"""Kind -> what it must be, in words; the parser, which raises TypeError or ValueError."""
+"""Kind -> what it must be, in words; the parser, which raises TypeError, ValueError or KeyError."""

@@ -7,7 +7,6 @@ its folder and stays; beside a foreign file it is hidden and goes when the file 
 
 from __future__ import annotations
 
-import json
 import sqlite3
 import threading
 from pathlib import Path
@@ -234,15 +233,3 @@ class Journal:
             aside = self._file.set_aside()
             self.notice = f"The history of edits is damaged ({error}); it was set aside as {aside.name}."
             return None
-
-
-def script(history: History) -> list[str]:
-    """The lines of a script that does again what leads from the first to the current step; a step without a named
-    edit gives a line "#" and its words."""
-    lines = []
-    for step in history.steps[1 : history.index + 1]:
-        if step.operation is not None:
-            lines.append(json.dumps(step.operation))
-        elif step.edit:
-            lines.append(f"# {step.text}")
-    return lines

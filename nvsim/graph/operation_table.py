@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph import edits
-from nvsim.graph.arguments import Argument
+from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError, Visible
 from nvsim.graph.history import counted
 from nvsim.graph.types import NavGraph
@@ -67,6 +67,16 @@ def _connect_visible(
 ) -> NavGraph:
     ids = graph.viewpoints if viewpoints is None else viewpoints
     return edits.connect_visible(graph, ids, distance, surroundings.visible, steep=steep)
+
+
+def _together(graph: NavGraph, surroundings: Surroundings, edits: tuple[dict[str, Any], ...], text: str) -> NavGraph:
+    for each in edits:
+        arguments = {name: value for name, value in each.items() if name != "edit"}
+        operation = OPERATIONS.get(each["edit"])
+        if operation is None or operation.function is _together:
+            raise EditError(f"There is no edit {each['edit']!r} that could be done together with others.")
+        graph = operation.function(graph, surroundings, **checked(operation.name, operation.arguments, arguments))
+    return graph
 
 
 def _viewpoints(arguments: Mapping[str, Any]) -> str:
@@ -256,5 +266,25 @@ OPERATIONS: dict[str, Operation] = _table(
         _pure(edits.heed_finding),
         (Argument("key", "name", "key of the finding"),),
         lambda a: "Show a finding again",
+    ),
+    Operation(
+        "together",
+        "Several edits as one step",
+        _together,
+        (Argument("edits", "edits", "in their order"), Argument("text", "name", "words for the history", "")),
+        lambda a: a["text"] or counted(len(a["edits"]), "edit"),
+    ),
+    Operation(
+        "patch",
+        "Put and take viewpoints and edges as they are given",
+        lambda graph, surroundings, text, **parts: edits.patch(graph, **parts),
+        (
+            Argument("viewpoints", "whole viewpoints", "added, or in the place of those with their ids", ()),
+            Argument("edges", "whole edges", "likewise", ()),
+            Argument("no_viewpoints", "viewpoints", "ids that go, first of all", ()),
+            Argument("no_edges", "edges", "pairs of ids that go, first of all", ()),
+            Argument("text", "name", "words for the history", ""),
+        ),
+        lambda a: a["text"] or "Change the graph",
     ),
 )

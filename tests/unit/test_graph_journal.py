@@ -16,8 +16,9 @@ from nvsim.errors import InputError
 from nvsim.graph import edits
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
-from nvsim.graph.journal import OUTSIDE, Journal, script, sidecar
+from nvsim.graph.journal import OUTSIDE, Journal, sidecar
 from nvsim.graph.operations import perform
+from nvsim.graph.scripts import script
 from nvsim.graph.selection import selection
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
@@ -236,6 +237,11 @@ def test_a_script_does_again_what_was_done(tmp_path: Path) -> None:
 
     history = History(row())
     edited(history)
+    again = edits.split_edge(history.graph, "v0", "v1")
+    history.perform("Something without a name", edits.remove_viewpoints(again, ["v5"]))
+    both = [{"edit": "lock", "viewpoints": ["v0"]}, {"edit": "mark_reviewed", "viewpoints": ["v0"]}]
+    perform(history, "together", {"edits": both, "text": "Done with v0"})
+    assert history.undo_text == "Done with v0"
     graph = row()
     for line in script(history):
         graph = apply(graph, *parse_line(line))

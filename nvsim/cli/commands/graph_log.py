@@ -24,7 +24,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.atomic import write_text
     from nvsim.cli.graph_target import GraphTarget
-    from nvsim.graph.journal import script
+    from nvsim.graph.scripts import script
 
     target = GraphTarget(arguments.graph)
     with target.journal() as journal:

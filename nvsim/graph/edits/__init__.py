@@ -11,6 +11,7 @@ from nvsim.graph.edits.edges import Visible, add_edge, add_edges, connect_visibl
 from nvsim.graph.edits.marking import heed_finding, ignore_finding, mark_reviewed, set_locked
 from nvsim.graph.edits.merging import merge_viewpoints
 from nvsim.graph.edits.moving import move_viewpoint, move_viewpoints, set_height, shift_viewpoints
+from nvsim.graph.edits.patching import patch
 from nvsim.graph.edits.splitting import split_edge
 from nvsim.graph.edits.straightening import chain, straighten
 from nvsim.graph.edits.viewpoints import (
@@ -41,6 +42,7 @@ __all__ = [
     "move_viewpoint",
     "move_viewpoints",
     "new_id",
+    "patch",
     "place_viewpoint",
     "remove_edge",
     "remove_edges",
