@@ -22,7 +22,7 @@ from app.render_child import RenderSource, Trouble
 from app.scene_view import SceneView
 from app.splat_file import SplatFile
 
-LAYOUT_VERSION = 1  # raised when docks or toolbars change, so that an old stored layout is not forced on them
+LAYOUT_VERSION = 2  # raised when docks or toolbars change, so that an old stored layout is not forced on them
 _AREAS = {
     "left": Qt.DockWidgetArea.LeftDockWidgetArea,
     "right": Qt.DockWidgetArea.RightDockWidgetArea,
