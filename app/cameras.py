@@ -7,7 +7,7 @@ Heading and elevation are kept apart from the start, so that looking straight do
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import atan, atan2, degrees, exp, hypot, log, pi, radians, sin, tan
+from math import atan, atan2, cos, degrees, exp, hypot, log, pi, radians, sin, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,15 @@ def flown(pose: ViewPose, forward: float, right: float, up: float) -> ViewPose:
     axes = pose.axes
     shift = forward * axes[:, 2] + right * axes[:, 0] + np.array([0.0, 0.0, up])
     return replace(pose, position=_at(np.asarray(pose.position) + shift))
+
+
+def walked(pose: ViewPose, forward: float, right: float) -> ViewPose:
+    """Metres on level ground: ahead by the heading alone, wherever the eye looks up or down to, and to the right."""
+    x, y, z = pose.position
+    ahead = sin(pose.heading), cos(pose.heading)
+    return replace(
+        pose, position=(x + forward * ahead[0] + right * ahead[1], y + forward * ahead[1] - right * ahead[0], z)
+    )
 
 
 def seen_from_frame(camera: Camera, reach: float = 3.0) -> ViewPose:

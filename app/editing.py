@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import gc
 import threading
+import time
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -38,7 +40,20 @@ LOOK = 1200  # milliseconds after a step until it must be on the disk
 LARGE = 2000  # viewpoints from which on Python's collector is felt
 EYE = 1.5  # metres above the floor, of a viewpoint that nobody gave another height
 
+LARGE = 4000  # edges, from which on the window goes on while they are looked at
+SLICE = 0.008  # seconds of that at a time
+AT_ONCE = 1e9
+
 Place = tuple[float, float, float]
+
+
+@dataclass
+class _Check:
+    """A look at a whole graph that is under way."""
+
+    graph: NavGraph
+    validator: Validator
+    steps: Iterator[None]
 
 
 class Editing(QObject):
@@ -77,6 +92,9 @@ class Editing(QObject):
         self._disk.timeout.connect(self._look_at_disk)
         self._checking = QTimer(self, singleShot=True, interval=0)
         self._checking.timeout.connect(self.check)
+        self._check: _Check | None = None
+        self._slices = QTimer(self, singleShot=True, interval=2)
+        self._slices.timeout.connect(self._go_on_checking)
         self._saved.connect(self._on_saved)
 
     # What there is -----------------------------------------------------------------------------------------------
@@ -383,16 +401,37 @@ class Editing(QObject):
 
     def check_soon(self) -> None:
         """Looks at the whole graph once the event loop comes round: several reasons to do so come together."""
-        self._validator = None
+        self._validator, self._check = None, None
         self._checking.start()
 
     def check(self) -> None:
-        """Looks at the whole graph."""
+        """Looks at the whole graph, a large one while the person goes on."""
         graph = self.graph
         context = Context(occupancy=self._occupancy, against=self._against)
         if self.file is not None:
             context = self.file.context(context)
-        self._validator = None if graph is None else Validator(graph, context)
+        self._validator = None
+        if graph is None:
+            self._check = None
+            self.findingsChanged.emit()
+            return
+        validator = Validator()
+        self._check = _Check(graph, validator, validator.beginning(graph, context))
+        self._go_on_checking(AT_ONCE if len(graph.edges) < LARGE else SLICE)
+
+    def _go_on_checking(self, seconds: float = SLICE) -> None:
+        check = self._check
+        if check is None:
+            return
+        if check.graph is not self.graph:
+            self.check_soon()  # what was edited meanwhile
+            return
+        until = time.perf_counter() + seconds
+        for _ in check.steps:
+            if time.perf_counter() > until:
+                self._slices.start()
+                return
+        self._validator, self._check = check.validator, None
         self.findingsChanged.emit()
 
     # What follows from a step --------------------------------------------------------------------------------------

@@ -1,9 +1,12 @@
 """Hands on the camera: left drag orbits, middle or Shift+left drag pans, right drag looks around, WASDQE fly, the
-wheel comes nearer. Turns input events into poses and nothing else."""
+wheel comes nearer. While walking, the eye stays at its height above the floor, whatever moves it. Turns input events
+into poses and nothing else."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from dataclasses import replace
 
 from PySide6.QtCore import QObject, QPointF, Qt, QTimer, Signal
 from PySide6.QtGui import QGuiApplication, QKeyEvent, QMouseEvent, QWheelEvent
@@ -22,6 +25,10 @@ _KEYS = {
     Qt.Key.Key_Q: (0, 0, -1),
 }
 _TICK = 15  # milliseconds
+_SETTLE = 0.12  # seconds in which a walking eye makes good most of a step in the floor
+
+
+EyeLevel = Callable[[float, float, float], float]
 
 
 class Navigation(QObject):
@@ -34,6 +41,8 @@ class Navigation(QObject):
         self._view = view
         self.pose = ViewPose((0.0, 0.0, 1.6))
         self.speed = 2.0  # metres per second
+        self.eye_level: EyeLevel | None = None
+        """While walking: world z of the eye at x, y, seen from z; None while flying."""
         self._held: set[int] = set()
         self._last: QPointF | None = None
         self._pressed_at: QPointF | None = None
@@ -49,6 +58,13 @@ class Navigation(QObject):
     def active(self) -> bool:
         """Whether keys, a drag or a flight move the camera right now."""
         return self._timer.isActive() or self._dragged
+
+    def walk(self, eye_level: EyeLevel | None) -> None:
+        """Stays at this height above the floor from now on; None flies again."""
+        self.eye_level = eye_level
+        if eye_level is not None:
+            x, y, z = self.pose.position
+            self.go_to(replace(self.pose, position=(x, y, eye_level(x, y, z))))
 
     def set_pose(self, pose: ViewPose) -> None:
         """At once."""
@@ -144,6 +160,16 @@ class Navigation(QObject):
             fast = QGuiApplication.keyboardModifiers() & Qt.KeyboardModifier.ShiftModifier
             metres = self.speed * elapsed * (3.0 if fast else 1.0)
             forward, right, up = (metres * sum(_KEYS[Qt.Key(k)][i] for k in self._held) for i in range(3))
-            self.set_pose(cameras.flown(self.pose, forward, right, up))
+            if self.eye_level is None:
+                self.set_pose(cameras.flown(self.pose, forward, right, up))
+            else:
+                self.set_pose(self._walked(cameras.walked(self.pose, forward, right), elapsed))
         if not self._held and self._flight is None:
             self._timer.stop()
+
+    def _walked(self, pose: ViewPose, elapsed: float) -> ViewPose:
+        """`pose` on its way to the height of the eye: a step of the floor is climbed, not jumped."""
+        assert self.eye_level is not None
+        x, y, z = pose.position
+        share = min(1.0, elapsed / _SETTLE)
+        return replace(pose, position=(x, y, z + share * (self.eye_level(x, y, z) - z)))

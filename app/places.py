@@ -9,7 +9,10 @@ import numpy as np
 from app import cameras
 from app.cameras import ViewPose
 from app.document import Document
+from app.graph_surface import floor_height
 from app.navigation import Navigation
+
+EYE = 1.5  # metres above the floor, where no viewpoint says otherwise
 
 
 class Places:
@@ -49,6 +52,13 @@ class Places:
         capture = self._document.contents.capture
         if capture is not None and 0 <= index < len(capture.frames):
             self._navigation.go_to(cameras.seen_from_frame(capture.frames[index].camera))
+
+    def eye_level(self, x: float, y: float, z: float) -> float:
+        """World z of a walking eye at x, y: as high above the local floor, of the storey beneath z, as the walk's
+        cameras or the viewpoints are."""
+        arrays = self._document.graph_arrays
+        height = float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2])) if arrays.ids else EYE
+        return floor_height(self._document, x, y, below=z) + height
 
     def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
         """Stands at `position` (3,) looking level; keeps the heading unless one is given."""

@@ -60,6 +60,17 @@ class CameraPart(Part):
             enabled=with_selection,
         ),
         Action(
+            "walk",
+            "&Walk",
+            "Stay at eye height above the floor: W, A, S and D walk, they do not fly",
+            "&Camera",
+            shortcut="Ctrl+K",
+            icon="walk",
+            check="off",
+            toolbar=True,
+            enabled=with_positions,
+        ),
+        Action(
             "previous_frame",
             "&Previous frame",
             "Stand where the frame before was taken",
@@ -89,6 +100,7 @@ class CameraPart(Part):
             "above": scene.look_from_above,
             "turn_up": self.workspace.window.turnWanted.emit,
             "focus": scene.focus_on_selection,
+            "walk": self._walk,
             "previous_frame": lambda: self._step_frame(-1),
             "next_frame": lambda: self._step_frame(1),
         }
@@ -99,3 +111,7 @@ class CameraPart(Part):
         frame = 0 if current is None else (current + step) % len(document.trajectory.positions)
         document.select(frame=frame)
         self.workspace.scene.snap_to_frame(frame)
+
+    def _walk(self, on: bool) -> None:
+        scene = self.workspace.scene
+        scene.navigation.walk(scene.places.eye_level if on else None)

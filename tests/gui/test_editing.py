@@ -154,3 +154,17 @@ def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
     starts = np.array([[1.0, 3.7, 1.5], [1.0, 1.0, 1.5]])
     ends = np.array([[6.0, 3.7, 1.5], [2.0, 1.0, 1.5]])  # through the table; across the open floor
     assert _see_each_other(demo_room.occupancy(), starts, ends).tolist() == [False, True]
+
+
+def test_a_large_graph_is_looked_at_while_the_person_goes_on(
+    document: Document, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import app.editing
+
+    whole = dict(document.editing.findings)
+    monkeypatch.setattr(app.editing, "LARGE", 0)
+    monkeypatch.setattr(app.editing, "SLICE", 0.0)
+    with qtbot.waitSignal(document.editing.findingsChanged, timeout=5000):
+        document.editing.check()
+        assert not document.editing.findings  # not before all was looked at
+    assert dict(document.editing.findings) == whole

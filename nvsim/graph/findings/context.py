@@ -87,7 +87,8 @@ class Context:
     def _room_at(self, column: float, row: float) -> float:
         rows, columns = self._shape
         if not (0 <= row < rows and 0 <= column < columns):
-            return 1.0  # nothing is known outside
+            # Nothing is known outside, and it is at least as far to the map.
+            return max(1.0, math.hypot(max(-column, column - columns, 0.0), max(-row, row - rows, 0.0)))
         return self._room[int(row)][int(column)]
 
     @cached_property

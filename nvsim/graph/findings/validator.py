@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from nvsim.graph.difference import Difference, difference
@@ -23,11 +23,19 @@ class Validator:
     """Looks again only at what an edit touched and at what stands beside it. Holds the same findings as `check_graph`,
     in no particular order; those a person ignores are among them."""
 
-    def __init__(self, graph: NavGraph, context: Context | None = None) -> None:
-        self.begin(graph, context)
+    def __init__(self, graph: NavGraph | None = None, context: Context | None = None) -> None:
+        """Without a graph it has to be told to begin."""
+        if graph is not None:
+            self.begin(graph, context)
 
     def begin(self, graph: NavGraph, context: Context | None = None) -> None:
         """Looks at everything."""
+        for _ in self.beginning(graph, context):
+            pass
+
+    def beginning(self, graph: NavGraph, context: Context | None = None) -> Iterator[None]:
+        """Looks at everything, in steps of well under a millisecond, for who has other things to do in between. The
+        findings count once it has come to its end."""
         self._context = Context() if context is None else context
         self._graph = graph
         self._at: dict[_Place, tuple[Finding, ...]] = {}  # where it was found -> what; never empty
@@ -40,10 +48,13 @@ class Validator:
         self._groups = Groups(graph)
         for id in graph.viewpoints:
             self._look_at(id)
+            yield
         for key in graph.edges:
             self._look_along(key)
+            yield
         for viewpoint in graph.viewpoints.values():
             self._look_around(viewpoint.id)
+            yield
         self._set(_GROUPS, self._groups.findings())
         self._set(_GRAPH, about_graph(graph))
 
