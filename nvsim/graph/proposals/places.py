@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from nvsim.graph.edits import new_id
 from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.occupancy.paths import clearance, reachable, segments_are_free, visible
-from nvsim.occupancy.types import OccupancyMap
+from nvsim.occupancy.types import FREE, OccupancyMap
 
-_APART = 0.4  # metres between the places that are tried
+_GRAIN = 0.25  # metres: floor is looked at in squares no larger, single cells where those are larger
+_APART = 0.8  # metres between the places that are tried
 _ROOM = 2.0  # times the radius: with that much around it a place is as good as any
 _MOST_JOINS = 3
 
@@ -57,73 +57,89 @@ def propose_viewpoints(
     Asked for is floor that a disc of `radius` metres reaches from the viewpoints. The map knows one floor: give only a
     graph of that floor.
     """
+    from nvsim.occupancy.paths import clearance, reachable
+
     held = [v for v in graph.viewpoints.values() if v.included]
     if not held:
         return ()
-    xy = np.array([v.position[:2] for v in held], np.float64)
-    missing = reachable(occupancy, xy, radius) & ~visible(occupancy, xy, sees)
-    if missing.sum() * occupancy.resolution**2 < least:
-        return ()
+    floor = _Floor(occupancy, reachable(occupancy, np.array([v.position[:2] for v in held]), radius), sees)
+    for v in held:
+        floor.take(floor.seen(v.position[:2]))
     room = clearance(occupancy)
-    stand = room >= radius
-    tried = _Tried(occupancy, missing, sees)
-    waiting = []
-    for place in _candidates(occupancy, missing, room, radius, sees):
-        seen = tried.seen(place)
-        if len(seen):
-            # Of places that see as much, the one with more room around it.
-            comfort = min(1.0, float(room[tuple(occupancy.index(np.array(place)).tolist())]) / (_ROOM * radius))
-            waiting.append((-len(seen), -comfort, place[0], place[1], seen))
-    waiting.sort(key=lambda item: item[:4])
-    heapq.heapify(order := [(*item[:4], i) for i, item in enumerate(waiting)])
-    area, whole = occupancy.resolution**2, math.pi * sees * sees
+    waiting: list[NDArray[np.int64]] = []
+    order = []
+    for place in _candidates(occupancy, floor.missing, room, radius):
+        seen = floor.seen(place)
+        # Of places that see as much, the one with more room around it.
+        comfort = min(1.0, float(room[tuple(occupancy.index(np.array(place)).tolist())]) / (_ROOM * radius))
+        order.append((-len(seen), -comfort, *place, len(waiting)))
+        waiting.append(seen)
+    heapq.heapify(order)
     found: list[PlaceProposal] = []
     while order and len(found) < most:
         count, comfort, x, y, index = heapq.heappop(order)
-        left = waiting[index][4]
-        left = left[missing.flat[left]]
+        left = floor.still_missing(waiting[index])
+        if len(left) * floor.each < least:
+            continue
         if len(left) < -count:
             # Others have seen some of it since: gains only shrink, so it waits for its turn again.
-            if len(left) * area >= least:
-                heapq.heappush(order, (-len(left), comfort, x, y, index))
+            heapq.heappush(order, (-len(left), comfort, x, y, index))
             continue
-        if len(left) * area < least:
-            break
-        missing.flat[left] = False
-        proposal = _proposal(graph, (x, y), len(left) * area, held, stand, occupancy, reach, whole)
+        floor.take(left)
+        gain = len(left) * floor.each
+        share = min(1.0, gain / (math.pi * sees * sees))
+        proposal = _proposal(graph, (x, y), gain, share, held, room >= radius, occupancy, reach)
         found.append(proposal)
         held.append(Viewpoint(proposal.new_id, proposal.position, proposal.height))
     return tuple(found)
 
 
-class _Tried:
-    """Sees from a place, looking at the part of the map around it alone."""
+class _Floor:
+    """Floor in samples at most _GRAIN apart, at the centres of cells, and which of them nobody sees yet.
 
-    def __init__(self, occupancy: OccupancyMap, missing: NDArray[np.bool_], sees: float) -> None:
-        self._map, self._missing, self._sees = occupancy, missing, sees
+    each   square metres that a sample stands for
+    """
+
+    def __init__(self, occupancy: OccupancyMap, wanted: NDArray[np.bool_], sees: float) -> None:
+        from scipy.spatial import cKDTree
+
+        step = max(1, int(_GRAIN / occupancy.resolution + 1e-9))
+        self._map, self._sees = occupancy, sees
+        self._free = occupancy.cells == FREE
+        self._cells = np.argwhere(wanted[::step, ::step]) * step
+        self._xy = (self._cells[:, ::-1] + 0.5) * occupancy.resolution + np.array(occupancy.origin)
+        self._tree = cKDTree(self._xy)
+        self._unseen = np.ones(len(self._cells), np.bool_)
+        self.each = (step * occupancy.resolution) ** 2
+
+    @property
+    def missing(self) -> NDArray[np.int64]:
+        """(M, 2) row and column of the samples that nobody sees."""
+        return np.asarray(self._cells[self._unseen])
 
     def seen(self, place: tuple[float, float]) -> NDArray[np.int64]:
-        """Flat indices of the missing cells that are seen from `place`."""
-        rows, columns = self._map.cells.shape
-        row, column = self._map.index(np.array(place)).tolist()
-        around = math.ceil(self._sees / self._map.resolution) + 1
-        top, left = max(0, row - around), max(0, column - around)
-        part = (slice(top, min(rows, row + around + 1)), slice(left, min(columns, column + around + 1)))
-        if not self._missing[part].any():
-            return np.zeros(0, np.int64)
-        scale, (x, y) = self._map.resolution, self._map.origin
-        window = OccupancyMap(np.ascontiguousarray(self._map.cells[part]), scale, (x + left * scale, y + top * scale))
-        r, c = np.nonzero(visible(window, np.array(place), self._sees) & self._missing[part])
-        return np.asarray((r + top) * columns + c + left, np.int64)
+        """Those samples that are missing and seen from `place` (x, y)."""
+        from nvsim.occupancy.paths import segments_are_free
+
+        near = self.still_missing(np.array(self._tree.query_ball_point(place, self._sees + 1e-9), np.int64))
+        starts = np.broadcast_to(np.array(place), (len(near), 2))
+        return np.asarray(near[segments_are_free(self._free, self._map, starts, self._xy[near])])
+
+    def still_missing(self, samples: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.asarray(samples[self._unseen[samples]])
+
+    def take(self, samples: NDArray[np.int64]) -> None:
+        """They are seen now."""
+        self._unseen[samples] = False
 
 
 def _candidates(
-    occupancy: OccupancyMap, missing: NDArray[np.bool_], room: NDArray[np.float64], radius: float, sees: float
+    occupancy: OccupancyMap, missing: NDArray[np.int64], room: NDArray[np.float64], radius: float
 ) -> list[tuple[float, float]]:
-    """Of every square of a coarse grid that has missing floor, the cell with the most room around it."""
+    """Of every square of a coarse grid that has missing floor (M, 2), the cell with the most room around it."""
     step = max(1, round(_APART / occupancy.resolution))
-    rows, columns = np.nonzero(missing & (room >= radius))
-    square = (rows // step) * (missing.shape[1] // step + 1) + columns // step
+    rows, columns = missing[room[missing[:, 0], missing[:, 1]] >= radius].T
+    square = (rows // step) * (occupancy.cells.shape[1] // step + 1) + columns // step
     order = np.lexsort((-room[rows, columns], square))
     _, first = np.unique(square[order], return_index=True)
     chosen = order[first]
@@ -136,12 +152,14 @@ def _proposal(
     graph: NavGraph,
     place: tuple[float, float],
     gain: float,
+    share: float,
     held: list[Viewpoint],
     stand: NDArray[np.bool_],
     occupancy: OccupancyMap,
     reach: float,
-    whole: float,
 ) -> PlaceProposal:
+    from nvsim.occupancy.paths import segments_are_free
+
     xy = np.array([v.position[:2] for v in held], np.float64)
     distance = np.hypot(*(xy - place).T)
     near = np.argsort(distance, kind="stable")
@@ -149,7 +167,7 @@ def _proposal(
     near = near[distance[near] <= reach]
     free = segments_are_free(stand, occupancy, np.broadcast_to(place, (len(near), 2)), xy[near])
     joins = tuple(held[int(i)].id for i in near[free][:_MOST_JOINS])
-    score = min(1.0, gain / whole) * (1.0 if joins else 0.5)
+    score = share * (1.0 if joins else 0.5)
     to = (
         f"it can be joined to {' and '.join(map(short, joins))}" if joins else "no viewpoint is near in a straight line"
     )

@@ -1,0 +1,72 @@
+"""Seconds to propose edges and viewpoints: `python tests/benchmarks/graph_proposals.py [VIEWPOINTS ...]`.
+
+A grid of rooms of 6 m, 5 cm to a cell, with doors; viewpoints stand at random in four rooms of five, so that the fifth
+is not seen. The first call compiles and is not counted.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+
+import numpy as np
+
+from nvsim.graph.proposals import propose_edges, propose_viewpoints
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
+
+ROOM, CELL, EACH = 6.0, 0.05, 6  # metres, metres, viewpoints in a room
+
+
+def rooms(across: int) -> OccupancyMap:
+    size, door = round(ROOM / CELL), round(1.0 / CELL)
+    cells = np.full((across * size + 1, across * size + 1), FREE, np.uint8)
+    cells[::size], cells[:, ::size] = OCCUPIED, OCCUPIED
+    for k in range(across):
+        middle = slice(k * size + size // 2 - door // 2, k * size + size // 2 + door // 2)
+        cells[size:-1:size, middle], cells[middle, size:-1:size] = FREE, FREE
+    return OccupancyMap(cells, CELL, (0.0, 0.0))
+
+
+def building(count: int) -> tuple[NavGraph, OccupancyMap]:
+    across = math.ceil(math.sqrt(count / EACH * 5 / 4))
+    rng = np.random.default_rng(1)
+    corners = [(r, c) for r in range(across) for c in range(across) if (r + 2 * c) % 5]
+    viewpoints = {}
+    for i in range(count):
+        corner = np.array(corners[i // EACH % len(corners)]) * ROOM
+        x, y = (corner + rng.uniform(0.5, ROOM - 0.5, 2)).tolist()
+        viewpoints[f"{i:032x}"] = Viewpoint(f"{i:032x}", (x, y, 1.5))
+    return NavGraph("rooms", viewpoints), rooms(across)
+
+
+def main() -> None:
+    graph, occupancy = building(12)
+    propose_edges(graph, occupancy)
+    propose_viewpoints(graph, occupancy)
+    for count in [int(text) for text in sys.argv[1:]] or [1000, 10000]:
+        graph, occupancy = building(count)
+        begin = time.perf_counter()
+        edges = propose_edges(graph, occupancy)
+        middle = time.perf_counter()
+        places = propose_viewpoints(graph, occupancy)
+        end = time.perf_counter()
+        print(
+            json.dumps(
+                {
+                    "viewpoints": count,
+                    "cells": occupancy.cells.size,
+                    "edges_s": round(middle - begin, 2),
+                    "edges": len(edges),
+                    "viewpoints_s": round(end - middle, 2),
+                    "proposed": len(places),
+                }
+            ),
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
