@@ -86,3 +86,9 @@ def with_scans(document: Document) -> Reason:
     file = document.contents.graph_file
     many = isinstance(file, ForeignGraph) and len(file.scans) > 1
     return None if many else "the graph is not one of several in a folder"
+
+
+def with_map(document: Document) -> Reason:
+    """There is a map to look for places on."""
+    known = document.contents.occupancy is not None
+    return writable(document) or (None if known else "there is no map of what is free")

@@ -21,8 +21,14 @@ class Proposals:
     def __bool__(self) -> bool:
         return bool(self.edges or self.places)
 
-    def add(self, edges: tuple[EdgeKey, ...], doubted: tuple[EdgeKey, ...] = ()) -> None:
+    def add(
+        self,
+        edges: tuple[EdgeKey, ...],
+        doubted: tuple[EdgeKey, ...] = (),
+        places: tuple[tuple[float, float, float], ...] = (),
+    ) -> None:
         """These too."""
+        self.places = tuple(dict.fromkeys((*self.places, *places)))
         self.edges = tuple(dict.fromkeys((*self.edges, *edges)))
         self.doubted = tuple(dict.fromkeys((*self.doubted, *doubted)))
 

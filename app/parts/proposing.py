@@ -3,35 +3,54 @@ or dismisses them."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from PySide6.QtCore import QSettings, Qt, QTimer
+from PySide6.QtCore import QSettings, Qt, QTimer, Signal
 from PySide6.QtGui import QPainter
 
 from app import colors
 from app.actions import Action
 from app.document import Document
 from app.evidence_child import EvidenceChild
-from app.graph_reasons import writable
+from app.graph_reasons import with_map, writable
 from app.graph_surface import GraphSurface
-from app.modes.ink import line
+from app.modes.ink import dots, line
 from app.parts.part import Part, Workspace
 from app.proposals import Proposals
 from app.reasons import Reason
+from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
+from nvsim.graph.edits import EditError
+from nvsim.graph.proposals import propose_edges, propose_viewpoints
+from nvsim.graph.types import EdgeKey
+from nvsim.mapping.against import margin
 from nvsim.mapping.newcomers import Newcomers, with_newcomers
 from nvsim.project.stages.measured import unmeasured
 
 REST = 1500  # milliseconds without an edit until measuring begins: a hand that places several is not interrupted
 
 
+Place = tuple[float, float, float]
+
+
 class ProposePart(Part):
+    _thought = Signal(object, str)
+
     ACTIONS = (
         Action(
             "measure_automatically", "Measure what I &add or move",
             "Measure the evidence of new and moved viewpoints in the background and propose edges", "&Graph", 3,
             check="on", enabled=writable,
+        ),
+        Action(
+            "propose_edges", "Propose &edges", "Edges that evidence and map allow, where they save a way round",
+            "&Graph", 3, enabled=writable,
+        ),
+        Action(
+            "propose_viewpoints", "Propose v&iewpoints", "Where one could stand on the map and no viewpoint is near",
+            "&Graph", 3, enabled=with_map,
         ),
         Action(
             "accept_proposals", "&Take proposals", "Add the edges that are drawn as ghosts", "&Graph", 3,
@@ -46,6 +65,8 @@ class ProposePart(Part):
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self._automatic = True
+        self._thread: threading.Thread | None = None
+        self._thought.connect(self._on_thought)
         self.child = EvidenceChild(self)
         self.child.measured.connect(self._on_measured)
         self.child.failed.connect(workspace.notices.warning)
@@ -59,6 +80,8 @@ class ProposePart(Part):
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
             "measure_automatically": self._set_automatic,
+            "propose_edges": self.propose_edges,
+            "propose_viewpoints": self.propose_viewpoints,
             "accept_proposals": self.accept,
             "dismiss_proposals": self.dismiss,
         }
@@ -119,12 +142,60 @@ class ProposePart(Part):
         if len(stayed) < len(places) or unmeasured(graph):
             self._soon.start()
 
+    def propose_edges(self) -> None:
+        """Looks at all pairs that are near, in a thread."""
+        document = self.workspace.document
+        graph, occupancy = document.graph, document.contents.occupancy
+        if graph is not None:
+            slack = margin(document.contents.thresholds)
+            self._think(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack)), ()))
+
+    def propose_viewpoints(self) -> None:
+        """Looks at the whole map, in a thread."""
+        document = self.workspace.document
+        graph, occupancy = document.graph, document.contents.occupancy
+        if graph is not None and occupancy is not None:
+            self._think(lambda: ((), tuple(p.position for p in propose_viewpoints(graph, occupancy))))
+
+    def _think(self, work: Callable[[], tuple[tuple[EdgeKey, ...], tuple[Place, ...]]]) -> None:
+        if self._thread is not None and self._thread.is_alive():
+            return
+
+        def run() -> None:
+            try:
+                self._thought.emit(work(), "")
+            except (InputError, EditError) as error:
+                self._thought.emit(((), ()), str(error))
+
+        self._thread = threading.Thread(target=run, name="proposals", daemon=True)
+        self._thread.start()
+
+    def _on_thought(self, found: tuple[tuple[EdgeKey, ...], tuple[Place, ...]], trouble: str) -> None:
+        edges, places = found
+        if trouble:
+            self.workspace.notices.warning(trouble)
+            return
+        self.proposals.add(edges, (), places)
+        self._prune()
+        self._tell()
+        words = f"{len(edges):,} edges" if not places else f"{len(places):,} viewpoints"
+        if edges or places:
+            self.workspace.notices.info(f"{words} are proposed: Ctrl+Return takes them, Ctrl+Backspace does not.")
+        else:
+            self.workspace.notices.info("There is nothing to propose.")
+
     def accept(self) -> None:
-        """All proposed edges as one step."""
-        pairs = [list(key) for key in self.proposals.edges]
+        """All that is proposed, as one step."""
+        editing, kept = self.workspace.document.editing, self.proposals
+        pairs, places = [list(key) for key in kept.edges], kept.places
         self.dismiss()
+        steps: list[tuple[str, dict[str, object]]] = [
+            ("add_viewpoint", {"position": list(place), "height": editing.eye_height}) for place in places
+        ]
         if pairs:
-            self.workspace.document.editing.run("add_edges", {"pairs": pairs})
+            steps.append(("add_edges", {"pairs": pairs}))
+        if steps:
+            editing.run_all(steps, f"Add {len(places):,} proposed viewpoints" if places else "")
 
     def dismiss(self) -> None:
         self.proposals.clear()
@@ -146,8 +217,14 @@ class ProposePart(Part):
                 ends = arrays.feet[np.array(pairs)]
                 line(painter, surface, ends[:, 0], ends[:, 1], color, 3.0, Qt.PenStyle.DashLine)
 
+        eye = self.workspace.document.editing.eye_height
+        feet = np.array(self.proposals.places, float).reshape(-1, 3) - [0.0, 0.0, eye]
+        dots(painter, surface, feet, colors.OPEN, 7.0, filled=False)
+
     def store(self, settings: QSettings) -> None:
         self.child.stop()
+        if self._thread is not None:
+            self._thread.join()
 
 
 def _with_proposals(document: Document) -> Reason:
