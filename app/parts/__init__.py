@@ -8,6 +8,7 @@ from app.parts.camera import CameraPart
 from app.parts.checking import CheckPart
 from app.parts.comparing import ComparePart
 from app.parts.editing import EditPart
+from app.parts.exporting import ExportPart
 from app.parts.files import FilePart
 from app.parts.frames import FramePart
 from app.parts.inspector import InspectorPart
@@ -46,6 +47,7 @@ PARTS: tuple[type[Part], ...] = (
     SelectPart,
     CheckPart,
     ComparePart,
+    ExportPart,
     ProposePart,
     LookPart,
     PalettePart,
