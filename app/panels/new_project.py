@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QColor, QFont, QPalette
 from PySide6.QtWidgets import (
     QDialog,
@@ -28,7 +29,9 @@ from app import colors
 from app.forms.editors import LineEditor
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
+from nvsim.capture.several import SUFFIX, write_list
 
+BETWEEN = "; "  # several captures in one line
 TYPING = 500  # milliseconds after the last change until the check starts
 _COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
 _WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
@@ -38,9 +41,9 @@ _OPTIONS = ("camera_height", "scale", "hold_out")
 
 @dataclass(frozen=True)
 class NewProject:
-    """What the person chose: `options` are flags of `nvsim import`."""
+    """What the person chose: captures in one world, one most often; `options` are flags of `nvsim import`."""
 
-    capture: Path
+    captures: tuple[Path, ...]
     project: Path
     options: tuple[str, ...]
     everything: bool
@@ -51,13 +54,16 @@ class NewProjectDialog(QDialog):
 
     chosen = Signal(object)
 
-    def __init__(self, capture: Path | None = None, project: Path | None = None, parent: QWidget | None = None) -> None:
+    def __init__(
+        self, captures: Sequence[Path] = (), project: Path | None = None, parent: QWidget | None = None
+    ) -> None:
         super().__init__(parent)
         self.setWindowTitle("New project from a capture" if project is None else "Import a capture")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._fixed = project
         self._named = project is not None  # the person chose the project's place
         self.result_shown: CheckResult | None = None
+        self._scratch = QTemporaryDir()  # for the list of several captures while they are checked
         self.check = CaptureCheck(self)
         self.check.finished.connect(self.show_result)
         self.check.failed.connect(self._on_failed)
@@ -67,8 +73,8 @@ class NewProjectDialog(QDialog):
         self._build()
         if project is not None:
             self.project.setText(str(project))
-        if capture is not None:
-            self.set_capture(capture)
+        if captures:
+            self.set_captures(captures)
         self.resize(760, 560)
         self._show_state()
 
@@ -76,6 +82,9 @@ class NewProjectDialog(QDialog):
         self.capture = QLineEdit(self)
         self.capture.setPlaceholderText("nerfstudio transforms.json, COLMAP, or kapture: a folder or a file")
         folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
+        another = QPushButton("Add…", self)
+        another.setToolTip("Another capture of the building, in the same world and unit")
+        another.clicked.connect(self._browse_another)
         folder.clicked.connect(self._browse_folder)
         file.clicked.connect(self._browse_file)
         self.project = QLineEdit(self)
@@ -91,9 +100,10 @@ class NewProjectDialog(QDialog):
         grid.addWidget(self.capture, 0, 1)
         grid.addWidget(folder, 0, 2)
         grid.addWidget(file, 0, 3)
+        grid.addWidget(another, 0, 4)
         grid.addWidget(QLabel("Project", self), 1, 0)
         grid.addWidget(self.project, 1, 1)
-        grid.addWidget(place, 1, 2, 1, 2)
+        grid.addWidget(place, 1, 2, 1, 3)
         for row, (words, editor) in enumerate(
             (("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)), start=2
         ):
@@ -108,7 +118,7 @@ class NewProjectDialog(QDialog):
             inner.addWidget(help, 0, 1)
             inner.setColumnStretch(1, 1)
             grid.addWidget(name, row, 0)
-            grid.addLayout(inner, row, 1, 1, 3)
+            grid.addLayout(inner, row, 1, 1, 4)
         grid.setColumnStretch(1, 1)
         self.verdict = QLabel(self)
         font = QFont(self.verdict.font())
@@ -160,13 +170,19 @@ class NewProjectDialog(QDialog):
 
     # What is chosen ---------------------------------------------------------------------------------------------
 
-    def set_capture(self, path: Path) -> None:
-        """Takes the capture and begins to check it."""
-        self.capture.setText(str(path))
+    def set_captures(self, paths: Sequence[Path]) -> None:
+        """Takes the captures and begins to check them."""
+        self.capture.setText(BETWEEN.join(str(p) for p in paths))
+
+    def captures(self) -> list[Path]:
+        """Those that are named, in their order."""
+        words = [word.strip() for word in self.capture.text().split(BETWEEN.strip())]
+        return [Path(word).expanduser().absolute() for word in words if word]
 
     def _on_capture(self, text: str) -> None:
-        path = Path(text).expanduser()
-        if not self._named and text.strip():
+        captures = self.captures()
+        if not self._named and captures:
+            path = captures[0]
             base = path.parent if path.is_file() else path
             name = "".join(c if c.isalnum() or c in "-_." else "-" for c in base.name) or "building"
             place = base.parent if os.access(base.parent, os.W_OK) else Path.home()
@@ -194,14 +210,18 @@ class NewProjectDialog(QDialog):
         }
 
     def _start_check(self) -> None:
-        text = self.capture.text().strip()
-        if not text:
+        captures = self.captures()
+        if not captures:
             return
         try:
             values = self._values()
         except ValueError:
             return
-        self.check.start(Path(text).expanduser(), values["scale"], values["camera_height"])
+        source = captures[0]
+        if len(captures) > 1:
+            source = Path(self._scratch.path()) / f"together{SUFFIX}"
+            write_list(captures, source)
+        self.check.start(source, values["scale"], values["camera_height"])
         self._show_state()
 
     # What the check says ----------------------------------------------------------------------------------------
@@ -273,19 +293,24 @@ class NewProjectDialog(QDialog):
             field = self._options[name]
             if value != field.default:
                 options += [field.flag, str(value)]
-        capture, project = Path(self.capture.text().strip()).expanduser(), Path(self.project.text().strip())
-        self.chosen.emit(NewProject(capture.absolute(), project.expanduser().absolute(), tuple(options), everything))
+        project = Path(self.project.text().strip()).expanduser().absolute()
+        self.chosen.emit(NewProject(tuple(self.captures()), project, tuple(options), everything))
         self.accept()
 
     def _browse_folder(self) -> None:
         chosen = QFileDialog.getExistingDirectory(self, "The folder of the capture", self._start())
         if chosen:
-            self.set_capture(Path(chosen))
+            self.set_captures([Path(chosen)])
+
+    def _browse_another(self) -> None:
+        chosen = QFileDialog.getExistingDirectory(self, "Another capture in the same world", self._start())
+        if chosen:
+            self.set_captures([*self.captures(), Path(chosen)])
 
     def _browse_file(self) -> None:
         chosen, _ = QFileDialog.getOpenFileName(self, "A file of the capture", self._start(), "Captures (*)")
         if chosen:
-            self.set_capture(Path(chosen))
+            self.set_captures([Path(chosen)])
 
     def _browse_project(self) -> None:
         chosen, _ = QFileDialog.getSaveFileName(self, "The new project", self.project.text(), "Projects (*.nvsim)")
@@ -294,7 +319,8 @@ class NewProjectDialog(QDialog):
             self.project.setText(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")
 
     def _start(self) -> str:
-        return self.capture.text() or str(Path.home())
+        captures = self.captures()
+        return str(captures[-1].parent if captures else Path.home())
 
     def done(self, code: int) -> None:
         self._due.stop()

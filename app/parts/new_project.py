@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QMimeData, QObject, QSettings
@@ -15,6 +15,7 @@ from app.panels.new_project import NewProject, NewProjectDialog
 from app.parts.jobs import JobsPart
 from app.parts.part import Part
 from app.reasons import Reason
+from nvsim.capture.several import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.splats.formats.choice import READABLE
 
@@ -75,7 +76,7 @@ class NewProjectPart(Part):
             if following in menu.actions():
                 menu.insertMenu(following, self._menu)
         empty = window.empty
-        empty.newWanted.connect(self.open_dialog)
+        empty.newWanted.connect(lambda: self.open_dialog())
         empty.importWanted.connect(lambda: self.open_dialog(project=self.workspace.document.project))
         empty.demoWanted.connect(self.choose_demo)
         empty.openWanted.connect(window.actions_table["open"].trigger)
@@ -85,17 +86,22 @@ class NewProjectPart(Part):
 
     # Making -----------------------------------------------------------------------------------------------------
 
-    def open_dialog(self, capture: Path | None = None, project: Path | None = None) -> NewProjectDialog:
-        """Asks for a capture; the project is made, opened, and the import queued when the person says so."""
-        dialog = NewProjectDialog(capture, project, self.workspace.window)
+    def open_dialog(self, captures: Sequence[Path] = (), project: Path | None = None) -> NewProjectDialog:
+        """Asks for a capture, or several. When the person says so the project is made and opened, the import queued."""
+        dialog = NewProjectDialog(captures, project, self.workspace.window)
         dialog.chosen.connect(self._make)
         dialog.open()
         return dialog
 
     def _make(self, new: NewProject) -> None:
-        arguments = [str(new.capture), "--project", str(new.project), *new.options]
         if self._open_new(new.project):
-            self.workspace.jobs.start("import", arguments, new.project, f"Import {new.capture.name}")
+            source = new.captures[0]
+            if len(new.captures) > 1:
+                source = new.project / f"together{SUFFIX}"
+                write_list(new.captures, source)
+            names = " and ".join(c.name for c in new.captures)
+            arguments = [str(source), "--project", str(new.project), *new.options]
+            self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")
             if new.everything:
                 self._jobs_part().run_everything()
 
@@ -155,25 +161,25 @@ class NewProjectPart(Part):
     # Dropping ---------------------------------------------------------------------------------------------------
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if isinstance(event, QDragEnterEvent) and _dropped(event.mimeData()) is not None:
+        if isinstance(event, QDragEnterEvent) and _dropped(event.mimeData()):
             event.acceptProposedAction()
             return True
         if isinstance(event, QDropEvent) and event.type() == QEvent.Type.Drop:
-            path = _dropped(event.mimeData())
-            if path is not None:
+            paths = _dropped(event.mimeData())
+            if paths:
                 event.acceptProposedAction()
-                self.take(path)
+                self.take(paths)
                 return True
         return super().eventFilter(watched, event)
 
-    def take(self, path: Path) -> None:
-        """Opens what was dropped: a project, a splat file, or else a capture."""
+    def take(self, paths: Sequence[Path]) -> None:
+        """Opens what was dropped: a project, a splat file, or else captures."""
+        path = paths[0]
         if (path / "project.db").is_file() or (path.is_file() and path.suffix.lower() in READABLE):
             self.workspace.window.projectChosen.emit(path)
         else:
-            self.open_dialog(path)
+            self.open_dialog(paths)
 
 
-def _dropped(data: QMimeData) -> Path | None:
-    files = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
-    return files[0] if len(files) == 1 else None
+def _dropped(data: QMimeData) -> list[Path]:
+    return [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]

@@ -10,12 +10,13 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.kapture import find_kapture, read_kapture
 from nvsim.capture.nerfstudio import read_nerfstudio
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
+from nvsim.capture.several import SUFFIX, read_several
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 
 FORMATS = (
-    "a transforms.json (nerfstudio, instant-ngp), a COLMAP model (cameras, images, points3D as .bin or .txt) or a "
-    "kapture tree (sensors/sensors.txt)"
+    "a transforms.json (nerfstudio, instant-ngp), a COLMAP model (cameras, images, points3D as .bin or .txt), a "
+    "kapture tree (sensors/sensors.txt), or a file NAME.captures that lists several in one world"
 )
 
 
@@ -67,6 +68,8 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
 def _read_file(path: Path, findings: Findings) -> RawCapture:
     if path.suffix.lower() == ".json":
         return read_nerfstudio(path, findings)
+    if path.suffix == SUFFIX:
+        return read_several(path, read_raw, findings)
     if path.stem in ("cameras", "images", "points3D") and model_extension(path.parent) is not None:
         return read_colmap(path.parent, path.parent, findings)
     if path.name == "sensors.txt" and (root := find_kapture(path.parent)) is not None:

@@ -57,7 +57,7 @@ def test_findings_are_grouped_by_what_is_the_matter() -> None:
 
 def test_a_folder_without_a_capture_is_explained_and_cannot_be_imported(qtbot: QtBot, tmp_path: Path) -> None:
     (tmp_path / "pictures").mkdir()
-    dialog = NewProjectDialog(tmp_path / "pictures")
+    dialog = NewProjectDialog([tmp_path / "pictures"])
     dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
     qtbot.addWidget(dialog)
     dialog.show()
@@ -135,3 +135,19 @@ def test_projects_that_were_open_are_offered_again(
     assert session.window.empty.imports.isVisible()  # it has no capture yet
     (tmp_path / "two.nvsim" / "project.db").unlink()
     assert [p.name for p in part.recent()] == ["one.nvsim"]
+
+
+def test_several_captures_become_one_list_and_one_project(qtbot: QtBot, session: Session, tmp_path: Path) -> None:
+    captures = [tmp_path / "first", tmp_path / "second"]
+    dialog = part_of(session).open_dialog(captures)
+    assert dialog.captures() == captures
+    dialog.project.setText(str(tmp_path / "house.nvsim"))
+    ordered: list[list[str]] = []
+    session.window.jobs.start = lambda verb, arguments, *_: ordered.append(arguments)  # type: ignore[method-assign]
+    qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
+    assert dialog.result_shown is not None and dialog.result_shown.refused  # neither is there
+    dialog.show_result(CheckResult(False, ()))
+    qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
+    source = Path(ordered[0][0])
+    assert source.parent == tmp_path / "house.nvsim"
+    assert source.read_text().splitlines() == [str(c) for c in captures]

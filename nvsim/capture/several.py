@@ -1,0 +1,79 @@
+"""Several captures of one building as one: a text file that ends in .captures and names a capture on each line.
+
+They must share one world and one unit, as walks that were registered together do; nothing here registers them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from nvsim import atomic
+from nvsim.capture.findings import Findings
+from nvsim.capture.raw import RawCapture
+from nvsim.capture.types import Cloud
+from nvsim.errors import InputError
+
+SUFFIX = ".captures"
+
+
+def write_list(captures: Sequence[Path], path: Path) -> None:
+    """Names the captures in a file that is a capture itself. Raises InputError when the disk refuses."""
+    atomic.write_text(path, "".join(f"{Path(c).absolute()}\n" for c in captures))
+
+
+def listed(path: Path) -> list[Path]:
+    """The captures that the file names, relative ones from its folder; lines after # are remarks. Raises InputError
+    when it cannot be read or names none, or one twice."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read ({error}); write the path of a capture on each line.") from error
+    words = [line.partition("#")[0].strip() for line in lines]
+    found = [(path.parent / Path(word).expanduser()).resolve() for word in words if word]
+    if not found:
+        raise InputError(f"{path} names no capture; write the path of a capture on each line.")
+    for i, capture in enumerate(found):
+        if capture in found[:i]:
+            raise InputError(f"{path} names {capture} twice; remove one of the lines.")
+        if capture.suffix == SUFFIX:
+            raise InputError(f"{path} names {capture.name}, which is a list as well; name its captures here.")
+    return found
+
+
+def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findings: Findings) -> RawCapture:
+    """The captures of the list as one. `read` reads one of them. Raises InputError when one cannot be read or they
+    contradict each other about the unit."""
+    sources = listed(path)
+    raws = [read(source, findings) for source in sources]
+    if len({raw.metric for raw in raws}) > 1:
+        units = ", ".join(f"{raw.source.name}: {'metres' if raw.metric else 'unknown'}" for raw in raws)
+        raise InputError(f"The captures of {path} are not in one unit ({units}); bring them into one world first.")
+    frames = [
+        replace(frame, name=f"{label}/{frame.name}", where=f"{label}, {frame.where}", sensor=f"{label}/{frame.sensor}")
+        for label, raw in zip(_labels(sources), raws, strict=True)
+        for frame in raw.frames
+    ]
+    clouds = [raw.cloud for raw in raws if raw.cloud is not None]
+    formats = "+".join(dict.fromkeys(raw.format for raw in raws))
+    return RawCapture(path, f"several ({formats})", tuple(frames), _joined(clouds), raws[0].metric)
+
+
+def _labels(sources: Sequence[Path]) -> list[str]:
+    """A short name for each, its folder's where that says which it is."""
+    names = [(s if s.is_dir() else s.parent).name or "capture" for s in sources]
+    return [n if names.count(n) == 1 else f"{n}-{i}" for i, n in enumerate(names)]
+
+
+def _joined(clouds: Sequence[Cloud]) -> Cloud | None:
+    """All points; where some are of a scanner, theirs alone, as the others are placed less well."""
+    scanned = [c for c in clouds if c.kind == "lidar"]
+    chosen = scanned or list(clouds)
+    if not chosen:
+        return None
+    colors = [c.colors for c in chosen if c.colors is not None]
+    together = np.concatenate(colors) if len(colors) == len(chosen) else None
+    return Cloud(np.concatenate([c.points for c in chosen]), together, chosen[0].kind)
