@@ -110,3 +110,12 @@ def test_mistakes_are_said_in_a_sentence(
 ) -> None:
     assert main(["graph", *(str(file) if w == "FILE" else w for w in words)]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_export_writes_the_file_that_is_named_in_the_format_of_its_suffix(file: Path, tmp_path: Path) -> None:
+    for name in ("mine.graphml", "mine.geojson", "mine.svg", "mine.png"):
+        assert main(["export", "graph", str(file), "--out", str(tmp_path / name)]) == 0
+        assert (tmp_path / name).is_file()
+    assert len(json.loads((tmp_path / "mine.geojson").read_text())["features"]) == 11
+    assert main(["export", "graph", str(file), "--out", str(tmp_path / "folder")]) == 0
+    assert (tmp_path / "folder" / "row.graphml").is_file()

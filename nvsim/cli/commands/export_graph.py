@@ -3,7 +3,7 @@ connectivity. What agents would choke on is not written as R2R, unless with --fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -14,15 +14,19 @@ if TYPE_CHECKING:
     from nvsim.cli.graph_source import Source
     from nvsim.graph.exports import Anchor
 
+Format = Literal["graphml", "geojson", "svg", "png", "r2r"]
+_FILES: dict[str, Format] = {".graphml": "graphml", ".geojson": "geojson", ".svg": "svg", ".png": "png"}
+
 
 @dataclass(frozen=True)
 class Arguments:
     path: Positional[Path]
     """A project, a *_connectivity.json, or a folder with scans.txt."""
-    format: Literal["graphml", "geojson", "svg", "png", "r2r"] = "graphml"
+    format: Format = "graphml"
     """What to write."""
     out: Path = Path("graphs")
-    """The folder to write to; one file per scan, named after it."""
+    """The folder to write to, one file per scan, named after it; or, where there is one scan, a file whose suffix says
+    the format: .graphml, .geojson, .svg or .png."""
     occupancy: Path | None = None
     """Pictures: a ROS map.yaml or an OctoMap .bt to draw underneath, in place of the one found beside the graph."""
     longest_side: int = 1600
@@ -42,18 +46,24 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     import json
 
-    from nvsim.cli.graph_source import sources
+    from nvsim.cli.graph_source import one_source, sources
 
-    written = [_write(source, arguments) for source in sources(arguments.path, occupancy=arguments.occupancy)]
+    named = _FILES.get(arguments.out.suffix.lower())
+    if named is not None:
+        source = one_source(arguments.path, arguments.occupancy)
+        written = [_write(source, replace(arguments, format=named), arguments.out)]
+    else:
+        written = [_write(source, arguments) for source in sources(arguments.path, occupancy=arguments.occupancy)]
     for path in written:
         print(json.dumps({"written": str(path)}) if arguments.json else f"Wrote {path}")
     return 0
 
 
-def _write(source: Source, arguments: Arguments) -> Path:
+def _write(source: Source, arguments: Arguments, path: Path | None = None) -> Path:
+    """To `path`, or into the folder that the arguments name."""
     from nvsim.graph import exports
 
-    path = arguments.out / f"{source.name}.{arguments.format}"
+    path = path or arguments.out / f"{source.name}.{arguments.format}"
     if arguments.format == "r2r":
         return _write_r2r(source, arguments)
     if arguments.format == "graphml":
@@ -65,8 +75,6 @@ def _write(source: Source, arguments: Arguments) -> Path:
 
 
 def _write_r2r(source: Source, arguments: Arguments) -> Path:
-    from dataclasses import replace
-
     from nvsim.cli.graph_source import is_project
     from nvsim.graph.connectivity import SUFFIX, write_connectivity
     from nvsim.graph.exports import refuse
