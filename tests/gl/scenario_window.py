@@ -107,13 +107,22 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     table["above"].trigger() if "above" in table.actions else window.scene.look_from_above()
     until(lambda: not window.scene.drawing and window.scene.picture is not None, "the view from above")
     QTest.qWait(400)
-    camera, arrays = window.scene.overlay_camera, session.document.graph_arrays
-    for position in arrays.positions:
-        place = _pixel(camera, position)
-        if place is not None and window.scene.rect().adjusted(20, 20, -20, -60).contains(place):
-            QTest.mouseClick(window.scene, LEFT, pos=place)
-            if session.document.selection.viewpoint is not None:
-                break
+    arrays = session.document.graph_arrays
+
+    def click_a_viewpoint() -> bool:
+        """The eye may still be on its way up, so the place is found anew for each click."""
+        for position in arrays.positions:
+            place = _pixel(window.scene.overlay_camera, position)
+            if place is not None and window.scene.rect().adjusted(20, 20, -20, -60).contains(place):
+                QTest.mouseMove(window.scene, place)
+                QTest.mouseClick(window.scene, LEFT, pos=place)
+                QTest.qWait(100)
+                if session.document.selection.viewpoint is not None:
+                    return True
+        QTest.qWait(300)
+        return False
+
+    until(click_a_viewpoint, "a viewpoint that is clicked is selected")
     seen["selected"] = session.document.selection.viewpoint
     seen["viewpoints"] = len(arrays.ids)
 
