@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from nvsim.graph import edits, operations
 from nvsim.graph.edits import EditError
 from nvsim.graph.findings import Context, Finding, Limits, Validator, check_graph
-from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import OccupancyMap
 
 
@@ -152,3 +152,13 @@ def test_following_edits_finds_what_a_fresh_look_finds(steps: list[tuple]) -> No
         assert dict(validator.findings) == fresh
         assert went == known - set(fresh) and came >= set(fresh) - known
         history.append(graph)
+
+
+def test_evidence_measured_anew_is_looked_at_again() -> None:
+    context = Context(against=lambda graph, key: "it is closed" if graph.evidence else "")
+    validator = Validator(LINE, context)
+    shape = (2, 2)
+    cells = np.zeros(shape, np.uint8)
+    found = Evidence("a", 2, 0.0, 2.0, cells, cells, np.ones(shape, bool), 0.0, 1.0, 0.6, 0, (2.0, 0.0), "b")
+    came, went = validator.update(replace(LINE, evidence={found.key: found}))
+    assert (came, went) == ({"evidence/a/b"}, set())

@@ -10,7 +10,7 @@ from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import EdgeKey, NavGraph
 
 MANY = 64
-"""More edges than this at once, and everything is counted afresh."""
+"""When more than this is lost at once, everything is counted afresh."""
 
 
 class Groups:
@@ -25,16 +25,17 @@ class Groups:
         self._label: dict[str, int] = {}
         self._members: dict[int, set[str]] = {}
         self._large: set[int] = set()  # labels of groups of two and more
-        adjacency, viewpoints = graph.adjacency, graph.viewpoints
-        for id, viewpoint in viewpoints.items():
-            if viewpoint.included and id not in self._label:
-                self._give(_reached(id, adjacency, graph))
+        left_out = {id for id, viewpoint in graph.viewpoints.items() if not viewpoint.included}
+        for id in graph.viewpoints:
+            if id not in self._label and id not in left_out:
+                self._give(_reached(id, graph.adjacency, left_out))
 
     def update(self, graph: NavGraph, viewpoints: Iterable[str], edges: Iterable[EdgeKey]) -> None:
         """Takes a graph in which only these viewpoints and edges may differ."""
         edges = list(edges)
         changed = [id for id in viewpoints if (id in self._label) != self._is_in(graph, id)]
-        if len(edges) > MANY or len(changed) > MANY:
+        lost = sum(key not in graph.edges for key in edges) + sum(id in self._label for id in changed)
+        if lost > MANY:
             self.begin(graph)
             return
         cut: dict[str, None] = {}  # those that may have lost a way
@@ -45,7 +46,8 @@ class Groups:
             else:
                 self._give({id})
         for key in edges:
-            cut.update(dict.fromkeys(key))
+            if key not in graph.edges:
+                cut.update(dict.fromkeys(key))
         for id in changed:
             for other in graph.neighbours(id):
                 if id in self._label and other in self._label:
@@ -53,7 +55,7 @@ class Groups:
         for a, b in edges:
             if (a, b) in graph.edges and a in self._label and b in self._label:
                 self._join(a, b)
-        ends = [id for id in cut if id in self._label]
+        ends = [id for id in cut if id in self._label] if lost else []
         for label in {self._label[id] for id in ends}:
             self._part(graph, [id for id in ends if self._label[id] == label])
 
@@ -80,8 +82,7 @@ class Groups:
     def _give(self, ids: set[str]) -> None:
         label, self._next = self._next, self._next + 1
         self._members[label] = ids
-        for id in ids:
-            self._label[id] = label
+        self._label.update(dict.fromkeys(ids, label))
         self._sort_in(label)
 
     def _sort_in(self, label: int) -> None:
@@ -157,11 +158,10 @@ def _smaller_side(ends: list[str], graph: NavGraph) -> set[str] | None:
     return None
 
 
-def _reached(start: str, adjacency: Mapping[str, tuple[str, ...]], graph: NavGraph) -> set[str]:
-    seen, front = {start}, [start]
-    while front:
-        for id in adjacency.get(front.pop(), ()):
-            if id not in seen and graph.viewpoints[id].included:
-                seen.add(id)
-                front.append(id)
+def _reached(start: str, adjacency: Mapping[str, tuple[str, ...]], left_out: set[str]) -> set[str]:
+    """Ring by ring, so that sets do the work."""
+    seen, ring = {start}, {start}
+    while ring:
+        ring = set().union(*(adjacency.get(id, ()) for id in ring)) - seen - left_out
+        seen |= ring
     return seen

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from operator import is_not
 from types import MappingProxyType
 
 from nvsim.graph.difference import Difference, difference
@@ -13,6 +14,7 @@ from nvsim.graph.findings.groups import Groups
 from nvsim.graph.findings.pairs import Neighbourhood, about_pair
 from nvsim.graph.findings.types import Finding
 from nvsim.graph.findings.viewpoints import about_viewpoint
+from nvsim.graph.trace import touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _GRAPH, _GROUPS = "graph", "groups"
@@ -39,6 +41,7 @@ class Validator:
         self._context = Context() if context is None else context
         self._graph = graph
         self._at: dict[_Place, tuple[Finding, ...]] = {}  # where it was found -> what; never empty
+        self._along: dict[EdgeKey, tuple[tuple[object, ...], tuple[Finding, ...]]] = {}  # what was looked at -> found
         self._all: dict[str, Finding] = {}
         self._before: dict[str, Finding | None] = {}  # key of what an update touched -> what it was
         self._twins: dict[str, set[str]] = {}  # viewpoint -> those it is nearly one place with
@@ -67,12 +70,14 @@ class Validator:
         """Takes the graph after an edit; `changed` is its difference from the one before, when it is known already.
         Returns the keys of the findings that came or changed, and of those that went."""
         changed = difference(self._graph, graph) if changed is None else changed
+        measured = _measured_anew(self._graph, graph)
         self._graph, self._before = graph, {}
         viewpoints = {*changed.added_viewpoints, *changed.removed_viewpoints, *changed.changed_viewpoints}
         edges = {*changed.added_edges, *changed.removed_edges, *changed.changed_edges}
         beside = set(viewpoints).union(*edges)
         for id in viewpoints:
             beside.update(graph.neighbours(id))
+        for id in viewpoints | measured:
             edges.update((id, other) if id < other else (other, id) for other in graph.neighbours(id))
         for id in viewpoints:
             if id in graph.viewpoints:
@@ -97,7 +102,18 @@ class Validator:
         self._set(id, [] if viewpoint is None else about_viewpoint(self._graph, viewpoint, self._context))
 
     def _look_along(self, key: EdgeKey) -> None:
-        self._set(key, about_edge(self._graph, key, self._context) if key in self._graph.edges else [])
+        graph, found = self._graph, self._graph.edges.get(key)
+        if found is None:
+            self._set(key, ())
+            return
+        seen: tuple[object, ...] = (found, graph.viewpoints[key[0]], graph.viewpoints[key[1]])
+        if self._context.against is not None:
+            seen += tuple(graph.evidence[k] for id in key for k in graph.evidence_of.get(id, ()))
+        known = self._along.get(key)
+        # An undo brings the very same values back.
+        if known is None or len(known[0]) != len(seen) or any(map(is_not, known[0], seen)):
+            known = self._along[key] = (seen, tuple(about_edge(graph, key, self._context)))
+        self._set(key, known[1])
 
     def _look_around(self, id: str) -> None:
         viewpoint = self._graph.viewpoints.get(id)
@@ -111,9 +127,9 @@ class Validator:
             self._twins.setdefault(id, set()).add(other)
             self._twins.setdefault(other, set()).add(id)
 
-    def _set(self, place: _Place, found: list[Finding]) -> None:
+    def _set(self, place: _Place, found: Sequence[Finding]) -> None:
         before = self._at.get(place, ())
-        if before == tuple(found):
+        if not (before or found) or before == tuple(found):
             return
         for finding in before:
             self._before.setdefault(finding.key, self._all.pop(finding.key, None))
@@ -124,6 +140,20 @@ class Validator:
         for finding in found:
             self._before.setdefault(finding.key, None)
             self._all[finding.key] = finding
+
+
+def _measured_anew(before: NavGraph, after: NavGraph) -> set[str]:
+    """The viewpoints that evidence was measured from, or led to, which came, went or changed."""
+    if before.evidence is after.evidence:
+        return set()
+    touched = touched_between(before, after)
+    keys = {*before.evidence, *after.evidence} if touched is None else touched.evidence
+    found: set[str] = set()
+    for key in keys:
+        old, new = before.evidence.get(key), after.evidence.get(key)
+        if old is not new:
+            found.update(e.viewpoint for e in (old, new) if e is not None)
+    return found
 
 
 def _pair(a: str, b: str) -> tuple[str, str, str]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 
 from nvsim.graph.findings.context import Context
 from nvsim.graph.findings.types import Finding, Fix
 from nvsim.graph.types import NavGraph, Viewpoint
 
+_USABLE = re.compile(r"[^/\\\s]+")
 _SHOWN = 8  # characters of an id in a sentence
 
 
@@ -59,6 +61,8 @@ def _leave(id: str) -> Fix:
 
 
 def _id_problem(id: str) -> str:
+    if _USABLE.fullmatch(id):
+        return ""
     if not id:
         return "is empty"
     if "/" in id or "\\" in id:
