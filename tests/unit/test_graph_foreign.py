@@ -17,6 +17,7 @@ from nvsim.graph import edits
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.graph.findings import check_graph
 from nvsim.graph.foreign import ForeignFile, connectivity_files
+from nvsim.graph.foreign.flags import FlagStyle, read_flags
 
 TILTED = [0.8, -0.6, 0.0, 3.25, 0.012, 0.016, 0.9998, -4.5e0, -0.59988, -0.79984, 0.02, 1.51e0, 0, 0, 0, 1]
 
@@ -251,3 +252,33 @@ def test_whatever_is_edited_and_saved_is_what_is_opened_again(
     matrix = agents_matrix(file.path)
     assert {(min(k), max(k)) for k, free in matrix.items() if free} == graph.edges.keys()
     assert all(matrix[b, a] == free for (a, b), free in matrix.items())
+
+
+STYLES = st.builds(
+    lambda opening, separator, closing, words: FlagStyle(opening, separator, closing, *words),
+    st.sampled_from(["[", "[\n  ", "[ "]),
+    st.sampled_from([",", " , ", ",\n\t", ", "]),
+    st.sampled_from(["]", "\n ]"]),
+    st.sampled_from([("true", "false"), ("1", "0")]),
+)
+
+
+@settings(max_examples=400, deadline=None)
+@given(STYLES, st.lists(st.sampled_from([False, False, False, True]), min_size=1, max_size=30), st.data())
+def test_lists_of_flags_are_read_as_json_reads_them(style: FlagStyle, values: list[bool], data: st.DataObject) -> None:
+    text = style.write(np.array(values))
+    assert json.loads(text) == values
+    found, kept = read_flags(text)
+    assert found.tolist() == values and kept is not None and kept.write(found) == text
+    at = data.draw(st.integers(0, len(text) - 1))
+    damaged = text[:at] + data.draw(st.sampled_from("tfalseru01, []T\n")) + text[at + 1 :]
+    try:
+        wanted = json.loads(damaged)
+        legal = isinstance(wanted, list) and all(isinstance(v, bool | int) and v in (0, 1) for v in wanted)
+    except ValueError:
+        legal = False
+    if legal:
+        assert read_flags(damaged)[0].tolist() == wanted
+    else:
+        with pytest.raises(ValueError):
+            read_flags(damaged)

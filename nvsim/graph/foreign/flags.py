@@ -17,6 +17,8 @@ _WORDS = {"T": "true", "F": "false", "1": "1", "0": "0"}
 _PARTNER = {"T": "F", "F": "T", "1": "0", "0": "1"}
 _YES = {"T", "1"}
 _BEGIN = re.compile(r"(\[[ \t\r\n]*)([TF01])([ \t\r\n]*,[ \t\r\n]*)?")
+_WORDS_BEGIN = re.compile(r"(\[[ \t\r\n]*)(true|false)([ \t\r\n]*,[ \t\r\n]*)?")
+_SPACES = " \t\r\n"
 _FINISH = re.compile(r"[ \t\r\n]*\]\Z")
 _TAIL = 4096  # characters at most between the last element and the bracket
 
@@ -34,13 +36,24 @@ class FlagStyle(NamedTuple):
         """The text of a list of (n,) values."""
         if not len(values):
             return "[]"
-        words = np.array([self.no, self.yes], object)[values.astype(np.intp)]
-        return self.opening + self.separator.join(words.tolist()) + self.closing
+        hits = np.flatnonzero(values)
+        if 4 * len(hits) > len(values):
+            words = np.array([self.no, self.yes], object)[values.astype(np.intp)]
+            return self.opening + self.separator.join(words.tolist()) + self.closing
+        # Rows are mostly "no": runs of it are copied whole.
+        no, yes = self.no + self.separator, self.yes + self.separator
+        runs = np.diff(hits, prepend=-1) - 1
+        body = "".join([no * run + yes for run in runs.tolist()])
+        body += no * (len(values) - 1 - (int(hits[-1]) if len(hits) else -1))
+        return self.opening + body[: len(body) - len(self.separator)] + self.closing
 
 
 def read_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle | None]:
     """The values (n,) of a JSON list of booleans or of 0 and 1, brackets included, and its style; None where the text
     is not all of one style. Raises ValueError, in words, when it is no such list."""
+    found = _words(text)
+    if found is not None:
+        return found
     letters = text.replace("true", "T").replace("false", "F")
     begin = _BEGIN.match(letters)
     if begin is not None and letters.isascii() and "T" not in text and "F" not in text:
@@ -50,6 +63,26 @@ def read_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle | None]:
             if found is not None:
                 return found
     return _irregular(text), None
+
+
+def _words(text: str) -> tuple[NDArray[np.bool_], FlagStyle] | None:
+    """A list of true and false in one style. Each true stands one letter less far than a false would: where the letters
+    t are says which elements they are, and writing the list again says whether that is all."""
+    begin = _WORDS_BEGIN.match(text)
+    if begin is None or not text.isascii() or not text.endswith("]"):
+        return None
+    first, separator = begin.start(2), begin.group(3) or ", "
+    end = len(text[:-1].rstrip(_SPACES))
+    hits = np.flatnonzero(np.frombuffer(text.encode("ascii"), np.uint8) == ord("t")) - first
+    stride = len("false") + len(separator)
+    count, rest = divmod(end - first + len(separator) + len(hits), stride)
+    at = (hits + np.arange(len(hits))) // stride
+    if rest or (len(at) and not 0 <= at[0] <= at[-1] < count):
+        return None
+    values = np.zeros(count, np.bool_)
+    values[at] = True
+    style = FlagStyle(begin.group(1), separator, text[end:])
+    return (values, style) if style.write(values) == text else None
 
 
 def _regular(letters: str, begin: re.Match[str], finish: re.Match[str]) -> tuple[NDArray[np.bool_], FlagStyle] | None:
