@@ -8,19 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QColor, QFont, QPalette
+from PySide6.QtGui import QCloseEvent, QFont, QPalette
 from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
     QFileDialog,
     QGridLayout,
-    QHeaderView,
     QLabel,
     QLineEdit,
     QProgressBar,
     QPushButton,
-    QTreeWidget,
-    QTreeWidgetItem,
     QVBoxLayout,
     QWidget,
 )
@@ -29,13 +26,11 @@ from app import colors
 from app.forms.editors import LineEditor
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
+from app.panels.check_result import FindingTree
 from nvsim.capture.several import SUFFIX, write_list
 
 BETWEEN = "; "  # several captures in one line
 TYPING = 500  # milliseconds after the last change until the check starts
-_COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
-_WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
-_MOST_PLACES = 200
 _OPTIONS = ("camera_height", "scale", "hold_out")
 
 
@@ -132,14 +127,7 @@ class NewProjectDialog(QDialog):
         policy = self.busy.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.busy.setSizePolicy(policy)
-        self.findings = QTreeWidget(self)
-        self.findings.setHeaderLabels(["What", "Where", "What it causes"])
-        self.findings.header().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
-        for column, width in enumerate((280, 170, 240)):
-            self.findings.header().resizeSection(column, width)
-        self.findings.setRootIsDecorated(True)
-        self.findings.setWordWrap(True)
-        self.findings.setAlternatingRowColors(True)
+        self.findings = FindingTree(self)
         self.problem = QLabel(self)
         self.problem.setWordWrap(True)
         self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
@@ -229,20 +217,7 @@ class NewProjectDialog(QDialog):
     def show_result(self, result: CheckResult) -> None:
         """Shows what was found."""
         self.result_shown = result
-        self.findings.clear()
-        for group in result.groups:
-            many = len(group.places) > 1
-            message = group.message[:1].upper() + group.message[1:]
-            item = QTreeWidgetItem(
-                [message, f"{len(group.places)} places" if many else group.places[0], group.consequence]
-            )
-            item.setForeground(0, QColor(_COLORS.get(group.severity, colors.QUIET_TEXT)))
-            for column, words in enumerate((f"{message} ({_WORDS[group.severity]})", "\n".join(group.places[:20]))):
-                item.setToolTip(column, words)
-            item.setToolTip(2, group.consequence)
-            for place in group.places[:_MOST_PLACES] if many else ():
-                item.addChild(QTreeWidgetItem(["", place, ""]))
-            self.findings.addTopLevelItem(item)
+        self.findings.show_result(result)
         self._show_state()
 
     def _on_failed(self, sentence: str) -> None:

@@ -1,0 +1,42 @@
+"""What the data check found, by what is the matter: the places below it, what it causes beside it."""
+
+from __future__ import annotations
+
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QHeaderView, QTreeWidget, QTreeWidgetItem, QWidget
+
+from app import colors
+from app.jobs.check import CheckResult
+
+_COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
+_WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
+_MOST_PLACES = 200
+
+
+class FindingTree(QTreeWidget):
+    """One row for each kind of finding."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setHeaderLabels(["What", "Where", "What it causes"])
+        self.header().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        for column, width in enumerate((280, 170, 240)):
+            self.header().resizeSection(column, width)
+        self.setWordWrap(True)
+        self.setAlternatingRowColors(True)
+
+    def show_result(self, result: CheckResult) -> None:
+        """In place of what was shown before."""
+        self.clear()
+        for group in result.groups:
+            many = len(group.places) > 1
+            message = group.message[:1].upper() + group.message[1:]
+            where = f"{len(group.places)} places" if many else group.places[0]
+            item = QTreeWidgetItem([message, where, group.consequence])
+            item.setForeground(0, QColor(_COLORS.get(group.severity, colors.QUIET_TEXT)))
+            tips = (f"{message} ({_WORDS[group.severity]})", "\n".join(group.places[:20]), group.consequence)
+            for column, words in enumerate(tips):
+                item.setToolTip(column, words)
+            for place in group.places[:_MOST_PLACES] if many else ():
+                item.addChild(QTreeWidgetItem(["", place, ""]))
+            self.addTopLevelItem(item)
