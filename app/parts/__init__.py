@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from app.actions import Action
 from app.parts.camera import CameraPart
+from app.parts.camera_path import CameraPathPart
 from app.parts.checking import CheckPart
 from app.parts.comparing import ComparePart
 from app.parts.editing import EditPart
@@ -34,6 +35,7 @@ PARTS: tuple[type[Part], ...] = (
     SubmapPart,
     FramePart,
     LayersPart,
+    CameraPathPart,
     MapPart,
     DetailsPart,
     InspectorPart,

@@ -30,6 +30,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "graph review": ("graph_review", "the edges to look at, the least certain first"),
     "graph compare": ("graph_compare", "what one graph has otherwise than another, and a merge of the two"),
     "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),
+    "video": ("video", "draw a camera path as video frames"),
     "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
     "export graph": (
         "export_graph",

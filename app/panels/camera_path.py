@@ -1,0 +1,114 @@
+"""Pictures of any size, and the camera path: key poses in order, played in the view and drawn as a video."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QDoubleSpinBox,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QListWidget,
+    QPushButton,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.cameras import ViewPose, heading_degrees
+
+
+class CameraPathPanel(QWidget):
+    """added(), removed(int), chosen(int), played(bool), pictureWanted(), videoWanted(): what the buttons ask for."""
+
+    added = Signal()
+    removed = Signal(int)
+    chosen = Signal(int)
+    played = Signal(bool)
+    pictureWanted = Signal()
+    videoWanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("cameraPathPanel")
+        self.width_box, self.height_box = _pixels(1920), _pixels(1080)
+        self.layers = QCheckBox("With the layers")
+        self.layers.setChecked(True)
+        self.layers.setToolTip("Draw the layers that are shown over the picture")
+        self.picture = QPushButton("Save picture…")
+        self.picture.setToolTip("Draw what the view sees in this size and save it")
+        self.keys = QListWidget()
+        self.keys.setToolTip("Double-click to go there")
+        self.add, self.remove = QPushButton("Add view"), QPushButton("Remove")
+        self.add.setToolTip("Make the present view the next key pose")
+        self.play = QPushButton("Play")
+        self.play.setCheckable(True)
+        self.seconds = QDoubleSpinBox()
+        self.seconds.setRange(1, 600)
+        self.seconds.setValue(10)
+        self.seconds.setSuffix(" s")
+        self.fps = QSpinBox()
+        self.fps.setRange(1, 120)
+        self.fps.setValue(30)
+        self.fps.setSuffix(" /s")
+        self.video = QPushButton("Draw video…")
+        self._lay_out()
+        self.picture.clicked.connect(lambda: self.pictureWanted.emit())
+        self.add.clicked.connect(lambda: self.added.emit())
+        self.remove.clicked.connect(lambda: self.removed.emit(self.keys.currentRow()))
+        self.keys.itemDoubleClicked.connect(lambda item: self.chosen.emit(self.keys.row(item)))
+        self.play.toggled.connect(self.played)
+        self.video.clicked.connect(lambda: self.videoWanted.emit())
+        self.show_keys([])
+
+    @property
+    def size_wanted(self) -> tuple[int, int]:
+        """Pixels, width and height."""
+        return self.width_box.value(), self.height_box.value()
+
+    def show_keys(self, poses: list[ViewPose]) -> None:
+        """Lists the key poses."""
+        row = self.keys.currentRow()
+        self.keys.clear()
+        for number, pose in enumerate(poses, 1):
+            x, y, z = pose.position
+            self.keys.addItem(f"{number}   {x:.1f}, {y:.1f}, {z:.1f} m   {heading_degrees(pose):.0f}°")
+        self.keys.setCurrentRow(min(row, len(poses) - 1))
+        enough = len(poses) >= 2
+        self.remove.setEnabled(bool(poses))
+        for button, tip in ((self.play, "Fly along the path"), (self.video, "Draw the path as PNG frames and an MP4")):
+            button.setEnabled(enough)
+            button.setToolTip(tip if enough else f"{tip}\nNot now: a path needs two key poses.")
+
+    def _lay_out(self) -> None:
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 8, 8, 8)
+        size = QGridLayout()
+        size.addWidget(QLabel("Size"), 0, 0)
+        size.addWidget(self.width_box, 0, 1)
+        size.addWidget(QLabel("×"), 0, 2)
+        size.addWidget(self.height_box, 0, 3)
+        size.addWidget(self.layers, 1, 0, 1, 3)
+        size.addWidget(self.picture, 1, 3)
+        size.setColumnStretch(4, 1)
+        column.addLayout(size)
+        column.addWidget(self.keys, 1)
+        column.addLayout(_row(self.add, self.remove, self.play))
+        column.addLayout(_row(self.seconds, self.fps, self.video))
+
+
+def _pixels(value: int) -> QSpinBox:
+    box = QSpinBox()
+    box.setRange(16, 8192)
+    box.setValue(value)
+    box.setSuffix(" px")
+    return box
+
+
+def _row(*widgets: QWidget) -> QHBoxLayout:
+    row = QHBoxLayout()
+    for widget in widgets:
+        row.addWidget(widget)
+    row.addStretch()
+    return row

@@ -1,0 +1,78 @@
+"""Draw a camera path as video frames: numbered PNG files, and an MP4 beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
+from nvsim.cli.console import listening
+from nvsim.errors import InputError
+
+_MOST = 20_000  # frames
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    path: Path = Path("camera_path.json")
+    """The camera path, as the window saves it."""
+    out: Path = Path("video")
+    """The folder for the frames and video.mp4."""
+    width: int = 1280
+    """Pixels."""
+    height: int = 720
+    """Pixels."""
+    seconds: float = 10.0
+    """How long the whole way takes."""
+    fps: int = 30
+    """Frames a second."""
+    memory: Memory = None
+    """GiB for trained models; a quarter of the machine's when left out."""
+
+
+def run(arguments: Arguments) -> int:
+    import cv2
+    import numpy as np
+
+    from nvsim.atomic import make_folder, write_bytes
+    from nvsim.events import Done, Progress
+    from nvsim.geometry.camera_path import read_camera_path
+    from nvsim.project.project import Project
+    from nvsim.render.model import render_model
+
+    count = round(arguments.seconds * arguments.fps)
+    if not (16 <= arguments.width <= 8192 and 16 <= arguments.height <= 8192):
+        raise InputError(f"A frame cannot be {arguments.width}x{arguments.height}; give sides from 16 to 8192 pixels.")
+    if not 2 <= count <= _MOST:
+        raise InputError(f"{arguments.seconds} s at {arguments.fps} a second are {count} frames; give 2 to {_MOST:,}.")
+    poses = read_camera_path(arguments.path).frames(count)
+    # Only read: it may be drawn while a submap trains.
+    with Project.open(arguments.project) as project, listening(arguments.json) as listen:
+        scene = project.scene(memory_budget(arguments.memory))
+        if scene is None:
+            raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
+        make_folder(arguments.out)
+        film = cv2.VideoWriter(
+            str(arguments.out / "video.mp4"),
+            cv2.VideoWriter.fourcc(*"mp4v"),
+            arguments.fps,
+            (arguments.width, arguments.height),
+        )
+        try:
+            for number, pose in enumerate(poses):
+                camera = pose.camera(arguments.width, arguments.height)
+                _, model = scene.model_at(camera.position)
+                view = render_model(model, camera, frozenset({"rgb"}))
+                assert view.rgb is not None
+                pixels = (255 * np.clip(view.rgb[..., ::-1], 0, 1)).round().astype(np.uint8)
+                _, data = cv2.imencode(".png", pixels)
+                write_bytes(arguments.out / f"frame_{number:05d}.png", data.tobytes())
+                if film.isOpened():  # without the codec the frames are there all the same
+                    film.write(pixels)
+                listen(Progress("video", number + 1, count, f"{arguments.out}"))
+        finally:
+            film.release()
+        listen(Done("video", f"{count} frames in {arguments.out}"))
+    if not arguments.json:
+        print(arguments.out)
+    return 0
