@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import gc
 import threading
-import time
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -19,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QTimer, Signal
 
+from app.checking import Checking
 from app.graph_files import GraphFile
 from app.proposals import Proposals
 from nvsim.errors import InputError
 from nvsim.graph.difference import difference
 from nvsim.graph.edits import EditError, new_id
-from nvsim.graph.findings import Context, Finding, Validator
+from nvsim.graph.findings import Finding
 from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.journal import Journal
 from nvsim.graph.operations import Surroundings, apply, describe, record
@@ -32,7 +31,7 @@ from nvsim.graph.review import Review
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.sight import sight_on
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.against import against, margin
+from nvsim.mapping.against import margin
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 
@@ -40,20 +39,7 @@ LOOK = 1200  # milliseconds after a step until it must be on the disk
 LARGE = 2000  # viewpoints from which on Python's collector is felt
 EYE = 1.5  # metres above the floor, of a viewpoint that nobody gave another height
 
-LARGE = 4000  # edges, from which on the window goes on while they are looked at
-SLICE = 0.008  # seconds of that at a time
-AT_ONCE = 1e9
-
 Place = tuple[float, float, float]
-
-
-@dataclass
-class _Check:
-    """A look at a whole graph that is under way."""
-
-    graph: NavGraph
-    validator: Validator
-    steps: Iterator[None]
 
 
 class Editing(QObject):
@@ -77,12 +63,11 @@ class Editing(QObject):
         self.proposals = Proposals()
         self.locked = ""
         """Why nothing can be changed here, "" when it can: another window edits the same graph."""
-        self._validator: Validator | None = None
+        self.checking = Checking(self)
+        self.checking.changed.connect(self.findingsChanged)
         self.saving = False
         self._journal: Journal | None = None
-        self._occupancy: OccupancyMap | None = None
         self._thresholds = MappingConfig()
-        self._against = against(self._thresholds)
         self.review = Review(margin(self._thresholds))
         """The order in which a person looks at edges."""
         self._surroundings = Surroundings()
@@ -90,11 +75,6 @@ class Editing(QObject):
         self._trouble = ""
         self._disk = QTimer(self, singleShot=True, interval=LOOK)
         self._disk.timeout.connect(self._look_at_disk)
-        self._checking = QTimer(self, singleShot=True, interval=0)
-        self._checking.timeout.connect(self.check)
-        self._check: _Check | None = None
-        self._slices = QTimer(self, singleShot=True, interval=2)
-        self._slices.timeout.connect(self._go_on_checking)
         self._saved.connect(self._on_saved)
 
     # What there is -----------------------------------------------------------------------------------------------
@@ -138,7 +118,7 @@ class Editing(QObject):
         if graph is not None:
             self.history = self._opened(graph, file)
             self.history.listen(self._on_change)
-            self.check_soon()
+            self.checking.look_soon(graph, file)
             if len(graph.viewpoints) > LARGE:
                 # What was opened stays: the collector need not walk through all of it in the middle of an edit.
                 gc.collect()
@@ -187,7 +167,7 @@ class Editing(QObject):
             except InputError as error:
                 self.failed.emit(str(error))
         self.history, self.file, self._journal, self.locked = None, None, None, ""
-        self._validator = None
+        self.checking.look_soon(None, None)
 
     def _look_at_disk(self) -> None:
         """The journal writes by itself; what it cannot write is said once."""
@@ -375,21 +355,19 @@ class Editing(QObject):
         """What the graph is checked against, and what edits may need: (N, 3) the places of the frames."""
         visible = None if occupancy is None else partial(_see_each_other, occupancy)
         self._surroundings = Surroundings(visible, trajectory)
-        if occupancy is not self._occupancy:
-            self._occupancy = occupancy
-            self.check_soon()
+        self.checking.set_occupancy(occupancy)
 
     def set_thresholds(self, config: MappingConfig) -> None:
         """What evidence is held against."""
         if config == self._thresholds:
             return
-        self._thresholds, self._against, self.review = config, against(config), Review(margin(config))
-        self.check_soon()
+        self._thresholds, self.review = config, Review(margin(config))
+        self.checking.set_thresholds(config)
 
     @property
     def findings(self) -> Mapping[str, Finding]:
         """What is wrong with the graph, by key; what a person ignores is among them."""
-        return {} if self._validator is None else self._validator.findings
+        return self.checking.findings
 
     def ignore_finding(self, finding: Finding, reason: str) -> None:
         """It is not shown again."""
@@ -399,50 +377,12 @@ class Editing(QObject):
         """It is shown again."""
         self.run("heed_finding", {"key": finding.key})
 
-    def check_soon(self) -> None:
-        """Looks at the whole graph once the event loop comes round: several reasons to do so come together."""
-        self._validator, self._check = None, None
-        self._checking.start()
-
-    def check(self) -> None:
-        """Looks at the whole graph, a large one while the person goes on."""
-        graph = self.graph
-        context = Context(occupancy=self._occupancy, against=self._against)
-        if self.file is not None:
-            context = self.file.context(context)
-        self._validator = None
-        if graph is None:
-            self._check = None
-            self.findingsChanged.emit()
-            return
-        validator = Validator()
-        self._check = _Check(graph, validator, validator.beginning(graph, context))
-        self._go_on_checking(AT_ONCE if len(graph.edges) < LARGE else SLICE)
-
-    def _go_on_checking(self, seconds: float = SLICE) -> None:
-        check = self._check
-        if check is None:
-            return
-        if check.graph is not self.graph:
-            self.check_soon()  # what was edited meanwhile
-            return
-        until = time.perf_counter() + seconds
-        for _ in check.steps:
-            if time.perf_counter() > until:
-                self._slices.start()
-                return
-        self._validator, self._check = check.validator, None
-        self.findingsChanged.emit()
-
     # What follows from a step --------------------------------------------------------------------------------------
 
     def _on_change(self, change: HistoryChange) -> None:
         if change.before_graph is not change.after_graph:
             changed = difference(change.before_graph, change.after_graph)
-            if self._validator is not None:
-                came, gone = self._validator.update(change.after_graph, changed)
-                if came or gone or change.before_graph.ignored is not change.after_graph.ignored:
-                    self.findingsChanged.emit()
+            self.checking.follow(change.before_graph, change.after_graph, changed)
             self.graphChanged.emit(changed)
         if change.selection_changed:
             self.selectionChanged.emit()

@@ -165,6 +165,6 @@ def test_a_large_graph_is_looked_at_while_the_person_goes_on(
     monkeypatch.setattr(app.editing, "LARGE", 0)
     monkeypatch.setattr(app.editing, "SLICE", 0.0)
     with qtbot.waitSignal(document.editing.findingsChanged, timeout=5000):
-        document.editing.check()
+        document.editing.checking.look()
         assert not document.editing.findings  # not before all was looked at
     assert dict(document.editing.findings) == whole

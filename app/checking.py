@@ -1,0 +1,109 @@
+"""What is wrong with the graph that is edited: looked for in slices while a person goes on, then followed from edit to
+edit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from app.graph_files import GraphFile
+from nvsim.graph.difference import Difference
+from nvsim.graph.findings import Context, Finding, Validator
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.against import against
+from nvsim.mapping.config import MappingConfig
+from nvsim.occupancy.types import OccupancyMap
+
+LARGE = 4000  # edges, from which on the window goes on while they are looked at
+SLICE = 0.008  # seconds of that at a time
+AT_ONCE = 1e9
+
+
+@dataclass
+class _Look:
+    """A look at a whole graph that is under way."""
+
+    graph: NavGraph
+    validator: Validator
+    steps: Iterator[None]
+
+
+class Checking(QObject):
+    """changed() when other things are wrong."""
+
+    changed = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._graph: NavGraph | None = None
+        self._file: GraphFile | None = None
+        self._occupancy: OccupancyMap | None = None
+        self._against = against(MappingConfig())
+        self._validator: Validator | None = None
+        self._look: _Look | None = None
+        self._begin = QTimer(self, singleShot=True, interval=0)
+        self._begin.timeout.connect(self.look)
+        self._slices = QTimer(self, singleShot=True, interval=2)
+        self._slices.timeout.connect(self._go_on)
+
+    @property
+    def findings(self) -> Mapping[str, Finding]:
+        """By key; what a person ignores is among them."""
+        return {} if self._validator is None else self._validator.findings
+
+    def set_occupancy(self, occupancy: OccupancyMap | None) -> None:
+        """What the graph is held against."""
+        if occupancy is not self._occupancy:
+            self._occupancy = occupancy
+            self.look_soon(self._graph, self._file)
+
+    def set_thresholds(self, config: MappingConfig) -> None:
+        """What evidence is held against."""
+        self._against = against(config)
+        self.look_soon(self._graph, self._file)
+
+    def look_soon(self, graph: NavGraph | None, file: GraphFile | None) -> None:
+        """Looks at the whole graph once the event loop comes round: several reasons to do so come together."""
+        self._graph, self._file = graph, file
+        self._validator, self._look = None, None
+        self._begin.start()
+
+    def look(self) -> None:
+        """Looks at the whole graph, a large one while the person goes on."""
+        graph = self._graph
+        context = Context(occupancy=self._occupancy, against=self._against)
+        if self._file is not None:
+            context = self._file.context(context)
+        self._validator, self._look = None, None
+        if graph is None:
+            self.changed.emit()
+            return
+        validator = Validator()
+        self._look = _Look(graph, validator, validator.beginning(graph, context))
+        self._go_on(AT_ONCE if len(graph.edges) < LARGE else SLICE)
+
+    def follow(self, before: NavGraph, after: NavGraph, changed: Difference) -> None:
+        """The graph was edited."""
+        self._graph = after
+        if self._validator is not None:
+            came, gone = self._validator.update(after, changed)
+            if came or gone or before.ignored is not after.ignored:
+                self.changed.emit()
+
+    def _go_on(self, seconds: float = SLICE) -> None:
+        look = self._look
+        if look is None:
+            return
+        if look.graph is not self._graph:
+            self.look_soon(self._graph, self._file)  # it was edited meanwhile
+            return
+        until = time.perf_counter() + seconds
+        for _ in look.steps:
+            if time.perf_counter() > until:
+                self._slices.start()
+                return
+        self._validator, self._look = look.validator, None
+        self.changed.emit()
