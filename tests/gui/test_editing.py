@@ -159,11 +159,11 @@ def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
 def test_a_large_graph_is_looked_at_while_the_person_goes_on(
     document: Document, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import app.editing
+    import app.checking
 
     whole = dict(document.editing.findings)
-    monkeypatch.setattr(app.editing, "LARGE", 0)
-    monkeypatch.setattr(app.editing, "SLICE", 0.0)
+    monkeypatch.setattr(app.checking, "LARGE", 0)
+    monkeypatch.setattr(app.checking, "SLICE", 0.0)
     with qtbot.waitSignal(document.editing.findingsChanged, timeout=5000):
         document.editing.checking.look()
         assert not document.editing.findings  # not before all was looked at
