@@ -4,10 +4,10 @@ edit."""
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from PySide6.QtCore import QObject, QTimer, Signal
+from PySide6.QtCore import QObject, QTimer
 
 from app.graph_files import GraphFile
 from nvsim.graph.difference import Difference
@@ -31,22 +31,20 @@ class _Look:
     steps: Iterator[None]
 
 
-class Checking(QObject):
-    """changed() when other things are wrong."""
+class Checking:
+    """Calls `changed` when other things are wrong. Its timers are children of `parent`."""
 
-    changed = Signal()
-
-    def __init__(self, parent: QObject | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, parent: QObject, changed: Callable[[], object]) -> None:
+        self._changed = changed
         self._graph: NavGraph | None = None
         self._file: GraphFile | None = None
         self._occupancy: OccupancyMap | None = None
         self._against = against(MappingConfig())
         self._validator: Validator | None = None
         self._look: _Look | None = None
-        self._begin = QTimer(self, singleShot=True, interval=0)
+        self._begin = QTimer(parent, singleShot=True, interval=0)
         self._begin.timeout.connect(self.look)
-        self._slices = QTimer(self, singleShot=True, interval=2)
+        self._slices = QTimer(parent, singleShot=True, interval=2)
         self._slices.timeout.connect(self._go_on)
 
     @property
@@ -58,18 +56,28 @@ class Checking(QObject):
         """What the graph is held against."""
         if occupancy is not self._occupancy:
             self._occupancy = occupancy
-            self.look_soon(self._graph, self._file)
+            self._look_again()
 
     def set_thresholds(self, config: MappingConfig) -> None:
         """What evidence is held against."""
         self._against = against(config)
-        self.look_soon(self._graph, self._file)
+        self._look_again()
 
     def look_soon(self, graph: NavGraph | None, file: GraphFile | None) -> None:
         """Looks at the whole graph once the event loop comes round: several reasons to do so come together."""
         self._graph, self._file = graph, file
         self._validator, self._look = None, None
         self._begin.start()
+
+    def _look_again(self) -> None:
+        if self._graph is not None:
+            self.look_soon(self._graph, self._file)
+
+    def forget(self) -> None:
+        """No graph is looked at, and nothing is said any more."""
+        self._graph, self._file, self._validator, self._look = None, None, None, None
+        self._begin.stop()
+        self._slices.stop()
 
     def look(self) -> None:
         """Looks at the whole graph, a large one while the person goes on."""
@@ -79,7 +87,7 @@ class Checking(QObject):
             context = self._file.context(context)
         self._validator, self._look = None, None
         if graph is None:
-            self.changed.emit()
+            self._changed()
             return
         validator = Validator()
         self._look = _Look(graph, validator, validator.beginning(graph, context))
@@ -91,14 +99,14 @@ class Checking(QObject):
         if self._validator is not None:
             came, gone = self._validator.update(after, changed)
             if came or gone or before.ignored is not after.ignored:
-                self.changed.emit()
+                self._changed()
 
     def _go_on(self, seconds: float = SLICE) -> None:
         look = self._look
         if look is None:
             return
         if look.graph is not self._graph:
-            self.look_soon(self._graph, self._file)  # it was edited meanwhile
+            self._look_again()  # it was edited meanwhile
             return
         until = time.perf_counter() + seconds
         for _ in look.steps:
@@ -106,4 +114,4 @@ class Checking(QObject):
                 self._slices.start()
                 return
         self._validator, self._look = look.validator, None
-        self.changed.emit()
+        self._changed()

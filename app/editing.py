@@ -63,8 +63,7 @@ class Editing(QObject):
         self.proposals = Proposals()
         self.locked = ""
         """Why nothing can be changed here, "" when it can: another window edits the same graph."""
-        self.checking = Checking(self)
-        self.checking.changed.connect(self.findingsChanged)
+        self.checking = Checking(self, self.findingsChanged.emit)
         self.saving = False
         self._journal: Journal | None = None
         self._thresholds = MappingConfig()
@@ -167,7 +166,7 @@ class Editing(QObject):
             except InputError as error:
                 self.failed.emit(str(error))
         self.history, self.file, self._journal, self.locked = None, None, None, ""
-        self.checking.look_soon(None, None)
+        self.checking.forget()
 
     def _look_at_disk(self) -> None:
         """The journal writes by itself; what it cannot write is said once."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
-from PySide6.QtCore import QObject, QSettings
+from PySide6.QtCore import QObject, QSettings, QTimer
 
 from app.document import Document
 from app.graph_files import GraphSource, holds_graph
@@ -30,6 +31,10 @@ class Session(QObject):
         self.document = Document(parent=self)
         self.window = MainWindow(self.document, settings, self.notices)
         self._watcher: ProjectWatcher | FileReader | None = None
+        self._arrived: deque[Contents] = deque()
+        # What was read together is shown one after another, with turns of the event loop in between.
+        self._next = QTimer(self, singleShot=True, interval=1)
+        self._next.timeout.connect(self._show_next)
         self.window.projectChosen.connect(self._on_chosen)
         self.window.refreshWanted.connect(self._refresh)
         self.window.turnWanted.connect(self._turn_up)
@@ -52,7 +57,7 @@ class Session(QObject):
         self.window.show_source(None)
         self.document.set_contents(Contents(path))
         self._watcher = ProjectWatcher(path, self)
-        self._watcher.read.connect(self.document.set_contents)
+        self._watcher.read.connect(self._on_read)
         self._watcher.failed.connect(self.notices.error)
         self._watcher.start()
 
@@ -67,7 +72,7 @@ class Session(QObject):
         self.window.show_source(None)
         self.document.set_contents(Contents(file.path))
         self._watcher = FileReader(file, self)
-        self._watcher.read.connect(self.document.set_contents)
+        self._watcher.read.connect(self._on_read)
         self._watcher.failed.connect(self.notices.error)
         self._watcher.start()
 
@@ -86,10 +91,21 @@ class Session(QObject):
     def _stop_watching(self) -> None:
         if self._watcher is not None:
             # A reading that was on its way must not arrive in the next project.
-            self._watcher.read.disconnect(self.document.set_contents)
+            self._watcher.read.disconnect(self._on_read)
+            self._arrived.clear()
             self._watcher.stop()
             self._watcher.deleteLater()
             self._watcher = None
+
+    def _on_read(self, contents: Contents) -> None:
+        self._arrived.append(contents)
+        self._next.start()
+
+    def _show_next(self) -> None:
+        if self._arrived:
+            self.document.set_contents(self._arrived.popleft())
+        if self._arrived:
+            self._next.start()
 
     def _refresh(self) -> None:
         if isinstance(self._watcher, ProjectWatcher):

@@ -42,6 +42,7 @@ class MainWindow(QMainWindow):
         super().__init__()
         self.setObjectName("mainWindow")
         self.document, self.settings, self.notices = document, settings, notices
+        self._stored = False
         self.scene = SceneView(document)
         self.empty = EmptyState()
         self.centre = QStackedWidget(self)
@@ -232,6 +233,11 @@ class MainWindow(QMainWindow):
         super().changeEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
+        if self._stored:
+            # Closed already: what the parts would look at may be gone by now.
+            super().closeEvent(event)
+            return
+        self._stored = True
         self.settings.setValue("geometry", self.saveGeometry())
         self.settings.setValue("state", self.saveState(LAYOUT_VERSION))
         for part in self.parts:

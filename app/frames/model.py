@@ -124,6 +124,9 @@ class FrameFilter(QSortFilterProxyModel):
             self.show_submap(self._submap)
 
     def filterAcceptsRow(self, row: int, parent: _Index) -> bool:
+        anything = (self._coverage == COVERAGES[0][1:]) and not self._corrected and not self._text
+        if anything and self._submap is None:
+            return True
         index = self.sourceModel().index(row, 0)
         if self._submap is not None and row not in self._members:
             return False

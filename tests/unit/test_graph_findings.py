@@ -162,3 +162,18 @@ def test_evidence_measured_anew_is_looked_at_again() -> None:
     found = Evidence("a", 2, 0.0, 2.0, cells, cells, np.ones(shape, bool), 0.0, 1.0, 0.6, 0, (2.0, 0.0), "b")
     came, went = validator.update(replace(LINE, evidence={found.key: found}))
     assert (came, went) == ({"evidence/a/b"}, set())
+
+
+def test_a_sight_line_meets_what_fine_samples_meet() -> None:
+    rng = np.random.default_rng(3)
+    cells = (rng.random((70, 90)) < 0.02).astype(np.uint8)
+    occupancy = OccupancyMap(cells, 0.1, (-1.0, -2.0))
+    context, crossed = Context(occupancy=occupancy), 0
+    for a, b in rng.uniform((-1.5, -2.5), (8.5, 5.5), (400, 2, 2)):
+        samples = a + np.linspace(0, 1, 4000)[:, None] * (b - a)
+        expected = bool((occupancy.at(samples) == 1).any())
+        crossed += expected
+        # A step of a quarter cell may pass over a corner; nothing more.
+        shares = (occupancy.at(samples) == 1).mean() * np.linalg.norm(b - a) / 0.1
+        assert context.crosses_obstacle(tuple(a), tuple(b)) == expected or shares < 0.3
+    assert 100 < crossed < 390
