@@ -11,6 +11,8 @@ from app.picking import projected_segments
 from app.primitives import Primitives
 from nvsim.geometry.camera import Camera
 
+_SMOOTH = 120  # lines
+
 
 class GridLayer(Layer):
     """`bare` is set by the view: whether no picture is beneath."""
@@ -39,4 +41,7 @@ class GridLayer(Layer):
         b = np.concatenate([[(v, high[1], height) for v in x], [(high[0], v, height) for v in y]])
         lines, _, _ = projected_segments(camera, a, b)
         painter.setPen(QPen(QColor(150, 165, 180, 46), 1))
+        # Of a large site the smooth edges of the grid alone would take longer than all viewpoints.
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing, len(lines) < _SMOOTH)
         self._primitives.draw_lines(painter, lines)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
