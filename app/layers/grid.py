@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.document import Document
+from app.kept_drawing import KeptDrawing
 from app.layers.layer import Layer
 from app.picking import projected_segments
 from app.primitives import Primitives
@@ -23,6 +25,7 @@ class GridLayer(Layer):
     def __init__(self, document: Document) -> None:
         self._document = document
         self._primitives = Primitives()
+        self._kept = KeptDrawing()
         self.bare = False
 
     @property
@@ -35,6 +38,13 @@ class GridLayer(Layer):
             return
         low, high = np.floor(extent.min(axis=0) - 2), np.ceil(extent.max(axis=0) + 2)
         height = float(np.median(extent[:, 2])) - 1.5
+        k = camera.intrinsics
+        key = (camera, *low[:2].tolist(), *high[:2].tolist(), height)
+        self._kept.paint(painter, k.width, k.height, key, lambda p: self._paint_all(p, camera, low, high, height))
+
+    def _paint_all(
+        self, painter: QPainter, camera: Camera, low: NDArray[np.float64], high: NDArray[np.float64], height: float
+    ) -> None:
         step = max(1.0, np.ceil(float(max(high[:2] - low[:2])) / 200))  # a large site has no use for every metre
         x, y = np.arange(low[0], high[0] + 1, step), np.arange(low[1], high[1] + 1, step)
         a = np.concatenate([[(v, low[1], height) for v in x], [(low[0], v, height) for v in y]])

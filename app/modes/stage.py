@@ -88,7 +88,8 @@ class Stage(QObject):
     def refresh(self, _: object = None) -> None:
         """Draws the hints over the views again."""
         for canvas in self.canvases:
-            canvas.update()
+            # The view and with it the sheet: were both to ask, Qt would paint an opaque view twice.
+            canvas.surface.widget.update()
 
     def paint(self, painter: QPainter, surface: GraphSurface, cursor: QPointF | None) -> None:
         self._marks.paint(painter, surface)
@@ -128,7 +129,7 @@ class Canvas(QWidget):
             self.resize(self.surface.widget.size())
         elif event.type() == QEvent.Type.Leave:
             self.cursor_at = None
-            self.update()
+            self.surface.widget.update()
         return False
 
     def paintEvent(self, event: QPaintEvent) -> None:

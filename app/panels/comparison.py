@@ -86,14 +86,13 @@ class DeviationModel(QAbstractTableModel):
 
 class ComparePanel(QWidget):
     """opened(): another graph is wanted; stepped(int): the graph after that step of the history; closed(); merged(list
-    of Deviation); activated(GraphSelection); shown(): it came to the front."""
+    of Deviation); activated(GraphSelection)."""
 
     opened = Signal()
     stepped = Signal(int)
     closed = Signal()
     merged = Signal(object)
     activated = Signal(object)
-    shown = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -136,9 +135,6 @@ class ComparePanel(QWidget):
         layout.addWidget(self.table, 1)
         layout.addLayout(bottom)
         self.show_compared(None)
-
-    def showEvent(self, event: object) -> None:
-        self.shown.emit()
 
     def show_steps(self, texts: tuple[str, ...], current: int) -> None:
         """The steps to choose from."""

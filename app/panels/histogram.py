@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Qt, QTimer
+from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from app import colors
 from app.document import Document
+from app.panels.afterwards import Afterwards
 from nvsim.graph.edits import EditError
 from nvsim.graph.quantities import Kind, Known, quantity
 from nvsim.graph.selection import GraphSelection
@@ -70,22 +71,18 @@ class HistogramPanel(QWidget):
         layout.setSpacing(4)
         layout.addLayout(row)
         layout.addWidget(self.plot)
-        self._soon = QTimer(self, singleShot=True, interval=SETTLE)
-        self._soon.timeout.connect(self.renew)
+        self._soon = Afterwards(self, self.renew, SETTLE)
+        self._soon.mark()
         document.graphChanged.connect(self._on_change)
         document.contentsChanged.connect(self._on_contents)
         self._dress()
 
     def _on_change(self, _: object) -> None:
-        if self.isVisible():
-            self._soon.start()
+        self._soon.mark()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "graph" in parts:
-            self._soon.start()
-
-    def showEvent(self, event: object) -> None:
-        self._soon.start(0)
+            self._soon.mark()
 
     def renew(self) -> None:
         """Counts again."""

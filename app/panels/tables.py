@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 
-from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, QTimer, Signal
+from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHBoxLayout,
@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 
 from app import colors
 from app.document import Document
+from app.panels.afterwards import Afterwards
 from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
 from app.panels.submaps import table
 from nvsim.errors import InputError
@@ -66,8 +67,7 @@ class TablePanel(QWidget):
             self.tabs.addTab(view, title)
             view.selectionModel().selectionChanged.connect(self._on_rows)
             view.doubleClicked.connect(self._activate)
-        self._soon = QTimer(self, singleShot=True, interval=SETTLE)
-        self._soon.timeout.connect(self.renew)
+        self._soon = Afterwards(self, self.renew, SETTLE)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_change)
         document.editing.selectionChanged.connect(self._show_selection)
@@ -96,19 +96,15 @@ class TablePanel(QWidget):
         return view
 
     def _on_change(self, _: object) -> None:
-        self._soon.start()
+        self._soon.mark()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "graph" in parts:
-            self._soon.start()
-
-    def showEvent(self, event: object) -> None:
-        self._soon.start(0)
+            self._soon.mark()
 
     def renew(self) -> None:
-        """Makes the rows again; while the panel is hidden it waits."""
-        if not self.isVisible() and self._document.graph is not None and self.viewpoints.rowCount():
-            return
+        """Makes the rows again."""
+        self._soon.done()
         graph = self._document.graph
         kept = None if graph is None else self._filtered()
         facts = None if graph is None else Facts.of(graph)
@@ -187,7 +183,10 @@ class TablePanel(QWidget):
         words = [f"{len(chosen.viewpoints):,} viewpoints" if chosen.viewpoints else "",
                  f"{len(chosen.edges):,} edges" if chosen.edges else ""]  # fmt: skip
         self.count.setText(", ".join(w for w in words if w) + (" selected" if any(words) else ""))
-        if self._linking or not self.isVisible():
+        if self._linking:
+            return
+        if not self._soon.in_sight:
+            self._soon.mark()
             return
         self._linking = True
         for view, model, keys in zip(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
 
 from app import colors
 from app.document import Document
+from app.panels.afterwards import Afterwards
 from app.panels.submaps import table
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.selection import GraphSelection
@@ -154,14 +155,12 @@ class ValidationPanel(QWidget):
         layout.addWidget(self.table, 1)
         layout.addWidget(self.clean, 1)
         layout.addLayout(bottom)
-        self._soon = QTimer(self, singleShot=True, interval=SETTLE)
-        self._soon.timeout.connect(self.renew)
+        self._soon = Afterwards(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
         self.renew()
 
     def _on_findings(self) -> None:
-        if not self._soon.isActive():
-            self._soon.start()
+        self._soon.mark()
 
     @property
     def current(self) -> Finding | None:

@@ -15,6 +15,7 @@ from app.comparing import Compared, read_graph
 from app.graph_reasons import with_editing
 from app.graph_surface import GraphSurface
 from app.modes.ink import dots, line
+from app.panels.afterwards import Afterwards
 from app.panels.comparison import INKS, ComparePanel
 from app.parts.part import Dock, Part, Workspace
 from app.parts.selecting import SelectPart
@@ -41,12 +42,12 @@ class ComparePart(Part):
         self.panel.closed.connect(self.close)
         self.panel.merged.connect(self.merge)
         self.panel.activated.connect(self._show)
-        self.panel.shown.connect(self._on_steps)
         self._soon = QTimer(self, singleShot=True, interval=SETTLE)
         self._soon.timeout.connect(self._again)
         workspace.document.graphChanged.connect(self._on_edit)
         workspace.document.projectChanged.connect(self.close)
-        self._editing.stepsChanged.connect(self._on_steps)
+        self._steps = Afterwards(self.panel, self._on_steps, SETTLE)
+        self._editing.stepsChanged.connect(self._steps.mark)
         workspace.modes.layers.append(self.paint)
 
     def docks(self) -> tuple[Dock, ...]:
@@ -114,9 +115,8 @@ class ComparePart(Part):
 
     def _on_steps(self) -> None:
         history = self._editing.history
-        if self.panel.isVisible() or history is None:
-            texts = () if history is None else tuple(step.text for step in history.steps)
-            self.panel.show_steps(texts, -1 if history is None else history.index)
+        texts = () if history is None else tuple(step.text for step in history.steps)
+        self.panel.show_steps(texts, -1 if history is None else history.index)
 
     def _show(self, chosen: GraphSelection) -> None:
         for part in self.workspace.window.parts:

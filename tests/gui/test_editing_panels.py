@@ -320,3 +320,20 @@ def test_commands_on_the_selection_do_what_they_say(window: MainWindow, document
     document.editing.select(selection([ids[0], ids[1]]))
     act["merge"].trigger()
     assert len(document.graph.viewpoints) == len(ids) - 1
+
+
+def test_a_panel_behind_another_tab_waits_until_it_comes_to_the_front(
+    window: MainWindow, document: Document, qtbot: QtBot
+) -> None:
+    window.show_dock("tables")
+    panel = window.panels["tables"]
+    assert isinstance(panel, TablePanel)
+    qtbot.waitUntil(lambda: panel.edges.rowCount() == len(document.graph.edges), timeout=3000)
+    window.show_dock("jobs")
+    QApplication.processEvents()
+    before = panel.edges.rowCount()
+    cut_off(document)
+    qtbot.wait(300)
+    assert panel.edges.rowCount() == before > len(document.graph.edges)
+    window.show_dock("tables")
+    qtbot.waitUntil(lambda: panel.edges.rowCount() == len(document.graph.edges), timeout=3000)
