@@ -6,6 +6,7 @@ import numpy as np
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
+from app import hand
 from app.graph_surface import GraphSurface
 from app.modes.ink import dots, label, line
 from app.modes.mode import Mode, Pointer
@@ -80,7 +81,7 @@ class AddEdgeMode(Mode):
         if there == start:
             self.cancel()
             return
-        self.desk.editing.add_edge(start, there)
+        hand.add_edge(self.desk.editing, start, there)
         self._start = there if go_on else None
         self.desk.refresh()
 

@@ -7,6 +7,7 @@ import numpy as np
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
+from app import hand
 from app.graph_surface import GraphSurface
 from app.modes.ink import dots, label, line
 from app.modes.mode import Mode, Pointer
@@ -33,13 +34,13 @@ class AddViewpointMode(Mode):
         place = pointer.surface.floor_point(pointer.point)
         if frame is not None:
             x, y, z = (float(v) for v in self.desk.document.trajectory.positions[frame])
-            editing.add_viewpoint((x, y, z), join=join)
+            hand.add_viewpoint(editing, (x, y, z), join=join)
         elif edge is not None:
-            editing.split_edge(edge, self._share(edge, place))
+            hand.split_edge(editing, edge, self._share(edge, place))
         elif place is None:
             editing.refuse("There is no floor under the cursor.")
         else:
-            editing.add_viewpoint_on_floor(place, join=join)
+            hand.add_viewpoint_on_floor(editing, place, join=join)
         return True
 
     def hover(self, pointer: Pointer) -> bool:
@@ -50,7 +51,9 @@ class AddViewpointMode(Mode):
             words = "select this viewpoint"
         elif frame is not None:
             words = "add a viewpoint where this frame was taken"
-            place = tuple(self.desk.document.trajectory.positions[frame] - [0.0, 0.0, self.desk.editing.eye_height])
+            place = tuple(
+                self.desk.document.trajectory.positions[frame] - [0.0, 0.0, hand.eye_height(self.desk.editing)]
+            )
         elif edge is not None:
             words = "part this edge by a viewpoint"
         elif place is None:

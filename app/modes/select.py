@@ -9,6 +9,7 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeyEvent, QPainter
 
+from app import hand
 from app.graph_surface import GraphSurface
 from app.modes.areas import BoxMode
 from app.modes.ink import dots, line
@@ -67,7 +68,7 @@ class SelectMode(Mode):
         offset, moved = self._offset_to(now), self._moving
         self.cancel()
         if offset.any():
-            self.desk.editing.move(moved, (float(offset[0]), float(offset[1]), float(offset[2])))
+            hand.move(self.desk.editing, moved, (float(offset[0]), float(offset[1]), float(offset[2])))
 
     def _offset_to(self, now: Pointer) -> np.ndarray:
         """Metres from where the dragged viewpoint's foot is to the floor under the cursor."""
@@ -104,7 +105,7 @@ class SelectMode(Mode):
         if not event.isAutoRepeat():
             self._nudge = next(self._nudges)
         step = NUDGE * (10 if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1)
-        self.desk.editing.move(sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}")
+        hand.move(self.desk.editing, sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}")
         return True
 
     # Drawing -----------------------------------------------------------------------------------------------------

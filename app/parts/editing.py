@@ -8,6 +8,7 @@ from typing import Any
 
 from PySide6.QtCore import QSettings
 
+from app import hand
 from app.actions import Action
 from app.graph_reasons import can_redo, can_save, can_undo, edges, viewpoints, with_things
 from app.panels.form import Choice, Form, Number
@@ -74,12 +75,12 @@ class EditPart(Part):
             "save": self._editing.save,
             "undo": self._editing.undo,
             "redo": self._editing.redo,
-            "remove": self._editing.remove_selection,
+            "remove": partial(hand.remove_selection, self._editing),
             "exclude": lambda: self._run("include", included=False),
             "include": lambda: self._run("include", included=True),
             "join": self._join,
             "connect_visible": self._connect_visible,
-            "split": lambda: self._editing.split_edge(next(iter(self._editing.selection.edges)), 0.5),
+            "split": lambda: hand.split_edge(self._editing, next(iter(self._editing.selection.edges)), 0.5),
             "merge": lambda: self._run("merge_viewpoints", middle=True),
             "straighten": self._straighten,
             "align": self._align,
@@ -119,7 +120,7 @@ class EditPart(Part):
 
     def _join(self) -> None:
         a, b = self._chosen()
-        self._editing.add_edge(a, b)
+        hand.add_edge(self._editing, a, b)
 
     def _ask(self, key: str, title: str, words: str, fields: tuple[Number | Choice, ...], name: str,
              ids: str = "ids") -> None:  # fmt: skip
@@ -173,7 +174,7 @@ class EditPart(Part):
     def _set_height(self) -> None:
         self._ask(
             "set_height", "Set height", "Moves the cameras of the selected viewpoints up or down; their floor stays.",
-            (Number("height", "Above the floor", self._editing.eye_height, 0.05, 10.0),),
+            (Number("height", "Above the floor", hand.eye_height(self._editing), 0.05, 10.0),),
             "set_height",
         )  # fmt: skip
 

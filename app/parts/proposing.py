@@ -10,7 +10,7 @@ import numpy as np
 from PySide6.QtCore import QSettings, Qt, QTimer, Signal
 from PySide6.QtGui import QPainter
 
-from app import colors
+from app import colors, hand
 from app.actions import Action
 from app.document import Document
 from app.evidence_child import EvidenceChild
@@ -190,7 +190,7 @@ class ProposePart(Part):
         pairs, places = [list(key) for key in kept.edges], kept.places
         self.dismiss()
         steps: list[tuple[str, dict[str, object]]] = [
-            ("add_viewpoint", {"position": list(place), "height": editing.eye_height}) for place in places
+            ("add_viewpoint", {"position": list(place), "height": hand.eye_height(editing)}) for place in places
         ]
         if pairs:
             steps.append(("add_edges", {"pairs": pairs}))
@@ -217,7 +217,7 @@ class ProposePart(Part):
                 ends = arrays.feet[np.array(pairs)]
                 line(painter, surface, ends[:, 0], ends[:, 1], color, 3.0, Qt.PenStyle.DashLine)
 
-        eye = self.workspace.document.editing.eye_height
+        eye = hand.eye_height(self.workspace.document.editing)
         feet = np.array(self.proposals.places, float).reshape(-1, 3) - [0.0, 0.0, eye]
         dots(painter, surface, feet, colors.OPEN, 7.0, filled=False)
 

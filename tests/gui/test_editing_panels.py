@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
+from app import hand
 from app.document import Document
 from app.panels.comparison import ComparePanel
 from app.panels.form import Form
@@ -238,7 +239,7 @@ def test_the_graph_is_compared_with_an_earlier_step(window: MainWindow, document
 
 
 def test_measured_evidence_becomes_part_of_the_edit_and_proposes_edges(window: MainWindow, document: Document) -> None:
-    document.editing.add_viewpoint((2.2, 2.2, 1.5))
+    hand.add_viewpoint(document.editing, (2.2, 2.2, 1.5))
     (new,) = document.editing.selection.viewpoints
     steps = len(document.editing.history.steps)
     near = document.graph_arrays.ids[0]
@@ -258,7 +259,7 @@ def test_measured_evidence_becomes_part_of_the_edit_and_proposes_edges(window: M
 
 
 def test_what_was_measured_elsewhere_is_not_taken(window: MainWindow, document: Document) -> None:
-    document.editing.add_viewpoint((2.2, 2.2, 1.5))
+    hand.add_viewpoint(document.editing, (2.2, 2.2, 1.5))
     (new,) = document.editing.selection.viewpoints
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
     before = document.graph
