@@ -26,10 +26,12 @@ Layer = Callable[[QPainter, GraphSurface], None]
 
 
 class Stage(QObject):
-    """changed(str): another mode is current; said(str): what the mouse does now, for the status bar."""
+    """changed(str): another mode is current; said(str): what the mouse does now, for the status bar;
+    menuWanted(Pointer): a click with the right button."""
 
     changed = Signal(str)
     said = Signal(str)
+    menuWanted = Signal(object)
 
     def __init__(self, document: Document, parent: QObject) -> None:
         super().__init__(parent)
@@ -152,6 +154,7 @@ class _Input(QObject):
         self._start: Pointer | None = None
         self._dragging = False
         self._passing = False  # what we send ourselves is for the view
+        self._right: QPointF | None = None  # where the right button went down, while it may still be a click
         surface.widget.setMouseTracking(True)
         surface.widget.installEventFilter(self)
 
@@ -164,6 +167,9 @@ class _Input(QObject):
             return False
         if event.type() == QEvent.Type.MouseButtonPress and event.button() == Qt.MouseButton.LeftButton:
             return self._on_press(event)
+        if event.button() == Qt.MouseButton.RightButton:
+            self._on_right(event)
+            return False  # the view turns its camera by it
         if event.type() == QEvent.Type.MouseMove:
             return self._on_move(event)
         if event.type() == QEvent.Type.MouseButtonRelease and event.button() == Qt.MouseButton.LeftButton:
@@ -172,6 +178,15 @@ class _Input(QObject):
 
     def _pointer(self, event: QMouseEvent) -> Pointer:
         return Pointer(self._surface, event.position(), event.modifiers())
+
+    def _on_right(self, event: QMouseEvent) -> None:
+        start, self._right = self._right, None
+        if event.type() == QEvent.Type.MouseButtonPress:
+            self._right = event.position()
+        elif (
+            start is not None and (event.position() - start).manhattanLength() <= CLICK_TOLERANCE and self._stage.ready
+        ):
+            self._stage.menuWanted.emit(self._pointer(event))
 
     def _on_press(self, event: QMouseEvent) -> bool:
         if not self._stage.ready:

@@ -8,6 +8,7 @@ from app.parts.camera import CameraPart
 from app.parts.camera_path import CameraPathPart
 from app.parts.checking import CheckPart
 from app.parts.comparing import ComparePart
+from app.parts.context import ContextPart
 from app.parts.editing import EditPart
 from app.parts.exporting import ExportPart
 from app.parts.files import FilePart
@@ -46,6 +47,7 @@ PARTS: tuple[type[Part], ...] = (
     LogPart,
     ModePart,
     EditPart,
+    ContextPart,
     SelectPart,
     CheckPart,
     ComparePart,

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from editing_room import ALT, CTRL, SHIFT, Hand
 from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
 from app import cameras
+from app.parts.context import ContextPart
 from app.window import MainWindow
 
 
@@ -238,3 +240,47 @@ def test_the_status_bar_says_what_a_click_does(hand: Hand) -> None:
     for name, words in (("add_edge", "join"), ("measure", "measure"), ("select", "selects")):
         hand.window.actions_table[f"mode_{name}"].trigger()
         assert words in hand.window.statusBar().currentMessage()
+
+
+def right_click(hand: Hand, place: np.ndarray | tuple[float, ...]) -> list[str]:
+    """What the menu offers there, by words without the letters that are underlined."""
+    menus = []
+    hand.window.modes.menuWanted.connect(menus.append)
+    point = hand.pixel(place)
+    QTest.mousePress(hand.surface.widget, Qt.MouseButton.RightButton, pos=point)
+    QTest.mouseRelease(hand.surface.widget, Qt.MouseButton.RightButton, pos=point)
+    hand.window.modes.menuWanted.disconnect(menus.append)
+    assert len(menus) == 1
+    (part,) = (part for part in hand.window.parts if isinstance(part, ContextPart))
+    opened = QApplication.activePopupWidget()
+    if opened is not None:
+        opened.close()
+    return [action.text().replace("&", "") for action in part.menu(menus[0]).actions() if not action.isSeparator()]
+
+
+def test_the_right_button_offers_what_can_be_done_to_a_viewpoint(hand: Hand) -> None:
+    words = right_click(hand, hand.foot(5))
+    assert hand.document.editing.selection.viewpoints == ids(hand, 5)
+    assert {"Remove", "Exclude", "Set height…", "Mark as reviewed", "Zoom to selection"} <= set(words)
+    assert "Join" not in words and "Split" not in words
+    hand.click(hand.foot(6), SHIFT)
+    assert {"Join", "Merge", "Select path between"} <= set(right_click(hand, hand.foot(5)))
+    assert hand.document.editing.selection.viewpoints == ids(hand, 5, 6)
+
+
+def test_the_right_button_offers_a_viewpoint_on_the_floor(hand: Hand) -> None:
+    hand.click(hand.foot(5))
+    before = hand.document.graph
+    words = right_click(hand, (-0.6, -0.6, 0.0))
+    assert words[0] == "Add a viewpoint here" and words[1].startswith("Add a viewpoint here and join it to ")
+    assert hand.document.graph is before
+
+
+def test_a_drag_with_the_right_button_opens_no_menu(hand: Hand) -> None:
+    wanted: list[object] = []
+    hand.window.modes.menuWanted.connect(wanted.append)
+    a, b = hand.pixel(hand.foot(5)), hand.pixel(hand.foot(5) + [1.0, 0.0, 0])
+    QTest.mousePress(hand.surface.widget, Qt.MouseButton.RightButton, pos=a)
+    QTest.mouseMove(hand.surface.widget, b)
+    QTest.mouseRelease(hand.surface.widget, Qt.MouseButton.RightButton, pos=b)
+    assert not wanted
