@@ -12,6 +12,7 @@ from PySide6.QtCore import QObject, Signal
 
 from app.editing import Editing
 from app.graph_arrays import GraphArrays, TrajectoryArrays
+from app.graph_changes import GraphChanges
 from app.jobs.queue import JobQueue
 from app.loading import PARTS, Contents
 from nvsim.graph.difference import Difference
@@ -47,6 +48,7 @@ class Document(QObject):
         self._selection = Selection()
         self.jobs: JobQueue | None = None  # of the open project, where a window shows it
         self.graph_arrays = GraphArrays()
+        self.graph_changes = GraphChanges()
         self.trajectory = TrajectoryArrays()
         self.editing = Editing(self)
         self._following = False  # the editing's selection follows ours, or ours follows it
@@ -92,6 +94,7 @@ class Document(QObject):
             self.editing.open(contents.graph, contents.graph_file)
             self._following = False
             self.graph_arrays = GraphArrays.of(self.graph)
+            self.graph_changes.forget()
         if changed & {"graph", "occupancy", "capture"}:
             self.editing.set_thresholds(contents.thresholds)
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
@@ -136,8 +139,9 @@ class Document(QObject):
         self.selectionChanged.emit()
 
     def _on_edit(self, change: Difference) -> None:
-        graph = self.graph
-        self.graph_arrays = GraphArrays() if graph is None else self.graph_arrays.updated(graph, change)
+        graph, before = self.graph, self.graph_arrays
+        self.graph_arrays = GraphArrays() if graph is None else before.updated(graph, change)
+        self.graph_changes.note(before, self.graph_arrays, change)
         if not self._holds(self._selection):
             self._selection = Selection()
         self.graphChanged.emit(change)

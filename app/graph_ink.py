@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QSize, Qt
+from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
 
 from app import colors
@@ -33,16 +33,24 @@ class GraphInk:
         self._stamps: dict[tuple[bool, int, float], QPixmap] = {}
 
     def draw_edges(
-        self, painter: QPainter, lines: NDArray[np.floating], depth: NDArray[np.floating] | None = None
+        self,
+        painter: QPainter,
+        lines: NDArray[np.floating],
+        depth: NDArray[np.floating] | None = None,
+        within: QRectF | None = None,
     ) -> None:
-        """Lines (N, 4) as x1 y1 x2 y2 in pixels; with `depth` (N,) in metres the near ones are thicker."""
+        """Lines (N, 4) as x1 y1 x2 y2 in pixels; with `depth` (N,) in metres the near ones are thicker. How they look
+        depends on how many there are; drawn are those that reach into `within`."""
         many = len(lines) > SMOOTH_LINES
+        if within is not None:
+            rows = _reaching(lines, within)
+            lines, depth = lines[rows], None if depth is None else depth[rows]
         color = QColor(colors.EDGE)
         if many:
-            way = np.abs(lines[:, 2:] - lines[:, :2]).max(axis=1)
+            way = np.abs(lines[:, 2:] - lines[:, :2])
             painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
             painter.setPen(QPen(color.darker(115), 1))  # opaque: blending would take twice as long
-            self._primitives.draw_lines(painter, lines[way > _SHORT])
+            self._primitives.draw_lines(painter, lines[np.maximum(way[:, 0], way[:, 1]) > _SHORT])
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
             return
         if depth is None:
@@ -55,13 +63,21 @@ class GraphInk:
             self._primitives.draw_lines(painter, lines[(depth >= near) & (depth < far)])
 
     def draw_viewpoints(
-        self, painter: QPainter, pixels: NDArray[np.floating], radii: NDArray[np.floating], included: NDArray[np.bool_]
+        self,
+        painter: QPainter,
+        pixels: NDArray[np.floating],
+        radii: NDArray[np.floating],
+        included: NDArray[np.bool_],
+        within: QRectF | None = None,
     ) -> None:
         """Discs at `pixels` (N, 2) with `radii` (N, 2) across and down, in the order given; those not `included` (N,)
-        are grey."""
+        are grey. Drawn are those that reach into `within`."""
+        reach = None if within is None else _around(pixels, radii + 2.0, within)
         for wanted in (False, True):
-            rows = np.flatnonzero(included == wanted)
-            if len(rows) <= SMOOTH_DISCS:
+            chosen = included == wanted
+            many = np.count_nonzero(chosen) > SMOOTH_DISCS
+            rows = np.flatnonzero(chosen if reach is None else chosen & reach)
+            if not many:
                 sprite = self._node if wanted else self._left_out
                 self._primitives.draw_sprites(painter, pixels[rows], radii[rows] / 12, sprite)
                 continue
@@ -79,6 +95,12 @@ class GraphInk:
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
             sprite = self._node if wanted else self._left_out
             self._primitives.draw_sprites(painter, pixels[rows[~small]], radii[rows[~small]] / 12, sprite)
+
+    @staticmethod
+    def manner(lines: int, included: NDArray[np.bool_]) -> tuple[bool, bool, bool]:
+        """Whether these many lines, and discs (N,) of the viewpoints that are included or not, are drawn as many."""
+        used = int(np.count_nonzero(included))
+        return lines > SMOOTH_LINES, used > SMOOTH_DISCS, len(included) - used > SMOOTH_DISCS
 
     def draw_marked(
         self, painter: QPainter, pixel: NDArray[np.floating], radii: NDArray[np.floating], selected: bool
@@ -104,3 +126,20 @@ class GraphInk:
             stamp.setDevicePixelRatio(ratio)
             self._stamps[key] = stamp
         return self._stamps[key]
+
+
+def _reaching(lines: NDArray[np.floating], box: QRectF) -> NDArray[np.int64]:
+    """(K,) the rows of `lines` (N, 4) whose bounds, with their pen, meet the box."""
+    x1, y1, x2, y2 = lines.T
+    wide = 4.0  # pixels: the widest pen, and its smooth edges
+    meets = (np.minimum(x1, x2) <= box.right() + wide) & (np.maximum(x1, x2) >= box.left() - wide)
+    meets &= (np.minimum(y1, y2) <= box.bottom() + wide) & (np.maximum(y1, y2) >= box.top() - wide)
+    return np.flatnonzero(meets)
+
+
+def _around(points: NDArray[np.floating], radii: NDArray[np.floating], box: QRectF) -> NDArray[np.bool_]:
+    """(N,) which of the discs at `points` (N, 2) meet the box."""
+    x, y = points.T
+    across, down = radii.T
+    meets = (x >= box.left() - across) & (x <= box.right() + across)
+    return meets & (y >= box.top() - down) & (y <= box.bottom() + down)

@@ -61,3 +61,25 @@ def run(
     return run_application(
         project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, memory=memory, renderer=renderer
     )
+
+
+def run_edits(edits: int) -> int:
+    """Edits a large graph in a window so often, prints how long until it was painted as one JSON object, and closes."""
+    import json
+    import tempfile
+
+    from app.preflight import obstacle
+
+    if (reason := obstacle()) is not None:
+        print(reason, file=sys.stderr)
+        return 2
+    from PySide6.QtCore import QSettings
+
+    from app.application import make_application
+    from app.bench_edits import measure
+
+    with tempfile.TemporaryDirectory(prefix="nvsim-window-") as folder:
+        settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
+        make_application("dark", settings)
+        print(json.dumps(measure(settings, edits)))
+    return 0

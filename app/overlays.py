@@ -31,7 +31,7 @@ class Overlays(QObject):
     def __init__(self, document: Document, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.grid = GridLayer(document)
-        self.graph = GraphLayer(document)
+        self.graph = GraphLayer(document, self, self.changed.emit)
         self._layers: list[PaintsOver] = []
         self._remembered: dict[str, tuple[bool, float]] = {}
         for layer in (

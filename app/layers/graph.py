@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from PySide6.QtCore import QObject, QRectF
 from PySide6.QtGui import QColor, QPainter, QPen
 
 from app import colors
@@ -41,38 +44,38 @@ class Seen:
     def of(camera: Camera, arrays: GraphArrays) -> Seen:
         pixels, depths = camera.project(arrays.feet)
         k = camera.intrinsics
-        seen = (depths > NEAR) & (pixels > -_MARGIN).all(axis=1)
-        seen &= (pixels[:, 0] < k.width + _MARGIN) & (pixels[:, 1] < k.height + _MARGIN)
-        radius = np.clip(_NODE_METRES * k.fy / np.maximum(depths, NEAR), *_NODE_PIXELS)
+        x, y = pixels.T
+        seen = (depths > NEAR) & (x > -_MARGIN) & (y > -_MARGIN) & (x < k.width + _MARGIN) & (y < k.height + _MARGIN)
+        radius = _radius(camera, depths)
         # A disc that lies on the floor looks flatter the more level the view of it is.
-        toward = arrays.feet - camera.position
-        flat = np.abs(toward[:, 2]) / np.maximum(np.linalg.norm(toward, axis=1), 1e-9)
+        dx, dy, dz = (arrays.feet - camera.position).T
+        flat = np.abs(dz) / np.maximum(np.sqrt(dx * dx + dy * dy + dz * dz), 1e-9)
         radii = np.stack([radius, np.maximum(radius * np.maximum(flat, 0.3), 2.5)], axis=1)
         order = np.flatnonzero(seen)
         return Seen(camera, arrays, pixels, depths, seen, radii, order[np.argsort(-depths[order])])
 
+    @cached_property
     def lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What is in view of the edges, as `projected_segments` gives it: ends in pixels (M, 4), depth (M,)."""
         k, edges = self.camera.intrinsics, self.arrays.edges
-        front = self.depths > NEAR
+        front, (x, y) = self.depths > NEAR, self.pixels.T
         # Which sides of the picture an end lies beyond, as bits: an edge with both ends beyond one is out of view.
-        beyond = (
-            1 * (self.pixels[:, 0] < 0)
-            + 2 * (self.pixels[:, 0] > k.width)
-            + 4 * (self.pixels[:, 1] < 0)
-            + 8 * (self.pixels[:, 1] > k.height)
-        ).astype(np.uint8)
-        a, b = edges[:, 0], edges[:, 1]
+        beyond = (1 * (x < 0) + 2 * (x > k.width) + 4 * (y < 0) + 8 * (y > k.height)).astype(np.uint8)
+        a, b = edges.T
         both = front[a] & front[b]
         rows = np.flatnonzero(both & ((beyond[a] & beyond[b]) == 0))
-        whole = np.concatenate([self.pixels[a[rows]], self.pixels[b[rows]]], axis=1)
-        depth = np.minimum(self.depths[a[rows]], self.depths[b[rows]])
+        if len(rows) < len(edges):
+            a, b = a[rows], b[rows]
+        whole = np.empty((len(rows), 4))
+        for column, values in enumerate((x[a], y[a], x[b], y[b])):
+            whole[:, column] = values
+        depth = np.minimum(self.depths[a], self.depths[b])
         # Few pass the eye; only these have to be cut.
-        passing = np.flatnonzero(~both & (front[a] | front[b]))
+        passing = np.flatnonzero(~both & (front[edges[:, 0]] | front[edges[:, 1]]))
         if not len(passing):
             return whole, depth
         feet = self.arrays.feet
-        cut, _, cut_depth = projected_segments(self.camera, feet[a[passing]], feet[b[passing]])
+        cut, _, cut_depth = projected_segments(self.camera, feet[edges[passing, 0]], feet[edges[passing, 1]])
         return np.concatenate([whole, cut]), np.concatenate([depth, cut_depth])
 
 
@@ -82,12 +85,14 @@ class GraphLayer(Layer):
     name = "graph"
     title = "Graph"
 
-    def __init__(self, document: Document) -> None:
+    def __init__(
+        self, document: Document, parent: QObject | None = None, again: Callable[[], object] | None = None
+    ) -> None:
         self._document = document
         self.hovered: str | None = None
         self._ink = GraphInk()
         self._latest: Seen | None = None
-        self._kept = KeptDrawing()
+        self._kept = KeptDrawing(parent, again)
 
     @property
     def missing(self) -> str:
@@ -107,16 +112,23 @@ class GraphLayer(Layer):
         view = self.seen(camera)
         if len(arrays.edges) > LARGE:
             k = camera.intrinsics
-            self._kept.paint(painter, k.width, k.height, view, lambda p: self._paint_all(p, view))
+            manner = self._ink.manner(len(view.lines[0]), arrays.included[view.order])
+
+            def draw(target: QPainter, within: QRectF | None) -> None:
+                self._paint_all(target, view, within)
+
+            def touched(drawn: object) -> QRectF | None:
+                return _outline(camera, self._document.graph_changes.since(drawn))
+
+            self._kept.paint(painter, k.width, k.height, (camera, manner), draw, arrays, touched)
         else:
             self._paint_all(painter, view)
         self._paint_marked(painter, view)
 
-    def _paint_all(self, painter: QPainter, view: Seen) -> None:
-        lines, depth = view.lines()
-        self._ink.draw_edges(painter, lines, depth)
+    def _paint_all(self, painter: QPainter, view: Seen, within: QRectF | None = None) -> None:
+        self._ink.draw_edges(painter, *view.lines, within)
         rows = view.order
-        self._ink.draw_viewpoints(painter, view.pixels[rows], view.radii[rows], view.arrays.included[rows])
+        self._ink.draw_viewpoints(painter, view.pixels[rows], view.radii[rows], view.arrays.included[rows], within)
 
     def _paint_marked(self, painter: QPainter, view: Seen) -> None:
         arrays = view.arrays
@@ -132,3 +144,26 @@ class GraphLayer(Layer):
             pixel, depth = view.camera.project(eye)
             if depth[0] > NEAR:
                 self._ink.draw_marked(painter, pixel[0], np.full(2, 4.0), selected=True)
+
+
+def _radius(camera: Camera, depths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) pixels across which discs at `depths` (N,) are drawn."""
+    radius: NDArray[np.float64] = np.clip(_NODE_METRES * camera.intrinsics.fy / np.maximum(depths, NEAR), *_NODE_PIXELS)
+    return radius
+
+
+def _outline(camera: Camera, places: NDArray[np.float64] | None) -> QRectF | None:
+    """The pixels that edges and viewpoints at `places` (K, 2, 3) may cover; None for everywhere."""
+    if places is None:
+        return None
+    k = camera.intrinsics
+    lines, _, _ = projected_segments(camera, places[:, 0], places[:, 1])
+    points, depths = camera.project(places.reshape(-1, 3))
+    front = depths > NEAR
+    x, y = np.concatenate([lines.reshape(-1, 2), points[front]]).T
+    if not len(x):
+        return QRectF()
+    reach = 3.0 + float(_radius(camera, depths[front]).max(initial=0.0))
+    left, right = np.clip([x.min() - reach, x.max() + reach], -1, k.width + 1).tolist()
+    top, bottom = np.clip([y.min() - reach, y.max() + reach], -1, k.height + 1).tolist()
+    return QRectF(left, top, right - left, bottom - top)

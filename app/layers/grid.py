@@ -37,10 +37,10 @@ class GridLayer(Layer):
         if not self.bare or len(extent) == 0:
             return
         low, high = np.floor(extent.min(axis=0) - 2), np.ceil(extent.max(axis=0) + 2)
-        height = float(np.median(extent[:, 2])) - 1.5
+        height = round(float(np.median(extent[:, 2])), 1) - 1.5  # an edit of one viewpoint does not move it
         k = camera.intrinsics
         key = (camera, *low[:2].tolist(), *high[:2].tolist(), height)
-        self._kept.paint(painter, k.width, k.height, key, lambda p: self._paint_all(p, camera, low, high, height))
+        self._kept.paint(painter, k.width, k.height, key, lambda p, _: self._paint_all(p, camera, low, high, height))
 
     def _paint_all(
         self, painter: QPainter, camera: Camera, low: NDArray[np.float64], high: NDArray[np.float64], height: float
