@@ -59,9 +59,17 @@ def _settle() -> None:
         gc.collect()
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _collect_once_per_module() -> None:
+    """Hides what stays for long from the collector, so that collecting after each test looks at its own only."""
+    gc.unfreeze()
+    gc.collect()
+
+
 @pytest.fixture(autouse=True)
-def nothing_left_behind(request: pytest.FixtureRequest) -> Iterator[None]:
+def nothing_left_behind(_collect_once_per_module: None) -> Iterator[None]:
     """Fails a test that leaves a visible window or a thread running."""
+    gc.freeze()
     before = set(threading.enumerate())
     yield
     app = QApplication.instance()
