@@ -16,8 +16,10 @@ from PySide6.QtWidgets import QApplication
 from app import theme as themes
 from app.icons import FOLDER
 from app.notices import install_excepthook
+from app.parts.keeping import OPEN
 from app.renderer_choice import PREFERENCES
 from app.session import Session
+from nvsim.errors import InputError
 
 SETTLE = 60.0  # seconds a screenshot waits at most for the sharp picture
 
@@ -80,6 +82,8 @@ def _run(
     code = 0
     try:
         session.window.show()
+        if project is None and bench is None and screenshot is None:
+            project = left_open(settings)
         # What takes long begins when the window is on the screen.
         QTimer.singleShot(0, lambda: session.open(project) if project is not None else None)
         if bench is not None:
@@ -100,6 +104,20 @@ def _run(
         session.close()
         restore()
     return code
+
+
+def left_open(settings: QSettings) -> Path | None:
+    """What was open when the last window closed; None where nothing was, or where it can be opened no more."""
+    from app.main import check_project
+
+    stored = str(settings.value(OPEN, "") or "")
+    if not stored or not Path(stored).exists():
+        return None
+    try:
+        check_project(Path(stored))
+    except InputError:
+        return None
+    return Path(stored)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from app.graph_arrays import GraphArrays, TrajectoryArrays
 from app.graph_changes import GraphChanges
 from app.jobs.queue import JobQueue
 from app.loading import PARTS, Contents
+from app.view_states import ViewStates
 from nvsim.graph.difference import Difference
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph, Viewpoint
@@ -33,10 +34,12 @@ class Selection:
 
 
 class Document(QObject):
-    """projectChanged() when another project takes the place of this one, before its parts are announced;
-    contentsChanged(frozenset of names from loading.PARTS), "graph" among them when another graph was opened;
-    graphChanged(Difference) after an edit, an undo or a redo; selectionChanged()."""
+    """projectLeft() while everything of the project that goes is still there; projectChanged() when another project
+    takes the place of this one, before its parts are announced; contentsChanged(frozenset of names from loading.PARTS),
+    "graph" among them when another graph was opened; graphChanged(Difference) after an edit, an undo or a redo;
+    selectionChanged()."""
 
+    projectLeft = Signal()
     projectChanged = Signal()
     contentsChanged = Signal(object)
     graphChanged = Signal(object)
@@ -47,6 +50,7 @@ class Document(QObject):
         self._contents = Contents(path)
         self._selection = Selection()
         self.jobs: JobQueue | None = None  # of the open project, where a window shows it
+        self.views: ViewStates | None = None  # to go back to, where a window shows it
         self.graph_arrays = GraphArrays()
         self.graph_changes = GraphChanges()
         self.trajectory = TrajectoryArrays()
@@ -83,6 +87,8 @@ class Document(QObject):
 
     def set_contents(self, contents: Contents) -> None:
         """Takes a newly read state; says which parts differ by identity."""
+        if self._contents.path not in (None, contents.path):
+            self.projectLeft.emit()
         before, self._contents = self._contents, contents
         changed = frozenset(part for part in PARTS if getattr(before, part) is not getattr(contents, part))
         if changed & {"capture", "submaps"}:

@@ -36,7 +36,8 @@ def run(
     memory: float | None = None,
     renderer: str | None = None,
 ) -> int:
-    """Opens the window; returns the exit code: 0, or 2 after one sentence on stderr when it cannot open.
+    """Opens the window, without a project on the one that was open last; returns the exit code: 0, or 2 after one
+    sentence on stderr when it cannot open.
 
     screenshot   the whole window is saved there once it has settled, then it closes
     seconds      it closes by itself after that time

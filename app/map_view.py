@@ -123,6 +123,21 @@ class MapView(QWidget):
             low, high = extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5
             self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
 
+    @property
+    def seen(self) -> tuple[float, float, float, float] | None:
+        """x, y, width, height of what was asked to be seen, metres; None before there is anything."""
+        if not self._framed:
+            return None
+        (x, right), (y, top) = self.plot.getViewBox().targetRange()
+        return float(x), float(y), float(right - x), float(top - y)
+
+    def see(self, x: float, y: float, width: float, height: float) -> None:
+        """Brings back what `seen` told, in place of seeing everything at first."""
+        if width > 0 and height > 0:
+            self._framed = True
+            self._scale.show()
+            self.plot.setRange(QRectF(x, y, width, height), padding=0)
+
     def centre_on(self, x: float, y: float, size: float) -> None:
         """Shows x, y in the middle and at least `size` metres around it; comes nearer only from far too wide."""
         shown = self.plot.getViewBox().viewRect()

@@ -59,6 +59,11 @@ class Navigation(QObject):
         """Whether keys, a drag or a flight move the camera right now."""
         return self._timer.isActive() or self._dragged
 
+    @property
+    def goal(self) -> ViewPose:
+        """Where a flight leads to; where the eye is, without one."""
+        return self.pose if self._flight is None else self._flight[1]
+
     def walk(self, eye_level: EyeLevel | None) -> None:
         """Stays at this height above the floor from now on; None flies again."""
         self.eye_level = eye_level

@@ -54,7 +54,7 @@ class SceneView(QWidget):
         self._painted: Picture | None = None  # the picture that was last painted
         self._camera_of: object = None
         self._overlay_camera = self.navigation.pose.camera(1, 1)
-        self._placed = self.navigation.pose  # where the program, not the person, put the camera
+        self._placed: ViewPose | None = self.pose  # where the program, not the person, put the camera
         self.navigation.moved.connect(self._on_moved)
         self.feed.changed.connect(self.update)
         self.feed.troubled.connect(self.troubled)
@@ -90,6 +90,11 @@ class SceneView(QWidget):
     def renderer(self) -> str:
         """One of renderer_choice.PREFERENCES."""
         return self.feed.renderer
+
+    @property
+    def budget(self) -> int:
+        """Gaussians drawn at most, 0 for all."""
+        return self.feed.budget
 
     @property
     def note(self) -> str:
@@ -133,6 +138,11 @@ class SceneView(QWidget):
     def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
         """Stands at `position` (3,) looking level; keeps the heading unless one is given."""
         self.places.go_to_position(position, heading)
+
+    def stay_at(self, pose: ViewPose) -> None:
+        """Stands there, whatever is read of the project afterwards."""
+        self._placed = None
+        self.navigation.set_pose(pose)
 
     def show_hovered(self, viewpoint: str | None) -> None:
         """Marks the viewpoint under the cursor, be it of this view or of the map."""

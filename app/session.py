@@ -37,6 +37,7 @@ class Session(QObject):
         self._next.timeout.connect(self._show_next)
         self.window.projectChosen.connect(self._on_chosen)
         self.window.refreshWanted.connect(self._refresh)
+        self.window.closeWanted.connect(self.close_project)
         self.window.turnWanted.connect(self._turn_up)
         self.document.contentsChanged.connect(self._on_contents)
 

@@ -32,11 +32,12 @@ _AREAS = {
 
 class MainWindow(QMainWindow):
     """projectChosen(Path): the person picked another project or a splat file; turnWanted(): the next axis for up;
-    refreshWanted()."""
+    refreshWanted(); closeWanted(): of the project, not of the window."""
 
     projectChosen = Signal(object)
     turnWanted = Signal()
     refreshWanted = Signal()
+    closeWanted = Signal()
 
     def __init__(self, document: Document, settings: QSettings, notices: Notices) -> None:
         super().__init__()

@@ -77,6 +77,16 @@ class PanoramaView(QWidget):
         self._heading = heading
         self.update()
 
+    @property
+    def gaze(self) -> tuple[float, float, float]:
+        """Heading and elevation in the middle, radians, and how many times as near as the whole turn."""
+        return self._heading, self._elevation, self._zoom
+
+    def look(self, heading: float, elevation: float, zoom: float) -> None:
+        """Brings back what `gaze` told."""
+        self._heading, self._elevation, self._zoom = heading, elevation, min(max(zoom, 1.0), _NEAREST)
+        self.update()
+
     # Angles and pixels -----------------------------------------------------------------------------------------
 
     @property

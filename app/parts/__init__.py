@@ -15,6 +15,7 @@ from app.parts.files import FilePart
 from app.parts.frames import FramePart
 from app.parts.inspector import InspectorPart
 from app.parts.jobs import JobsPart
+from app.parts.keeping import KeepingPart
 from app.parts.layers import LayersPart
 from app.parts.look import LookPart
 from app.parts.modes import ModePart
@@ -56,6 +57,7 @@ PARTS: tuple[type[Part], ...] = (
     LookPart,
     PalettePart,
     ViewsPart,
+    KeepingPart,
 )
 
 ACTIONS: tuple[Action, ...] = tuple(action for part in PARTS for action in part.ACTIONS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
 
@@ -55,8 +56,13 @@ class CameraPathPart(Part):
             del self.poses[row]
             self.panel.show_keys(self.poses)
 
+    def keep(self, poses: Iterable[ViewPose]) -> None:
+        """Takes these for the key poses."""
+        self.poses = list(poses)
+        self.panel.show_keys(self.poses)
+
     def _clear(self) -> None:
-        self.poses.clear()
+        self.poses = []
         self.panel.show_keys(self.poses)
         self.panel.play.setChecked(False)
 

@@ -74,6 +74,15 @@ class FilePart(Part):
             "Ctrl+Shift+S",
             "camera",
         ),
+        Action(
+            "close_project",
+            "&Close project",
+            "Go back to the first page; running jobs go on",
+            "&File",
+            2,
+            "Ctrl+W",
+            enabled=with_project,
+        ),
         Action("quit", "&Quit", "Close the window; running jobs go on", "&File", 2, "Ctrl+Q", "quit"),
     )
 
@@ -87,6 +96,7 @@ class FilePart(Part):
             "previous_scan": lambda: self._step_scan(-1),
             "refresh": window.refreshWanted.emit,
             "screenshot": self.choose_picture,
+            "close_project": window.closeWanted.emit,
             "quit": window.close,
         }
 

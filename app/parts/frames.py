@@ -17,6 +17,7 @@ from app.panels.help import open_help
 from app.parts.part import Dock, Part, Workspace
 from app.reasons import with_frame, with_masks
 from app.tones import CHANNELS
+from app.view_states import PageState
 
 _MENU = "F&rame"
 _MODES = {
@@ -169,6 +170,30 @@ class FramePart(Part):
         settings.setValue("frame/layers", self.browser.page.layers.state)
         self.browser.release()
         self._link.rest()
+
+    # The page as a value, for those who bring it back -----------------------------------------------------------
+
+    @property
+    def shown(self) -> PageState:
+        """What is in the centre, and how frames are compared."""
+        browser, page = self.browser, self.browser.page
+        is_open = self.workspace.window.centre.currentWidget() is page
+        layers = {layer.name: (layer.shown, round(layer.opacity, 2)) for layer in browser.layers}
+        return PageState(browser.index if is_open else None, page.canvas.mode, layers)
+
+    def show(self, state: PageState) -> None:
+        """Brings back what `shown` told."""
+        page = self.browser.page
+        self.workspace.window.actions_table[f"frame_{state.mode}"].setChecked(True)
+        page.show_mode(state.mode)
+        for name, (on, opacity) in state.layers.items():
+            page.layers.boxes[name].setChecked(on)
+            page.layers.sliders[name].setValue(round(100 * opacity))
+        now = self.shown.frame
+        if state.frame is not None and state.frame != now:
+            self.browser.open(state.frame)
+        elif state.frame is None and now is not None:
+            self._leave()
 
     def _open(self) -> None:
         frame = self.workspace.document.selection.frame

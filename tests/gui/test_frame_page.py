@@ -99,6 +99,35 @@ def colors(image: QImage, *points: QPointF) -> list[tuple[int, int, int]]:
     return [(c.red(), c.green(), c.blue()) for c in found]
 
 
+def test_the_open_frame_is_undone_like_other_views_and_comes_back_with_the_project(
+    opened, make_window: Callable[[Document], MainWindow], qtbot: QtBot
+) -> None:
+    window, browser = opened
+    table, views = window.actions_table, window.document.views
+    qtbot.waitUntil(lambda: not views.pending, timeout=20_000)
+    table["frame_difference"].trigger()
+    browser.page.layers.sliders["floor"].setValue(70)
+    qtbot.waitUntil(lambda: not views.pending, timeout=20_000)
+    table["leave_frame"].trigger()
+    qtbot.waitUntil(lambda: table["view_back"].text() == "&Back: back to the 3D view", timeout=20_000)
+    table["view_back"].trigger()
+    assert browser.is_open and browser.index == 2 and browser.page.canvas.mode == "difference"
+    table["view_back"].trigger()
+    assert browser.page.canvas.mode == "wipe" and browser.page.layers.sliders["floor"].value() == 45
+    table["view_forward"].trigger()
+    window.scene.navigation.set_pose(replace(window.scene.pose, heading=1.25))
+    window.close()
+
+    document = Document()
+    again = make_window(document)
+    document.set_contents(opened_document(window.document.path).contents)
+    frames = next(part for part in again.parts if isinstance(part, FramePart))
+    assert frames.shown.frame == 2 and again.centre.currentWidget() is frames.browser.page
+    assert frames.shown.mode == "difference" and frames.shown.layers["floor"] == (True, 0.7)
+    assert document.selection.frame == 2 and again.scene.pose.heading == 1.25
+    again.close()
+
+
 def test_a_frame_opens_beside_the_render_from_its_own_camera(opened, qtbot: QtBot) -> None:
     window, browser = opened
     browser.page.canvas.show_render(None)

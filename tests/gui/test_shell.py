@@ -8,19 +8,26 @@ from pathlib import Path
 
 import demo_room
 import pytest
-from PySide6.QtCore import Qt
+from demo_project import write_project
+from hypothesis import given
+from hypothesis import strategies as st
+from PySide6.QtCore import QSettings, Qt
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
+from app.application import left_open
 from app.cameras import ViewPose
 from app.document import Document, Selection
 from app.help_pages import find, pages
 from app.panels.about import AboutWindow
 from app.panels.help import HelpWindow, open_help
+from app.parts.camera_path import CameraPathPart
 from app.parts.views import ViewsPart
+from app.session import Session
 from app.system_report import facts, version_of
-from app.view_states import ViewState, ViewStates, decode, encode
+from app.view_keeping import Left, decode, encode
+from app.view_states import ViewState, ViewStates, changes
 from app.window import MainWindow
 
 POSE = ViewPose((3.0, 4.0, 1.6), 1.1, -0.2, 2.0, 1.0)
@@ -75,10 +82,37 @@ def test_views_go_back_and_forward_and_a_new_one_ends_the_forward_ones() -> None
     assert states.forward() is None and states.back() == made[1]
 
 
+def test_a_drag_of_a_fade_is_one_step_and_the_next_drag_another() -> None:
+    faded = [ViewState(POSE, layers={"cloud": (True, share)}) for share in (1.0, 0.8, 0.6, 0.4, 0.2)]
+    states = ViewStates()
+    for state, now in zip(faded, (0.0, 10.0, 10.1, 10.2, 20.0), strict=True):
+        states.record(state, now)
+    assert states.back() == faded[3] and states.back() == faded[0]
+    assert list(changes(faded[0], faded[3], {"cloud": "Point cloud"}.__getitem__).values()) == ["fade point cloud"]
+
+
+@given(st.lists(st.integers(0, 5), min_size=1, max_size=40), st.data())
+def test_going_back_is_undone_by_going_forward(headings: list[int], data: st.DataObject) -> None:
+    states = ViewStates()
+    for heading in headings:
+        states.record(ViewState(replace(POSE, heading=heading)))
+    walked = [states.current]
+    for _ in range(data.draw(st.integers(0, 10))):
+        state = states.back()
+        if state is None:
+            break
+        states.settle(state)
+        walked.append(state)
+    for state in reversed(walked[:-1]):
+        assert states.forward() == state
+    assert states.forward() is None
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"pose": 3, "channel": "rgb", "selection": {}}', '{"pose": null}'])
 def test_what_somebody_wrote_into_the_settings_is_no_view(text: str) -> None:
     assert decode(text) is None
-    assert decode(encode(POSE, "alpha", Selection(frame=3))) == (POSE, "alpha", Selection(frame=3))
+    left = Left(POSE, "alpha", Selection(frame=3), 3, (1.0, 2.0, 3.0, 4.0), (0.5, -0.5, 2.0), (POSE,))
+    assert decode(encode(left)) == left
 
 
 def test_back_brings_pose_channel_and_layers(window: MainWindow, qtbot: QtBot) -> None:
@@ -97,6 +131,57 @@ def test_back_brings_pose_channel_and_layers(window: MainWindow, qtbot: QtBot) -
     qtbot.waitUntil(lambda: scene.pose.heading == 2.5, timeout=4000)
 
 
+def test_each_setting_of_the_view_is_a_step_of_its_own_and_says_so(window: MainWindow, qtbot: QtBot) -> None:
+    table, scene, overlays = window.actions_table, window.scene, window.scene.overlays
+    part = next(p for p in window.parts if isinstance(p, ViewsPart))
+    scene.navigation.set_pose(POSE)
+    part._record()
+    back, settled = table["view_back"], lambda: not part._soon.isActive()
+
+    def said() -> str:
+        qtbot.waitUntil(settled, timeout=20_000)
+        return back.text()
+
+    table["depth"].trigger()
+    assert said() == "&Back: show depth"
+    overlays.set_shown("trajectory", False)
+    assert said() == "&Back: hide trajectory"
+    for share in (0.9, 0.7, 0.5):
+        overlays.set_opacity("graph", share)
+        assert said() == "&Back: fade graph"
+    table["budget_100000"].trigger()
+    assert "100\u202f000" in said()
+    table["renderer_CPU"].trigger()
+    assert said() == "&Back: renderer CPU"
+    scene.navigation.set_pose(replace(POSE, heading=2.0))  # a movement before a setting is a step before it
+    table["alpha"].trigger()
+    assert said() == "&Back: show alpha"
+
+    def seen() -> tuple[object, ...]:
+        layers = overlays["trajectory"].shown, overlays["graph"].opacity
+        return scene.channel, *layers, scene.budget, scene.renderer, scene.navigation.goal.heading
+
+    undone = [seen()]
+    while back.isEnabled():
+        back.trigger()
+        undone.append(seen())
+    assert undone == [
+        ("alpha", False, 0.5, 100_000, "CPU", 2.0),
+        ("depth", False, 0.5, 100_000, "CPU", 2.0),
+        ("depth", False, 0.5, 100_000, "CPU", POSE.heading),
+        ("depth", False, 0.5, 100_000, "automatic", POSE.heading),
+        ("depth", False, 0.5, 0, "automatic", POSE.heading),
+        ("depth", False, 1.0, 0, "automatic", POSE.heading),
+        ("depth", True, 1.0, 0, "automatic", POSE.heading),
+        ("rgb", True, 1.0, 0, "automatic", POSE.heading),
+    ]
+    assert "first view" in back.toolTip()
+    for expected in reversed(undone[:-1]):
+        table["view_forward"].trigger()
+        assert seen() == expected
+    assert not table["view_forward"].isEnabled() and window.settings.value("renderer") == "CPU"
+
+
 def test_a_project_opens_as_it_was_left(
     make_window: Callable[[Document], MainWindow], document: Document, qtbot: QtBot
 ) -> None:
@@ -104,6 +189,11 @@ def test_a_project_opens_as_it_was_left(
     document.select(viewpoint=document.graph_arrays.ids[4])
     first.scene.navigation.set_pose(POSE)
     first.actions_table["normal"].trigger()
+    first_map, keys = first.panels["map"], next(p for p in first.parts if isinstance(p, CameraPathPart))
+    first_map.centre_on(3.0, 2.0, 1.5)
+    keys.add()
+    first.panels["inspector"].view.look(1.0, -0.3, 2.0)
+    seen = first_map.seen
     first.close()
 
     again = Document()
@@ -111,6 +201,8 @@ def test_a_project_opens_as_it_was_left(
     again.set_contents(demo_room.contents(Path("demo.nvsim")))
     assert second.scene.pose == POSE and second.scene.channel == "normal"
     assert again.selection.viewpoint == document.graph_arrays.ids[4]
+    assert second.panels["map"].seen == pytest.approx(seen) and second.panels["inspector"].view.gaze[0] == 1.0
+    assert next(p for p in second.parts if isinstance(p, CameraPathPart)).poses == [POSE]
     # Another project has a camera of its own, and this one keeps what is left now.
     second.scene.navigation.set_pose(replace(POSE, heading=0.3))
     again.set_contents(demo_room.contents(Path("other.nvsim")))
@@ -118,3 +210,29 @@ def test_a_project_opens_as_it_was_left(
     assert again.selection.viewpoint is None
     again.set_contents(demo_room.contents(Path("demo.nvsim")))
     assert second.scene.pose == replace(POSE, heading=0.3)
+
+
+def test_the_next_window_opens_what_was_open_unless_it_was_closed_or_is_gone(
+    settings: QSettings, tmp_path: Path, qtbot: QtBot
+) -> None:
+    project = write_project(tmp_path / "rooms.nvsim", 300, 0)
+
+    def live(close_project: bool) -> None:
+        session = Session(settings)
+        qtbot.addWidget(session.window)
+        session.window.show()
+        session.open(project)
+        if close_project:
+            session.window.actions_table["close_project"].trigger()
+            assert session.document.path is None and session.window.centre.currentWidget() is session.window.empty
+        session.close()
+
+    live(close_project=False)
+    assert left_open(settings) == project
+    live(close_project=True)
+    assert left_open(settings) is None
+    live(close_project=False)
+    project.rename(tmp_path / "elsewhere.nvsim")
+    assert left_open(settings) is None
+    (tmp_path / "rooms.nvsim").mkdir()
+    assert left_open(settings) is None
