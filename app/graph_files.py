@@ -7,6 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, connectivity_files
 from nvsim.graph.journal import sidecar
@@ -14,6 +17,8 @@ from nvsim.graph.types import NavGraph
 
 if TYPE_CHECKING:
     from app.loading import Contents
+
+PANORAMA_WIDTH = 1536  # pixels
 
 
 class GraphFile(Protocol):
@@ -83,6 +88,19 @@ class ForeignGraph:
     def save(self, graph: NavGraph) -> None:
         self._file.save(graph)
 
+    @property
+    def pictured(self) -> bool:
+        """Whether pictures of viewpoints lie beside it."""
+        return self._file.beside.pictures is not None
+
+    def panorama(self, id: str) -> NDArray[np.uint8] | None:
+        """(H, 2 H, 4) uint8, blue, green, red, 255, as the inspector shows it; None where there is none of it. Raises
+        InputError when a picture cannot be read."""
+        found = self._file.panorama(id, PANORAMA_WIDTH)
+        if found is None:
+            return None
+        return np.ascontiguousarray(np.dstack([found, np.full(found.shape[:2], 255, np.uint8)]))
+
     def context(self, known: Context) -> Context:
         own = self._file.context(known.limits, known.occupancy, known.against)
         return replace(own, floor=known.floor)
@@ -98,12 +116,16 @@ class GraphSource:
         self.scans = tuple(files if len(files) > 1 else _siblings(path))
 
     def contents(self) -> Contents:
-        """Reads it, and a map beside it. Raises InputError with the entry and the reason."""
+        """Reads it, and a map and a cloud beside it. Raises InputError with the entry and the reason."""
         from app.loading import Contents
 
         file = ForeignFile.open(self.path)
         return Contents(
-            self.path, graph=file.graph, occupancy=file.beside.occupancy(), graph_file=ForeignGraph(file, self.scans)
+            self.path,
+            graph=file.graph,
+            occupancy=file.beside.occupancy(),
+            graph_file=ForeignGraph(file, self.scans),
+            cloud=file.beside.points(),
         )
 
 

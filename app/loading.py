@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.graph_files import GraphFile, ProjectGraph
-from nvsim.capture.types import Capture
+from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -39,6 +39,7 @@ class Contents:
     live          whether all that is to be seen is in training still
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
+    cloud         beside a graph of its own
     """
 
     path: Path | None = None
@@ -55,6 +56,12 @@ class Contents:
     live: bool = False
     results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
     graph_file: GraphFile | None = None
+    cloud: Cloud | None = None
+
+    @property
+    def scan_cloud(self) -> Cloud | None:
+        """The point cloud there is: of the capture, or beside the graph."""
+        return self.cloud if self.capture is None else self.capture.cloud
 
     @property
     def missing_verb(self) -> str:

@@ -209,6 +209,11 @@ class MainWindow(QMainWindow):
         self._docks[name].show()
         self._docks[name].raise_()
 
+    def front_dock(self, name: str) -> None:
+        """Brings a panel before those it shares a place with, unless it was closed. Raises KeyError like show_dock."""
+        if not self._docks[name].isHidden():
+            self._docks[name].raise_()
+
     def reset_layout(self) -> None:
         """Every panel where it was at first."""
         self.restoreState(self._default_layout, LAYOUT_VERSION)

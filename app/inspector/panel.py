@@ -136,6 +136,15 @@ class InspectorPanel(QScrollArea):
                 button.setChecked(True)
                 self.view.set_channel(channel)
 
+    def offer_channels(self, drawn: bool) -> None:
+        """Pictures that were taken have colours alone; alpha and normals are those of a model, which is drawn."""
+        for button in self.channels.buttons():
+            channel = str(button.property("channel"))
+            button.setEnabled(drawn or channel == "rgb")
+            button.setToolTip(
+                f"Show {CHANNELS[channel].lower()} in the panorama" if button.isEnabled() else "Photographs have none"
+            )
+
     def _on_current(self, item: QTreeWidgetItem | None) -> None:
         if item is not None:
             self._inspection.point(self._of(item))

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app import colors
 from app.inspector.directions import Direction
+from app.inspector.neighbours import NeighbourMarks
 from app.inspector.panoramas import Panoramas
 from app.inspector.sphere import angles, fine, met
 from app.inspector.state import Inspection
@@ -36,9 +37,10 @@ _NAMES = (("N", 0), ("NE", 45), ("E", 90), ("SE", 135), ("S", 180), ("SW", 225),
 
 
 class PanoramaView(QWidget):
-    """chosen(Direction): a region was clicked."""
+    """chosen(Direction): a region was clicked; walked(str): the mark of a neighbour was."""
 
     chosen = Signal(object)
+    walked = Signal(str)
 
     def __init__(self, inspection: Inspection, panoramas: Panoramas, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -48,6 +50,7 @@ class PanoramaView(QWidget):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setAccessibleName("Panorama of the selected viewpoint")
         self._inspection, self._panoramas = inspection, panoramas
+        self.neighbours = NeighbourMarks(inspection)
         self.channel = "rgb"
         self.shows_regions = True
         self.hint = ""
@@ -118,7 +121,7 @@ class PanoramaView(QWidget):
         painter.fillRect(self.rect(), QColor("#181a1f"))
         panorama = self._panoramas.current if self._inspection.viewpoint is not None else None
         if panorama is not None and self._shown != (panorama, self.channel):
-            pixels = panorama.pixels[self.channel]
+            pixels = panorama.pixels.get(self.channel, panorama.pixels["rgb"])
             height, width = pixels.shape[:2]
             self._image = QImage(pixels.data, width, height, 4 * width, QImage.Format.Format_RGB32)
             self._shown = (panorama, self.channel)
@@ -130,6 +133,7 @@ class PanoramaView(QWidget):
         self._paint_compass(painter)
         if self.shows_regions:
             self._paint_regions(painter)
+        self.neighbours.paint(painter, self._middle(), self._scale, self.height(), self._heading, self.width())
         self._paint_words(painter, panorama is not None)
         painter.end()
 
@@ -195,7 +199,7 @@ class PanoramaView(QWidget):
         if self._inspection.viewpoint is None:
             text = "Select a viewpoint to look around from it."
         elif not there:
-            text = self.hint or "Drawing the panorama…"
+            text = self.hint or self._panoramas.trouble or "Drawing the panorama…"
         elif self._panoramas.drawing:
             text = "getting sharper…"
         else:
@@ -220,6 +224,14 @@ class PanoramaView(QWidget):
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         if self._pressed is None:
+            near = self.neighbours.under(event.position())
+            if near != self.neighbours.hovered:
+                self.neighbours.hovered = near
+                self.update()
+            if near is not None:
+                self.setCursor(Qt.CursorShape.PointingHandCursor)
+                self.setToolTip("Click to go there")
+                return
             under = self._under(event.position())
             self._inspection.point(under)
             self.setCursor(_cursor(under))
@@ -237,6 +249,10 @@ class PanoramaView(QWidget):
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         clicked = self._pressed is not None and not self._dragged
         self._pressed = None
+        near = self.neighbours.under(event.position())
+        if clicked and event.button() == Qt.MouseButton.LeftButton and near is not None:
+            self.walked.emit(near)
+            return
         under = self._under(event.position())
         self.setCursor(_cursor(under))
         if clicked and event.button() == Qt.MouseButton.LeftButton and under is not None:

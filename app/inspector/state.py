@@ -25,6 +25,8 @@ class Inspection(QObject):
         self._preview: MappingConfig | None = None
         self.directions: tuple[Direction, ...] = ()
         self.viewpoint: str | None = None
+        self.neighbours: tuple[tuple[str, NDArray[np.float64]], ...] = ()
+        """Where its edges lead: id and (3,) foot, metres, world."""
         self.eye: NDArray[np.float64] = np.zeros(3)
         self._pointed: tuple[str, int] | None = None
         document.selectionChanged.connect(self.refresh)
@@ -54,10 +56,12 @@ class Inspection(QObject):
         """Reads the directions of what is selected."""
         viewpoint, graph = self._document.selected_viewpoint, self._document.graph
         if viewpoint is None or graph is None:
-            self.viewpoint, self.directions = None, ()
+            self.viewpoint, self.directions, self.neighbours = None, (), ()
         else:
             self.viewpoint, self.eye = viewpoint.id, np.array(viewpoint.position)
-            self.directions = directions(graph, self._document.graph_arrays, viewpoint.id, self.config)
+            arrays = self._document.graph_arrays
+            self.directions = directions(graph, arrays, viewpoint.id, self.config)
+            self.neighbours = tuple((id, arrays.feet[arrays.index[id]]) for id in graph.neighbours(viewpoint.id))
         if self.current is None:
             self._pointed = None
         self.changed.emit()

@@ -37,16 +37,15 @@ class CloudLayer(Layer):
 
     @property
     def missing(self) -> str:
-        capture = self._document.contents.capture
-        return "" if capture is not None and capture.cloud is not None else "the capture has no point cloud"
+        return "" if self._document.contents.scan_cloud is not None else "there is no point cloud"
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        capture = self._document.contents.capture
-        if capture is None or capture.cloud is None:
+        cloud = self._document.contents.scan_cloud
+        if cloud is None:
             return
-        if self._of is not capture.cloud:
-            self._points, self._tones = thinned(capture.cloud)
-            self._of = capture.cloud
+        if self._of is not cloud:
+            self._points, self._tones = thinned(cloud)
+            self._of = cloud
         k = camera.intrinsics
         if self._image.shape != (k.height, k.width):
             self._image = np.zeros((k.height, k.width), np.uint32)

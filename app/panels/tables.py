@@ -25,6 +25,7 @@ from app.panels.submaps import table
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
+from nvsim.graph.history import counted
 from nvsim.graph.quantities import Known
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
@@ -180,8 +181,8 @@ class TablePanel(QWidget):
 
     def _show_selection(self) -> None:
         chosen = self._document.editing.selection
-        words = [f"{len(chosen.viewpoints):,} viewpoints" if chosen.viewpoints else "",
-                 f"{len(chosen.edges):,} edges" if chosen.edges else ""]  # fmt: skip
+        words = [counted(len(chosen.viewpoints), "viewpoint") if chosen.viewpoints else "",
+                 counted(len(chosen.edges), "edge") if chosen.edges else ""]  # fmt: skip
         self.count.setText(", ".join(w for w in words if w) + (" selected" if any(words) else ""))
         if self._linking:
             return

@@ -124,8 +124,12 @@ class ValidationPanel(QWidget):
         header.setStretchLastSection(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
-        header.resizeSection(0, 70)
-        header.resizeSection(2, 96)
+        header.resizeSection(0, 66)
+        header.resizeSection(2, 74)
+        self.sentence = QLabel(self)
+        self.sentence.setWordWrap(True)
+        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.sentence.hide()
         self.table.selectionModel().currentRowChanged.connect(self._on_row)
         self.table.doubleClicked.connect(self._on_double_click)
         self.fix = QToolButton(self)
@@ -154,6 +158,7 @@ class ValidationPanel(QWidget):
         layout.addWidget(self.text)
         layout.addWidget(self.table, 1)
         layout.addWidget(self.clean, 1)
+        layout.addWidget(self.sentence)
         layout.addLayout(bottom)
         self._soon = Afterwards(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
@@ -226,6 +231,8 @@ class ValidationPanel(QWidget):
     def _enable(self, _: str = "") -> None:
         finding, graph, editing = self.current, self._document.graph, self._document.editing
         fixes = () if finding is None else finding.fixes
+        self.sentence.setText("" if finding is None else finding.message)
+        self.sentence.setVisible(finding is not None)
         ignored = finding is not None and graph is not None and finding.key in graph.ignored
         self.fix.setEnabled(bool(fixes) and editing.writable)
         self.fix.setText(f"Fix: {fixes[0].text}" if fixes else "Fix")

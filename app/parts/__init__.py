@@ -12,6 +12,7 @@ from app.parts.context import ContextPart
 from app.parts.editing import EditPart
 from app.parts.exporting import ExportPart
 from app.parts.files import FilePart
+from app.parts.foreign import ForeignPart
 from app.parts.frames import FramePart
 from app.parts.inspector import InspectorPart
 from app.parts.jobs import JobsPart
@@ -53,6 +54,7 @@ PARTS: tuple[type[Part], ...] = (
     CheckPart,
     ComparePart,
     ExportPart,
+    ForeignPart,
     ProposePart,
     LookPart,
     PalettePart,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -11,6 +12,7 @@ from PySide6.QtWidgets import QDockWidget
 
 from app.actions import Action
 from app.document import Document
+from app.graph_files import ForeignGraph
 from app.inspector.directions import Direction
 from app.inspector.layers import RegionLayer, RegionMarks
 from app.inspector.panel import InspectorPanel
@@ -58,6 +60,7 @@ class InspectorPart(Part):
         self._seen = False
         self.layer = RegionLayer(self.inspection)
         self.panel.chosen.connect(self._go)
+        self.panel.view.walked.connect(self._walk)
         self.inspection.changed.connect(self._follow)
         self.inspection.pointed.connect(workspace.scene.update)
         workspace.document.contentsChanged.connect(self._on_contents)
@@ -83,6 +86,7 @@ class InspectorPart(Part):
         self._follow()
 
     def store(self, settings: QSettings) -> None:
+        self.panoramas.close()
         settings.setValue("inspector/channel", self.panel.view.channel)
         settings.setValue("inspector/regions", self.panel.regions.isChecked())
 
@@ -108,19 +112,35 @@ class InspectorPart(Part):
         self.workspace.window.actions_table["show_rois"].setChecked(self.layer.shown)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if "scene_stamp" in parts:
+        opened = "graph" in parts and isinstance(self.workspace.document.contents.graph_file, ForeignGraph)
+        if "scene_stamp" in parts or opened:
             self.panoramas.forget()
             self._follow()
 
     def _follow(self) -> None:
         """Has the panorama drawn while somebody can see it."""
-        there = self.workspace.document.contents.scene_stamp is not None
-        wanted = self.inspection.viewpoint is not None and there and self._seen
+        contents, id = self.workspace.document.contents, self.inspection.viewpoint
+        file = contents.graph_file if isinstance(contents.graph_file, ForeignGraph) else None
+        there = contents.scene_stamp is not None or (file is not None and file.pictured)
         x, y, z = (round(float(v), 4) for v in self.inspection.eye)
-        self.panoramas.want((x, y, z) if wanted else None)
-        self.panel.view.hint = "" if there else "No submap is trained yet, so there is nothing to see."
+        if id is None or not there or not self._seen:
+            self.panoramas.want(None)
+        else:
+            self.panoramas.want((x, y, z), None if file is None else partial(file.panorama, id))
+        self.panel.offer_channels(file is None)
+        lacking = "No pictures lie beside the file." if file else "No submap is trained yet: there is nothing to see."
+        self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
         self.workspace.scene.update()
+
+    def _walk(self, id: str) -> None:
+        """Stands at a neighbour, looking on."""
+        document = self.workspace.document
+        row = document.graph_arrays.index.get(id)
+        if row is not None:
+            way = document.graph_arrays.positions[row] - self.inspection.eye
+            document.select(viewpoint=id)
+            self.workspace.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
 
     def _go(self, direction: Direction) -> None:
         """Stands at the viewpoint that the direction leads to, looking on."""

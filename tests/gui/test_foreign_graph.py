@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import demo_room
+import numpy as np
 import pytest
-from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import QApplication
+from PySide6.QtCore import QPointF, QSettings, Qt
+from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
 from app.main import check_project
+from app.parts.foreign import ForeignPart
+from app.parts.inspector import InspectorPart
 from app.session import Session
+from app.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.journal import sidecar
@@ -98,3 +103,59 @@ def test_a_file_that_is_no_graph_is_a_notice(session: Session, tmp_path: Path, q
 def test_an_empty_folder_is_refused_at_the_door(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         check_project(tmp_path)
+
+
+def tab_bars(window: MainWindow) -> list[QTabBar]:
+    return window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly)
+
+
+def test_the_panels_of_the_editor_come_to_the_front_and_scans_can_be_chosen(
+    session: Session, folder: Path, qtbot: QtBot
+) -> None:
+    opened(session, folder, qtbot)
+    window = session.window
+    front = {"History", "Viewpoints and edges", "Validation", "Layers"}
+    qtbot.waitUntil(lambda: front <= {bar.tabText(bar.currentIndex()) for bar in tab_bars(window)}, timeout=20_000)
+    (part,) = (part for part in window.parts if isinstance(part, ForeignPart))
+    assert [part.scans.itemText(i) for i in range(part.scans.count())] == ["first", "second"]
+    part.scans.activated.emit(1)
+    qtbot.waitUntil(lambda: session.document.graph is not None and session.document.path.name[0] == "s", timeout=20_000)
+    assert part.scans.currentText() == "second"
+
+
+def test_the_inspector_shows_the_pictures_beside_the_file_and_leads_along_edges(
+    session: Session, folder: Path, qtbot: QtBot
+) -> None:
+    pictures = folder / "scans" / "first" / "matterport_skybox_images"
+    pictures.mkdir(parents=True)
+    graph = demo_room.graph(demo_room.submaps(demo_room.capture()))
+    id, other = (v for v, _ in zip(graph.viewpoints, range(2), strict=False))
+    strip = np.zeros((32, 192, 3), np.uint8)
+    strip[:] = (40, 120, 200)
+    cv2.imwrite(str(pictures / f"{id}_skybox_small.jpg"), strip)
+    opened(session, folder / "first_connectivity.json", qtbot)
+    document, panel = session.document, session.window.panels["inspector"]
+    document.select(viewpoint=id)
+    session.window.actions_table["inspect"].trigger()
+    (part,) = (part for part in session.window.parts if isinstance(part, InspectorPart))
+    qtbot.waitUntil(lambda: part.panoramas.current is not None, timeout=20_000)
+    assert np.abs(part.panoramas.current.pixels["rgb"][..., :3].astype(int) - (40, 120, 200)).max() < 8
+    assert [b.isEnabled() for b in panel.channels.buttons()] == [True, False, False]
+    qtbot.waitUntil(lambda: len(panel.view.neighbours._ids) > 0, timeout=20_000)
+    near = panel.view.neighbours._ids[0]
+    assert near in document.graph.neighbours(id)
+    assert panel.view.neighbours.under(QPointF(*panel.view.neighbours._pixels[0])) == near
+    panel.view.walked.emit(near)
+    assert document.selection.viewpoint == near
+    document.select(viewpoint=other)
+    qtbot.waitUntil(lambda: "no picture" in part.panoramas.trouble, timeout=20_000)
+
+
+def test_a_cloud_beside_the_file_can_be_shown(session: Session, folder: Path, qtbot: QtBot) -> None:
+    (folder / "cloud.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+        "0 0 1\n1 2 0\n"
+    )
+    opened(session, folder / "first_connectivity.json", qtbot)
+    (layer,) = (layer for layer in session.window.scene.overlays.layers if layer.name == "cloud")
+    assert not layer.missing and len(session.document.contents.scan_cloud.points) == 2

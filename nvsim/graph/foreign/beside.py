@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.occupancy.types import OccupancyMap
 
@@ -31,6 +32,15 @@ class Beside:
         from nvsim.occupancy.read import read_map
 
         return read_map(self.map)
+
+    def points(self) -> Cloud | None:
+        """The cloud, read. Raises InputError when it cannot be."""
+        if self.cloud is None:
+            return None
+        from nvsim.capture.findings import Findings
+        from nvsim.capture.pointcloud import read_cloud
+
+        return read_cloud(self.cloud, Findings())
 
 
 def look_beside(path: Path, scan: str) -> Beside:

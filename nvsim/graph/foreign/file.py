@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from nvsim import atomic
 from nvsim.errors import InputError
@@ -59,6 +63,17 @@ class ForeignFile:
     def beside(self) -> Beside:
         """Pictures, map and cloud near the file."""
         return look_beside(self.path, self.scan)
+
+    def panorama(self, id: str, width: int) -> NDArray[np.uint8] | None:
+        """(W / 2, W, 3) uint8, blue, green, red: what the pictures beside the file show around a viewpoint, north in
+        the middle and east to its right; None where there are none of it. Raises InputError when one cannot be read."""
+        from nvsim.graph.foreign.pictures import panorama
+
+        entry = next((e for e in self._document.entries if e.viewpoint.id == id), None)
+        pose = None if entry is None else entry.text("pose")
+        if not isinstance(pose, str):
+            return None
+        return panorama(self.beside, id, np.array(json.loads(pose), float).reshape(4, 4)[:3, :3], width)
 
     def context(
         self,

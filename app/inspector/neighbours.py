@@ -1,0 +1,67 @@
+"""Where the edges of a viewpoint lead, as marks in its panorama: the foot of each neighbour, to be gone to by a click.
+Knows no widgets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QColor, QPainter, QPen
+
+from app import colors
+from app.inspector.directions import short
+from app.inspector.sphere import angles
+from app.inspector.state import Inspection
+from app.primitives import chip
+
+_REACH = 12.0  # pixels
+_SIZE = (5.0, 13.0)  # least and most radius in pixels
+_NEAR = 16.0  # pixels of radius at one metre
+
+
+class NeighbourMarks:
+    """`hovered` is the id under the cursor."""
+
+    def __init__(self, inspection: Inspection) -> None:
+        self._inspection = inspection
+        self._pixels = np.zeros((0, 2))  # as last painted, of the marks that were in view
+        self._ids: list[str] = []
+        self.hovered: str | None = None
+
+    def under(self, point: QPointF) -> str | None:
+        """The neighbour whose mark is there."""
+        if not self._ids:
+            return None
+        distance = np.hypot(*(self._pixels - [point.x(), point.y()]).T)
+        nearest = int(np.argmin(distance))
+        return self._ids[nearest] if distance[nearest] <= _REACH else None
+
+    def paint(self, painter: QPainter, middle: float, scale: float, height: int, heading: float, width: int) -> None:
+        """A view `width` x `height` pixels with `scale` pixels per radian, `heading` and elevation `middle` in its
+        middle."""
+        eye, found = self._inspection.eye, self._inspection.neighbours
+        self._ids, places = [], []
+        for id, foot in found:
+            ((turn, elevation),) = angles(foot[None], eye, heading)
+            x, y = width / 2 + (turn - heading) * scale, height / 2 - (elevation - middle) * scale
+            if not (0 <= x <= width and 0 <= y <= height):
+                continue
+            self._ids.append(id)
+            places.append((x, y))
+            metres = math.dist(foot, eye)
+            radius = min(max(_NEAR / max(metres, 0.1), _SIZE[0]), _SIZE[1]) * (1.3 if id == self.hovered else 1.0)
+            painter.setPen(QPen(QColor("#20252b"), 3.6))
+            painter.setBrush(QColor(colors.NODE))
+            painter.drawEllipse(QPointF(x, y), radius, 0.5 * radius)
+            painter.setPen(QPen(QColor("#ffffff"), 1.4))
+            painter.drawEllipse(QPointF(x, y), radius, 0.5 * radius)
+            if id == self.hovered:
+                chip(
+                    painter,
+                    QPointF(x + 14, y + 5),
+                    f"{short(id)}, {metres:.1f} m",
+                    QColor("#e8edf2"),
+                    QColor("#20252b"),
+                )
+        self._pixels = np.array(places).reshape(-1, 2)

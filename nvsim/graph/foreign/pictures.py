@@ -1,0 +1,137 @@
+"""The pictures beside a connectivity file, as one panorama of a viewpoint.
+
+Skyboxes have six faces of 90 degrees in the frame of the viewpoint's pose (Matterport3DSimulator, `_skybox_small.jpg`
+as a strip, `_skybox0_sami.jpg` to `_skybox5_sami.jpg` one by one); of 36 discretised views, number k looks along
+heading 30 (k mod 12) degrees of the world, 30 degrees down, level or up, with 60 degrees from top to bottom.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.graph.foreign.beside import Beside
+
+FACES = np.array(
+    [
+        [[-1, 0, 0], [0, 0, -1], [0, -1, 0]],
+        [[-1, 0, 0], [0, 1, 0], [0, 0, -1]],
+        [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+        [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
+    ],
+    np.float64,
+)
+"""(6, 3, 3) right, down and forward of each face, where x of the pose is right, y down and z forward."""
+
+
+@dataclass(frozen=True)
+class _View:
+    """image (H, W, 3) uint8; axes (3, 3) right, down and forward in the world; focal in pixels"""
+
+    image: NDArray[np.uint8]
+    axes: NDArray[np.float64]
+    focal: float
+
+
+def panorama(beside: Beside, id: str, rotation: NDArray[np.float64], width: int) -> NDArray[np.uint8] | None:
+    """(W / 2, W, 3) uint8, blue, green, red: north (+y) in the middle, east to its right, up at the top; None where
+    there is no picture of the viewpoint. Black where no view looks. `rotation` (3, 3) is that of the viewpoint's pose.
+
+    Raises InputError when a picture cannot be read.
+    """
+    views = _views(beside, id, rotation)
+    return _around(views, width) if views else None
+
+
+def _views(beside: Beside, id: str, rotation: NDArray[np.float64]) -> list[_View]:
+    folder = beside.pictures
+    if folder is None or not id:
+        return []
+    strip = folder / f"{id}_skybox_small.jpg"
+    faces = [folder / f"{id}_skybox{k}_sami.jpg" for k in range(6)]
+    if strip.is_file():
+        pixels = _read(strip)
+        side = pixels.shape[0]
+        if pixels.shape[1] != 6 * side:
+            size = f"{pixels.shape[1]} x {side}"
+            raise InputError(f"{strip} is {size} pixels; a skybox has six square faces side by side.")
+        images = [np.ascontiguousarray(pixels[:, k * side : (k + 1) * side]) for k in range(6)]
+    elif faces[0].is_file():
+        images = [_read(face) for face in faces]
+    else:
+        return _thirty_six(folder / id)
+    axes = FACES @ rotation.T
+    return [_View(image, axes[k], image.shape[1] / 2) for k, image in enumerate(images)]
+
+
+def _thirty_six(folder: Path) -> list[_View]:
+    views = []
+    for k in range(36):
+        path = folder / f"{k}.jpg"
+        if not path.is_file():
+            continue
+        heading, elevation = math.radians(30 * (k % 12)), math.radians(30 * (k // 12 - 1))
+        right = np.array([math.cos(heading), -math.sin(heading), 0.0])
+        level = np.array([math.sin(heading), math.cos(heading), 0.0])
+        forward = math.cos(elevation) * level + np.array([0.0, 0.0, math.sin(elevation)])
+        image = _read(path)
+        axes = np.stack([right, np.cross(forward, right), forward])
+        views.append(_View(image, axes, image.shape[0] / 2 / math.tan(math.radians(30))))
+    return views
+
+
+def _read(path: Path) -> NDArray[np.uint8]:
+    import cv2
+
+    try:
+        data = np.frombuffer(path.read_bytes(), np.uint8)
+        image: Any = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    except (OSError, cv2.error) as error:
+        raise InputError(f"Cannot read {path}: {error}.") from error
+    if image is None:
+        raise InputError(f"{path} is no picture that can be read; write it again as JPEG.")
+    return np.asarray(image, np.uint8)
+
+
+def _around(views: list[_View], width: int) -> NDArray[np.uint8]:
+    """Each pixel from the view whose axis is nearest to its ray."""
+    import cv2
+
+    height = width // 2
+    heading = (np.arange(width) + 0.5) / width * 2 * math.pi - math.pi
+    elevation = math.pi / 2 - (np.arange(height) + 0.5) / height * math.pi
+    flat = np.cos(elevation)[:, None]
+    up = np.broadcast_to(np.sin(elevation)[:, None], (height, width))
+    rays = np.stack([np.sin(heading) * flat, np.cos(heading) * flat, up], axis=-1).astype(np.float32)
+    result = np.zeros((height, width, 3), np.uint8)
+    best = np.full((height, width), 1e-3, np.float32)
+    owner = np.full((height, width), -1, np.int8)
+    for k, view in enumerate(views):
+        ahead = rays @ view.axes[2].astype(np.float32)
+        nearer = ahead > best
+        best[nearer], owner[nearer] = ahead[nearer], k
+    for k, view in enumerate(views):
+        rows, columns = np.nonzero(owner == k)
+        if not len(rows):
+            continue
+        seen = rays[rows, columns] @ view.axes.T.astype(np.float32)
+        lines, across = view.image.shape[:2]
+        u = view.focal * seen[:, 0] / seen[:, 2] + across / 2 - 0.5
+        v = view.focal * seen[:, 1] / seen[:, 2] + lines / 2 - 0.5
+        inside = (u > -1) & (u < across) & (v > -1) & (v < lines)
+        rows, columns = rows[inside], columns[inside]
+        # OpenCV takes maps of fewer than 32768 lines: they are laid out as a rectangle.
+        count = len(rows)
+        lot = math.ceil(count / 16384) * 16384
+        u, v = (np.resize(part[inside], lot).reshape(-1, 16384) for part in (u, v))
+        taken = cv2.remap(view.image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        result[rows, columns] = taken.reshape(-1, 3)[:count]
+    return result
