@@ -58,6 +58,8 @@ def sentence(evidence: Evidence) -> str:
         return "too far from the trajectory"
     if decision == "limit":
         return "the search had reached its limit of viewpoints"
+    if decision == "return":
+        return "the way there is free, the way back is not"
     if decision == "merge":
         return f"the way to the viewpoint {evidence.joins[:6] or 'nearby'} is not clear"
     return decision or "not decided"

@@ -6,8 +6,8 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QMouseEvent
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtGui import QColor, QMouseEvent, QPainter
+from PySide6.QtWidgets import QStyleOptionGraphicsItem, QVBoxLayout, QWidget
 
 from app import colors
 from app.cameras import ViewPose
@@ -15,6 +15,7 @@ from app.document import Document
 from app.loading import PARTS
 from app.map_camera import CameraMarker
 from app.map_graph import GraphItem
+from app.panels.hint import Hint
 from app.theme import is_dark
 from nvsim.occupancy.types import FREE, OCCUPIED
 
@@ -53,9 +54,10 @@ class MapView(QWidget):
         self._walks: dict[int, pg.PlotCurveItem] = {}  # submap -> its part of the trajectory
         for item in (self._occupancy, self.graph, self._picked, self.camera):
             self.plot.addItem(item)
-        self._scale = pg.ScaleBar(size=5, width=4, suffix="m")
+        self._scale = _Scale(size=5, width=4, suffix="m")
         self._scale.setParentItem(self.plot.getViewBox())
-        self._scale.anchor((1, 1), (1, 1), offset=(-16, -14))
+        self._scale.anchor((1, 1), (1, 1), offset=(-10, -8))
+        self.hint = Hint(self.plot, self._missing)
         self.camera.hide()
         self._scale.hide()
         self.camera.dragged.connect(self.cameraDragged)
@@ -164,6 +166,10 @@ class MapView(QWidget):
             self._framed = True
             self._scale.show()
             self.frame_everything()
+        self.hint.refresh()
+
+    def _missing(self) -> str:
+        return "" if len(self._document.extent) else "The walk and the graph appear here from above."
 
     def _draw_occupancy(self) -> None:
         occupancy = self._document.contents.occupancy
@@ -237,8 +243,32 @@ class MapView(QWidget):
         self._scale.text.setColor(ink)
         self._scale.bar.setBrush(pg.mkBrush(ink))
         self._scale.bar.setPen(pg.mkPen(None))
+        self._scale.ground = QColor(*tones["unknown"], 215)
         if self._document.contents.occupancy is not None:
             self._draw_occupancy()
+
+
+class _Scale(pg.ScaleBar):
+    """On a ground of its own, so that it is read over walls and lines too."""
+
+    def __init__(self, size: float, width: float, suffix: str) -> None:
+        super().__init__(size=size, width=width, suffix=suffix)
+        self.ground = QColor()
+        self.setFlag(self.GraphicsItemFlag.ItemHasNoContents, False)
+
+    def updateBar(self) -> None:
+        self.prepareGeometryChange()
+        super().updateBar()
+
+    def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:
+        around = self.bar.mapRectToParent(self.bar.rect()) | self.text.mapRectToParent(self.text.boundingRect())
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(self.ground)
+        painter.drawRoundedRect(around.adjusted(-7, -1, 7, 6), 4, 4)
+
+    def boundingRect(self) -> QRectF:
+        return self.childrenBoundingRect().adjusted(-8, -2, 8, 7)
 
 
 def _nearest(positions: np.ndarray, place: QPointF, reach: float) -> int | None:

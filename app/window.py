@@ -133,7 +133,8 @@ class MainWindow(QMainWindow):
         for row in (r for r in self._rows if not r.tab):
             docks[row.name].raise_()
         self.resizeDocks([docks["submaps"], docks["map"]], [330, 380], Qt.Orientation.Horizontal)
-        self.resizeDocks([docks["map"], docks["details"]], [400, 420], Qt.Orientation.Vertical)
+        self.resizeDocks([docks["map"], docks["details"]], [380, 440], Qt.Orientation.Vertical)
+        self.resizeDocks([docks["submaps"], docks["frames"]], [250, 350], Qt.Orientation.Vertical)
         self.resizeDocks([docks["jobs"]], [215], Qt.Orientation.Vertical)
 
     def _connect(self) -> None:
@@ -203,6 +204,11 @@ class MainWindow(QMainWindow):
             return True
         self.notices.error(f"Cannot write {path}; choose a writable folder and a name ending in .png.")
         return False
+
+    @property
+    def dock_titles(self) -> dict[str, str]:
+        """Name -> title of every panel."""
+        return {row.name: row.title for row in self._rows}
 
     def show_dock(self, name: str) -> None:
         """Brings a panel to the front. Raises KeyError when there is none of that name."""

@@ -145,7 +145,7 @@ def _field(hint: Any, path: str, flag: str, name: str, section: str, default: An
 
 
 def _title(name: str) -> str:
-    words = " ".join(word.upper() if word in _SHORT else word for word in name.split("_"))
+    words = " ".join(word.upper() if word in _SHORT else word for word in name.removesuffix("_gb").split("_"))
     return words[:1].upper() + words[1:]
 
 

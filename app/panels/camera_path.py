@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.cameras import ViewPose, heading_degrees
+from app.panels.hint import Hint
 
 
 class CameraPathPanel(QWidget):
@@ -40,6 +41,7 @@ class CameraPathPanel(QWidget):
         self.picture.setToolTip("Draw what the view sees in this size and save it")
         self.keys = QListWidget()
         self.keys.setToolTip("Double-click to go there")
+        self.hint = Hint(self.keys, self._missing).follow(self.keys)
         self.add, self.remove = QPushButton("Add view"), QPushButton("Remove")
         self.add.setToolTip("Make the present view the next key pose")
         self.play = QPushButton("Play")
@@ -66,6 +68,11 @@ class CameraPathPanel(QWidget):
     def size_wanted(self) -> tuple[int, int]:
         """Pixels, width and height."""
         return self.width_box.value(), self.height_box.value()
+
+    def _missing(self) -> str:
+        return (
+            "" if self.keys.count() else "Add views here: the camera flies from one to the next, and a video shows it."
+        )
 
     def show_keys(self, poses: list[ViewPose]) -> None:
         """Lists the key poses."""

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QRect, QSize, Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QHeaderView, QTreeWidget, QTreeWidgetItem, QWidget
+from PySide6.QtWidgets import (
+    QHeaderView,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QWidget,
+)
 
 from app import colors
 from app.jobs.check import CheckResult
@@ -13,6 +21,20 @@ _WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good t
 _MOST_PLACES = 200
 
 
+class _Wrapped(QStyledItemDelegate):
+    """Rows as high as their words need in the width of their column; the tree view's own guess is one line."""
+
+    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
+        tree = self.parent()
+        assert isinstance(tree, QTreeWidget)
+        depth = 2 if index.parent().isValid() else 1
+        indent = depth * tree.indentation() if index.column() == 0 else 0
+        width = max(40, tree.columnWidth(index.column()) - indent - 8)
+        box = QRect(0, 0, width, 10_000)
+        words = option.fontMetrics.boundingRect(box, Qt.TextFlag.TextWordWrap, str(index.data() or " "))
+        return QSize(width, words.height() + 7)
+
+
 class FindingTree(QTreeWidget):
     """One row for each kind of finding."""
 
@@ -20,8 +42,10 @@ class FindingTree(QTreeWidget):
         super().__init__(parent)
         self.setHeaderLabels(["What", "Where", "What it causes"])
         self.header().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
-        for column, width in enumerate((280, 170, 240)):
+        for column, width in enumerate((300, 150, 240)):
             self.header().resizeSection(column, width)
+        self.header().sectionResized.connect(self.scheduleDelayedItemsLayout)
+        self.setItemDelegate(_Wrapped(self))
         self.setWordWrap(True)
         self.setAlternatingRowColors(True)
 

@@ -6,7 +6,7 @@ import math
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QLineEdit, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from app import colors
 from app.document import Document
@@ -57,6 +57,21 @@ class DirectionRose(QWidget):
         for text, x, y in (("N", 0, -1), ("E", 1, 0), ("S", 0, 1), ("W", -1, 0)):
             box = QRectF(x * (radius + 9) - 10, y * (radius + 9) - 9, 20, 18)
             painter.drawText(box, Qt.AlignmentFlag.AlignCenter, text)
+
+
+class _Value(QLineEdit):
+    """A value to be selected and copied whole, also where it is longer than its place."""
+
+    def __init__(self, value: str) -> None:
+        super().__init__(value)
+        self.setReadOnly(True)
+        self.setFrame(False)
+        self.setTextMargins(-2, 0, 0, 0)
+        self.setToolTip(value)
+        self.setCursorPosition(0)
+        palette = self.palette()
+        palette.setColor(palette.ColorRole.Base, Qt.GlobalColor.transparent)
+        self.setPalette(palette)
 
 
 class DetailsPanel(QScrollArea):
@@ -157,11 +172,8 @@ class DetailsPanel(QScrollArea):
             widget.hide()
             widget.deleteLater()
         for row, (name, value) in enumerate(facts.items()):
-            label, text = QLabel(name), QLabel(value)
+            label, text = QLabel(name), _Value(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
-            text.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            text.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-            text.setToolTip(value)
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)
         self.rose.show_findings(found)

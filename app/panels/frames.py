@@ -24,6 +24,7 @@ from app.frames.model import COVERAGES, FrameFilter, FrameModel
 from app.frames.state import FrameState
 from app.frames.thumbnails import Thumbnails
 from app.icons import swatch
+from app.panels.hint import Hint
 
 
 class _List(QListView):
@@ -85,6 +86,7 @@ class FramePanel(QWidget):
         self.list = _List(self)
         self.list.setModel(self.filter)
         self.list.setItemDelegate(FrameDelegate(self.list))
+        self.hint = Hint(self.list, self._missing).follow(self.list)
         self.list.selectionModel().currentChanged.connect(self._on_current)
         self.list.chosen.connect(lambda index: self.opened.emit(self.filter.mapToSource(index).row()))
         # A filter that hides the selected row makes another one current; that is not the person's choice.
@@ -113,6 +115,12 @@ class FramePanel(QWidget):
         layout.addWidget(self.list, 1)
         self._on_contents(frozenset({"submaps"}))
         self._say_count()
+
+    def _missing(self) -> str:
+        if self.filter.rowCount():
+            return ""
+        all_frames = self.model.rowCount()
+        return "No frame is like that." if all_frames else "The frames of the walk appear here, with their floor."
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "submaps" not in parts:

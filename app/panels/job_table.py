@@ -17,9 +17,9 @@ from nvsim.project.jobs import JobRecord
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
-COLUMNS = ("Job", "State", "Progress", "Time left", "Note", "Rate", "Took", "Started")
-STATE, PROGRESS, NOTE = 1, 2, 4
-_RIGHT = (3, 5, 6)
+COLUMNS = ("Job", "State", "Progress", "Time left", "Rate", "Took", "Started", "Note")
+STATE, PROGRESS, NOTE = 1, 2, 7
+_RIGHT = (3, 4, 5)
 _STATE_TEXTS = {
     "running": colors.RUNNING_TEXT,
     "done": colors.OPEN_TEXT,
@@ -165,10 +165,10 @@ class JobModel(QAbstractTableModel):
             row.state,
             f"{100 * row.share:.0f} %",
             "" if row.left is None else duration(row.left),
-            row.note,
             "" if row.rate is None else f"{row.rate:.1f} /s",
             "–" if row.took is None else duration(row.took),
             clock(row.started),
+            row.note,
         )[column]
 
 

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSplitter, QTabW
 from app.document import Document
 from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle, JobQueue
+from app.panels.hint import Hint
 from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
 from app.panels.job_preview import JobPreview
@@ -85,6 +86,7 @@ class JobPanel(QWidget):
         self.offer = Offer(self.queue, self)
         self.table = table(self.model, self)
         self._shape_table()
+        self.hint = Hint(self.table, self._missing).follow(self.table)
         self.plots, self.preview, self.log = JobPlots(self), JobPreview(self), JobLog(self)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
@@ -117,11 +119,14 @@ class JobPanel(QWidget):
         self.queue.found.connect(self.offer.show_jobs)
         self._keep_choice()
 
+    def _missing(self) -> str:
+        return "" if self.model.rowCount() else "Jobs and how far they are appear here.\nThe Jobs menu starts them."
+
     def _shape_table(self) -> None:
         self.table.setItemDelegateForColumn(PROGRESS, ProgressBar(self.table))
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(header.ResizeMode.Interactive)
-        for column, width in enumerate((130, 78, 90, 78, 190, 62, 84, 60)):
+        for column, width in enumerate((118, 72, 78, 70, 54, 84, 52, 40)):
             header.resizeSection(column, width)
         header.setStretchLastSection(True)
         self.table.setTextElideMode(Qt.TextElideMode.ElideRight)

@@ -82,7 +82,7 @@ class ResultPanel(QWidget):
         self.results: list[Result] = []
         self.list = QListWidget(self)
         self.list.setFrameShape(QListWidget.Shape.NoFrame)
-        self.list.setSpacing(2)
+        self.list.setSpacing(4)
         self.list.currentRowChanged.connect(self._on_result)
         self.tables = QComboBox(self)
         self.tables.currentIndexChanged.connect(self._on_table)
@@ -104,6 +104,11 @@ class ResultPanel(QWidget):
         self.plot.hideButtons()
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
+        self.no_plot = QLabel("This table is one column of figures: there is nothing to plot.", self)
+        self.no_plot.setWordWrap(True)
+        self.no_plot.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.no_plot.setForegroundRole(self.no_plot.palette().ColorRole.PlaceholderText)
+        self.no_plot.setContentsMargins(12, 0, 12, 0)
         self.empty = QLabel("Jobs > Evaluate fills this panel.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(12, 8, 12, 8)
@@ -130,6 +135,7 @@ class ResultPanel(QWidget):
         beside.setSpacing(0)
         beside.addLayout(above)
         beside.addWidget(self.plot, 1)
+        beside.addWidget(self.no_plot, 1)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
             self.splitter.addWidget(widget)
@@ -198,8 +204,9 @@ class ResultPanel(QWidget):
         plotted, chosen = self.table.plotted, self.columns.currentIndex()
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
-            widget.setEnabled(shown)
+            widget.setVisible(shown)
         self.plot.setVisible(shown)
+        self.no_plot.setVisible(not shown)
         if not shown:
             return
         values = np.array(self.table.numbers(plotted[chosen]))

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxL
 from app import colors
 from app.document import Document
 from app.icons import swatch
+from app.panels.hint import Hint
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
@@ -81,12 +82,21 @@ class SubmapPanel(QWidget):
         self._document = document
         self.model = SubmapModel(document, self)
         self.table = table(self.model, self)
+        header = self.table.horizontalHeader()
+        header.setStretchLastSection(False)  # it would keep the width of a wider panel
+        header.setSectionResizeMode(len(_COLUMNS) - 1, header.ResizeMode.Stretch)
+        self.hint = Hint(self.table, self._missing).follow(self.table)
         self.table.selectionModel().selectionChanged.connect(self._on_selected)
         self.model.modelReset.connect(self._show_selection)
         document.selectionChanged.connect(self._show_selection)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.table)
+
+    def _missing(self) -> str:
+        return (
+            "" if self.model.rowCount() else "The submaps of the walk appear here.\nJobs > Cut into submaps makes them."
+        )
 
     def _on_selected(self) -> None:
         rows = self.table.selectionModel().selectedRows()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import count
 from pathlib import Path
 
@@ -11,9 +11,11 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QImage, QPainter
 from PySide6.QtWidgets import QFileDialog
 
+from app.actions import Action
 from app.cameras import ViewPose
 from app.panels.camera_path import CameraPathPanel
 from app.parts.part import Dock, Part, Workspace
+from app.reasons import with_positions, with_scene
 from app.render_child import Picture, Request
 from nvsim.errors import InputError
 from nvsim.geometry.camera_path import CameraPath, KeyPose, write_camera_path
@@ -23,6 +25,35 @@ _TICK = 15  # milliseconds
 
 
 class CameraPathPart(Part):
+    ACTIONS = (
+        Action(
+            "add_key",
+            "&Add view to the camera path",
+            "Make the present view the next key pose of the path in the Pictures panel",
+            "&Camera",
+            3,
+            "Ctrl+Shift+V",
+            enabled=with_positions,
+        ),
+        Action("play_path", "&Play the camera path", "Fly along the key poses", "&Camera", 3, enabled=with_positions),
+        Action(
+            "draw_video",
+            "Draw a v&ideo…",
+            "Draw the camera path as PNG frames and an MP4, as a job",
+            "&Camera",
+            3,
+            enabled=with_scene,
+        ),
+        Action(
+            "save_sized",
+            "&Save a picture of any size…",
+            "Draw what the view sees in the size that the Pictures panel says",
+            "&Camera",
+            3,
+            enabled=with_positions,
+        ),
+    )
+
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self.poses: list[ViewPose] = []
@@ -43,6 +74,29 @@ class CameraPathPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("camera_path", "Pictures", self.panel, "left", tab="submaps"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "add_key": self.add,
+            "play_path": self._play_command,
+            "draw_video": self._video_command,
+            "save_sized": self._choose_picture,
+        }
+
+    def _has_path(self) -> bool:
+        """Whether there is a path to follow; where not, the panel and a notice say what to do."""
+        if len(self.poses) < 2:
+            self.workspace.window.show_dock("camera_path")
+            self.workspace.notices.info("A camera path needs two views: go there and choose Add view.")
+        return len(self.poses) >= 2
+
+    def _play_command(self) -> None:
+        if self._has_path():
+            self.panel.play.setChecked(not self.panel.play.isChecked())
+
+    def _video_command(self) -> None:
+        if self._has_path():
+            self._choose_video()
 
     # Key poses ---------------------------------------------------------------------------------------------------
 

@@ -32,6 +32,9 @@ _SHORT = {
     "leave_frame": "‹ 3D view",
     "mask_brush": "Brush",
     "mask_points": "Points",
+    "mask_undo": "Undo",
+    "mask_redo": "Redo",
+    "mask_revert": "Revert",
     "mask_candidate": "Hybrid",
 }
 """What the buttons on the page say."""
@@ -84,11 +87,20 @@ class FramePart(Part):
             check="off",
             enabled=with_masks,
         ),
-        Action("mask_undo", "Undo", "Take back the last change of the mask (Ctrl+Z)", _MENU, 3, enabled=with_masks),
-        Action("mask_redo", "Redo", "Do the change of the mask again (Ctrl+Y)", _MENU, 3, enabled=with_masks),
+        Action(
+            "mask_undo",
+            "&Undo correction",
+            "Take back the last change of the mask (Ctrl+Z)",
+            _MENU,
+            3,
+            enabled=with_masks,
+        ),
+        Action(
+            "mask_redo", "Re&do correction", "Do the change of the mask again (Ctrl+Y)", _MENU, 3, enabled=with_masks
+        ),
         Action(
             "mask_revert",
-            "Re&vert",
+            "Re&vert mask",
             "Go back to the mask that the machine found",
             _MENU,
             3,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from PySide6.QtCore import QSettings
 
@@ -47,8 +48,16 @@ class PalettePart(Part):
         document = self.workspace.document
         own = [e for e in commands(self.workspace.window.actions_table, document) if e.title != "Command palette"]
         return [
-            *fitting(own, typed, self._recent),
+            *fitting([*own, *self._panels()], typed, self._recent),
             *places(document, typed, self._go_to_viewpoint, self._go_to_frame),
+        ]
+
+    def _panels(self) -> list[Entry]:
+        """Every panel, to be brought to the front."""
+        window = self.workspace.window
+        return [
+            Entry(f"Show panel {title}", "Window", "", "", partial(window.show_dock, name))
+            for name, title in window.dock_titles.items()
         ]
 
     def _go_to_viewpoint(self, id: str) -> None:

@@ -54,6 +54,8 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
     monkeypatch.setattr("app.parts.files.QFileDialog.getExistingDirectory", lambda *a: "")
     monkeypatch.setattr("app.parts.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
     monkeypatch.setattr("app.parts.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.parts.camera_path.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.parts.camera_path.QFileDialog.getExistingDirectory", lambda *a: "")
     monkeypatch.setattr("app.parts.new_project.QFileDialog.getSaveFileName", lambda *a: ("", ""))
     monkeypatch.setattr(window.jobs, "start", lambda *a: ordered.append(a[0]) or window)
     ordered: list[str] = []

@@ -1,0 +1,49 @@
+"""Words in the middle of a list or a plot that has nothing to show yet: what would stand there, and what brings it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtWidgets import QAbstractItemView, QAbstractScrollArea, QLabel
+
+_MARGIN = 14  # pixels
+
+
+class Hint(QLabel):
+    """Lies over the viewport of `area` and lets the mouse through.
+
+    words  what to say now, "" where there is something to see
+    """
+
+    def __init__(self, area: QAbstractScrollArea, words: Callable[[], str]) -> None:
+        super().__init__(area.viewport())
+        self._words = words
+        self.setObjectName("hint")
+        self.setWordWrap(True)
+        self.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.setForegroundRole(self.palette().ColorRole.PlaceholderText)
+        self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        area.viewport().installEventFilter(self)
+        self.refresh()
+
+    def follow(self, view: QAbstractItemView) -> Hint:
+        """Looks again whenever the rows of `view` change."""
+        model = view.model()
+        for changed in (model.modelReset, model.rowsInserted, model.rowsRemoved, model.layoutChanged):
+            changed.connect(self.refresh)
+        return self
+
+    def refresh(self) -> None:
+        words = self._words()
+        self.setText(words)
+        self.setVisible(bool(words))
+        self._fit()
+
+    def _fit(self) -> None:
+        self.setGeometry(self.parentWidget().rect().adjusted(_MARGIN, 4, -_MARGIN, -4))
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize:
+            self._fit()
+        return super().eventFilter(watched, event)
