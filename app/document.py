@@ -15,6 +15,7 @@ from app.graph_arrays import GraphArrays, TrajectoryArrays
 from app.graph_changes import GraphChanges
 from app.jobs.queue import JobQueue
 from app.loading import PARTS, Contents
+from app.storeys import Storeys
 from app.view_states import ViewStates
 from nvsim.graph.difference import Difference
 from nvsim.graph.selection import GraphSelection
@@ -53,6 +54,7 @@ class Document(QObject):
         self.views: ViewStates | None = None  # to go back to, where a window shows it
         self.graph_arrays = GraphArrays()
         self.graph_changes = GraphChanges()
+        self.storeys = Storeys(self)
         self.trajectory = TrajectoryArrays()
         self.editing = Editing(self)
         self._following = False  # the editing's selection follows ours, or ours follows it
@@ -81,6 +83,11 @@ class Document(QObject):
         return self.editing.graph
 
     @property
+    def shown_arrays(self) -> GraphArrays:
+        """Of the storey that is shown; `graph_arrays` itself where all are. What views draw and the mouse meets."""
+        return self.storeys.shown(self.graph_arrays)
+
+    @property
     def selection(self) -> Selection:
         """The one thing of which details are shown. Several viewpoints or edges are selected in `editing.selection`."""
         return self._selection
@@ -101,6 +108,7 @@ class Document(QObject):
             self._following = False
             self.graph_arrays = GraphArrays.of(self.graph)
             self.graph_changes.forget()
+            self.storeys.look(self.graph_arrays, anew=before.path != contents.path)
         if changed & {"graph", "occupancy", "capture"}:
             self.editing.set_thresholds(contents.thresholds)
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
@@ -119,6 +127,7 @@ class Document(QObject):
         wanted = Selection(viewpoint, frame, submap)
         if wanted != self._selection and self._holds(wanted):
             self._selection = wanted
+            self.storeys.follow(self.graph_arrays, frozenset({wanted.viewpoint} if wanted.viewpoint else ()))
             self._lead_editing()
             self.selectionChanged.emit()
         elif wanted == self._selection and self.editing.selection:
@@ -139,6 +148,7 @@ class Document(QObject):
         if self._following:
             return
         chosen = self.editing.selection
+        self.storeys.follow(self.graph_arrays, chosen.viewpoints.union(*chosen.edges))
         one = next(iter(chosen.viewpoints)) if len(chosen.viewpoints) == 1 and not chosen.edges else None
         if one is not None or chosen.viewpoints or chosen.edges or self._selection.viewpoint is not None:
             self._selection = Selection(viewpoint=one if one in self.graph_arrays.index else None)
@@ -148,6 +158,8 @@ class Document(QObject):
         graph, before = self.graph, self.graph_arrays
         self.graph_arrays = GraphArrays() if graph is None else before.updated(graph, change)
         self.graph_changes.note(before, self.graph_arrays, change)
+        if change.added_viewpoints or change.removed_viewpoints or change.changed_viewpoints:
+            self.storeys.look(self.graph_arrays)
         if not self._holds(self._selection):
             self._selection = Selection()
         self.graphChanged.emit(change)

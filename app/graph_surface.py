@@ -73,27 +73,30 @@ class _Surface:
         raise TypeError("a surface says how it projects")
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
-        arrays = self._document.graph_arrays
+        arrays = self._document.shown_arrays
         if not arrays.ids:
             return None
         row = nearest_point(*self.project(arrays.feet), (point.x(), point.y()), VIEWPOINT_REACH)
         return None if row is None else arrays.ids[row]
 
     def pick_edge(self, point: QPointF) -> tuple[str, str] | None:
-        arrays = self._document.graph_arrays
+        arrays = self._document.shown_arrays
         ends = arrays.feet[arrays.edges]
         lines, index, depth = self.segments(ends[:, 0], ends[:, 1])
         row = nearest_segment(lines, depth, (point.x(), point.y()), EDGE_REACH)
         return None if row is None else arrays.edge_key(int(index[row]))
 
     def pick_frame(self, point: QPointF) -> int | None:
-        walk = walk_on_floor(self._document)
+        walk, storey = walk_on_floor(self._document), self._document.storeys.storey
         if not len(walk):
             return None
-        return nearest_point(*self.project(walk), (point.x(), point.y()), FRAME_REACH)
+        pixels, depths = self.project(walk)
+        if storey is not None:
+            depths = np.where(storey.holds(walk[:, 2]), depths, 0.0)
+        return nearest_point(pixels, depths, (point.x(), point.y()), FRAME_REACH)
 
     def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:
-        arrays = self._document.graph_arrays
+        arrays = self._document.shown_arrays
         if not arrays.ids or len(polygon) < 3:
             return frozenset()
         pixels, depths = self.project(arrays.feet)
@@ -186,7 +189,7 @@ def floor_height(
     below   only floors under this height count, as long as there are any: the storey the eye is in
     near    floors that differ much from this height are far away: the same storey
     """
-    feet = document.graph_arrays.feet
+    feet = document.shown_arrays.feet
     if not len(feet):
         feet = walk_on_floor(document)
     if not len(feet):

@@ -58,7 +58,7 @@ class GraphItem(pg.GraphicsObject):
         return self._bounds
 
     def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:
-        arrays = self._document.graph_arrays
+        arrays = self._document.shown_arrays
         if not arrays.ids or widget is None:
             return
         origin, axes = self._transform(painter)

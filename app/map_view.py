@@ -91,8 +91,8 @@ class MapView(QWidget):
     def _under(self, point: QPointF) -> str | None:
         x, y = self.to_world(point)
         reach = PICK_PIXELS * self.plot.getViewBox().viewPixelSize()[0]
-        row = _nearest(self._document.graph_arrays.positions, QPointF(x, y), reach)
-        return None if row is None else self._document.graph_arrays.ids[row]
+        row = _nearest(self._document.shown_arrays.positions, QPointF(x, y), reach)
+        return None if row is None else self._document.shown_arrays.ids[row]
 
     def show_pose(self, pose: ViewPose) -> None:
         """Moves the camera marker."""
@@ -225,9 +225,9 @@ class MapView(QWidget):
             self.cameraPlaced.emit(place.x(), place.y())
             return
         reach = PICK_PIXELS * self.plot.getViewBox().viewPixelSize()[0]
-        row = _nearest(self._document.graph_arrays.positions, place, reach)
+        row = _nearest(self._document.shown_arrays.positions, place, reach)
         if row is not None:
-            self._document.select(viewpoint=self._document.graph_arrays.ids[row])
+            self._document.select(viewpoint=self._document.shown_arrays.ids[row])
             return
         self._document.select(frame=_nearest(self._document.trajectory.positions, place, reach))
 

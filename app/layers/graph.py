@@ -100,13 +100,13 @@ class GraphLayer(Layer):
 
     def seen(self, camera: Camera) -> Seen:
         """Where the viewpoints are for `camera`; kept for the next who asks with the same."""
-        arrays = self._document.graph_arrays
+        arrays = self._document.shown_arrays
         if self._latest is None or self._latest.camera is not camera or self._latest.arrays is not arrays:
             self._latest = Seen.of(camera, arrays)
         return self._latest
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        arrays = self._document.graph_arrays
+        arrays = self._document.shown_arrays
         if not arrays.ids:
             return
         view = self.seen(camera)

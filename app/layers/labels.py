@@ -30,7 +30,7 @@ class LabelLayer(Layer):
         return self._graph.missing
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        arrays = self._document.graph_arrays
+        arrays = self._document.shown_arrays
         if not arrays.ids or not self._graph.shown:
             return
         view = self._graph.seen(camera)

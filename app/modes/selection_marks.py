@@ -22,7 +22,7 @@ class SelectionMarks:
         self._disc = disc(colors.SELECTED, "#3a2c05", 16)
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
-        chosen, arrays = self._document.editing.selection, self._document.graph_arrays
+        chosen, arrays = self._document.editing.selection, self._document.shown_arrays
         if chosen.edges:
             ends = arrays.feet[arrays.edges[arrays.edge_rows(chosen.edges)]]
             lines, _, _ = surface.segments(ends[:, 0], ends[:, 1])

@@ -18,6 +18,7 @@ from nvsim.graph.selection import GraphSelection
 QUANTITIES: dict[str, tuple[str, Kind]] = {
     "Degree of viewpoints": ("degree", "viewpoints"),
     "Component of viewpoints": ("component", "viewpoints"),
+    "Storey of viewpoints": ("storey", "viewpoints"),
     "Height above the floor": ("height", "viewpoints"),
     "Evidence of viewpoints": ("evidence", "viewpoints"),
     "Validity of viewpoints on the map": ("validity", "viewpoints"),

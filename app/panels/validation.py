@@ -120,6 +120,7 @@ class ValidationPanel(QWidget):
         top.addWidget(self.ignored)
         top.addStretch(1)
         self.table = table(self.model, self)
+        self.table.setWordWrap(False)  # else a line ends at the last whole word
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)

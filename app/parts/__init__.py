@@ -27,6 +27,7 @@ from app.parts.part import Part
 from app.parts.proposing import ProposePart
 from app.parts.results import ResultPart
 from app.parts.selecting import SelectPart
+from app.parts.storeys import StoreyPart
 from app.parts.thresholds import ThresholdPart
 from app.parts.view import ViewPart
 from app.parts.views import ViewsPart
@@ -51,6 +52,7 @@ PARTS: tuple[type[Part], ...] = (
     EditPart,
     ContextPart,
     SelectPart,
+    StoreyPart,
     CheckPart,
     ComparePart,
     ExportPart,

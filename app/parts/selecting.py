@@ -52,9 +52,9 @@ class SelectPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
-            "select_all": lambda: self._select(lambda graph, _: selecting.everything(graph)),
+            "select_all": lambda: self._select(lambda graph, _: self._shown(selecting.everything(graph))),
             "select_none": lambda: self._editing.select(GraphSelection()),
-            "invert": lambda: self._select(selecting.inverted),
+            "invert": lambda: self._select(lambda graph, chosen: self._shown(selecting.inverted(graph, chosen))),
             "grow": lambda: self._select(selecting.grown),
             "component": lambda: self._select(self._component),
             "path": self._path,
@@ -69,6 +69,12 @@ class SelectPart(Part):
             self._editing.select(how(graph, self._editing.selection))
         except EditError as error:
             self._editing.refuse(str(error))
+
+    def _shown(self, chosen: GraphSelection) -> GraphSelection:
+        """Without what stands on storeys that are not shown: nobody sees what would happen to it."""
+        index = self.workspace.document.shown_arrays.index
+        edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)
+        return GraphSelection(chosen.viewpoints & index.keys(), edges)
 
     def _path(self) -> None:
         self._select(lambda graph, chosen: selecting.path_between(graph, *sorted(chosen.viewpoints)))

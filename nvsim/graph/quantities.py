@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.components import components
 from nvsim.graph.edits.change import EditError
+from nvsim.graph.storeys import storey_numbers
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 from nvsim.occupancy.types import FREE, OccupancyMap
 
@@ -114,6 +115,12 @@ def _component(graph: NavGraph, known: Known) -> Values:
     return np.array([number.get(id, -1) for id in graph.viewpoints], np.float64)
 
 
+def _storey(graph: NavGraph, known: Known) -> Values:
+    """1 for the lowest."""
+    heights = np.array([v.height for v in graph.viewpoints.values()], np.float64)
+    return storey_numbers(places_of(graph)[:, 2] - heights).astype(np.float64)
+
+
 def _length(graph: NavGraph, known: Known) -> Values:
     ends = places_of(graph)[ends_of(graph)]
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -185,6 +192,7 @@ VIEWPOINTS: Mapping[str, _Quantity] = {
     "origin": _of_viewpoint("origin", str),
     "degree": _degree,
     "component": _component,
+    "storey": _storey,
     "evidence": _viewpoint_evidence,
     "validity": _stands,
 }
@@ -194,6 +202,7 @@ EDGES: Mapping[str, _Quantity] = {
     "z": _middle(2),
     "submap": _at_start(VIEWPOINTS["submap"]),
     "component": _at_start(_component),
+    "storey": _at_start(_storey),
     "reviewed": _of_edge("reviewed", bool),
     "locked": _of_edge("locked", bool),
     "origin": _of_edge("origin", str),

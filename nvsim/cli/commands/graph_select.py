@@ -1,7 +1,8 @@
 """List the viewpoints and edges of a graph for which an expression holds, such as `degree > 4 and not reviewed`.
 
-Quantities of viewpoints: id, x, y, z, height, submap, included, reviewed, locked, origin, degree, component, evidence,
-validity. Of edges: x, y, z, submap, component, reviewed, locked, origin, length, slope, alpha, evidence, validity.
+Quantities of viewpoints: id, x, y, z, height, submap, included, reviewed, locked, origin, degree, component, storey,
+evidence, validity. Of edges: x, y, z, submap, component, storey, reviewed, locked, origin, length, slope, alpha,
+evidence, validity.
 """
 
 from __future__ import annotations

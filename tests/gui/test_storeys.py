@@ -1,0 +1,85 @@
+"""A graph with several floors: one storey is shown at a time, and what is not shown is left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from editing_room import Hand
+from PySide6.QtWidgets import QApplication
+
+from app import cameras
+from app.document import Document
+from app.parts.storeys import StoreyPart
+from app.window import MainWindow
+from nvsim.graph.edits import copy_by
+
+UP = 3.0
+
+
+@pytest.fixture(params=["map", "scene"])
+def hand(request: pytest.FixtureRequest, window: MainWindow) -> Hand:
+    """The demo room, and the same one floor higher."""
+    document = window.document
+    graph = copy_by(document.graph, list(document.graph.viewpoints), UP)
+    document.set_contents(replace(document.contents, graph=graph))
+    window.panels["map"].frame_everything()
+    window.scene.navigation.set_pose(cameras.top_view(document.extent, 1.4))
+    QApplication.processEvents()
+    window.actions_table["show_trajectory"].setChecked(False)
+    scene, plan = (canvas.surface for canvas in window.modes.canvases)
+    return Hand(window, plan if request.param == "map" else scene)
+
+
+def floors(document: Document) -> set[float]:
+    return {round(float(z)) for z in document.shown_arrays.feet[:, 2]}
+
+
+def test_one_storey_is_shown_clicked_and_selected(hand: Hand) -> None:
+    document, table = hand.document, hand.window.actions_table
+    assert floors(document) == {0, 3} and document.shown_arrays is document.graph_arrays
+    table["storey_up"].trigger()
+    assert floors(document) == {0} and len(document.shown_arrays.ids) == 22
+    hand.click(hand.foot(6))
+    assert document.editing.selection.viewpoints == {document.graph_arrays.ids[6]}
+    table["storey_up"].trigger()
+    assert floors(document) == {3}
+    hand.click(hand.foot(6) + [0, 0, UP])
+    (id,) = document.editing.selection.viewpoints
+    assert document.graph.viewpoints[id].position[2] > UP
+    table["select_all"].trigger()
+    assert len(document.editing.selection.viewpoints) == 22
+    table["remove"].trigger()
+    assert len(document.graph.viewpoints) == 22, "the storey that nobody saw is still there"
+
+
+def test_a_viewpoint_is_added_on_the_floor_of_the_storey_that_is_shown(hand: Hand) -> None:
+    hand.document.storeys.choose(1)
+    hand.window.modes.choose("add_viewpoint")
+    hand.click((-0.6, -0.6, UP))
+    (id,) = hand.document.editing.selection.viewpoints
+    assert hand.document.graph.viewpoints[id].position[2] == pytest.approx(UP + 1.5, abs=0.2)
+
+
+def test_what_is_selected_elsewhere_comes_into_view(hand: Hand) -> None:
+    document = hand.document
+    document.storeys.choose(1)
+    document.select(viewpoint=document.graph_arrays.ids[3])
+    assert document.storeys.chosen == 0
+
+
+def test_the_choice_over_the_map_names_the_storeys_from_the_top(hand: Hand) -> None:
+    (part,) = (part for part in hand.window.parts if isinstance(part, StoreyPart))
+    words = [part.choice.itemText(i) for i in range(part.choice.count())]
+    assert words == ["All storeys", "Storey 2, 3.0 m, 22 viewpoints", "Storey 1, 0.0 m, 22 viewpoints"]
+    part.choice.activated.emit(2)
+    assert hand.document.storeys.chosen == 0 and part.choice.currentIndex() == 2
+    hand.document.editing.undo()
+    table = hand.window.actions_table
+    table["storey_all"].trigger()
+    assert floors(hand.document) == {0, 3}
+
+
+def test_a_graph_of_one_floor_offers_no_storeys(window: MainWindow) -> None:
+    (part,) = (part for part in window.parts if isinstance(part, StoreyPart))
+    assert part.choice.isHidden() and "one floor" in window.actions_table["storey_up"].toolTip()
