@@ -14,6 +14,7 @@ from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QApplication
 
 from app import theme as themes
+from app.collecting import Collecting
 from app.icons import FOLDER
 from app.notices import install_excepthook
 from app.parts.keeping import OPEN
@@ -21,6 +22,7 @@ from app.renderer_choice import PREFERENCES
 from app.session import Session
 from nvsim.errors import InputError
 
+TURN = 0.0005  # seconds that a thread may keep the others waiting
 SETTLE = 60.0  # seconds a screenshot waits at most for the sharp picture
 
 
@@ -79,6 +81,12 @@ def _run(
     app = make_application(theme, settings)
     session = Session(settings, budget)
     restore = install_excepthook(session.notices)
+    switch = sys.getswitchinterval()
+    # A thread that reads a project gives way sooner than after Python's 5 ms: the window's own asks for the lock again
+    # after every call of Qt, dozens of times in one painting.
+    sys.setswitchinterval(TURN)
+    collecting = Collecting(lambda: session.window.scene.drawing)
+    session.document.projectChanged.connect(collecting.begin_anew)
     code = 0
     try:
         session.window.show()
@@ -102,6 +110,8 @@ def _run(
             code = 2
     finally:
         session.close()
+        collecting.stop()
+        sys.setswitchinterval(switch)
         restore()
     return code
 

@@ -6,7 +6,6 @@ who shows the graph hears of the difference.
 
 from __future__ import annotations
 
-import gc
 import uuid
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -32,8 +31,6 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.against import margin
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
-
-LARGE = 2000  # viewpoints from which on Python's collector is felt
 
 
 class Editing(QObject):
@@ -98,10 +95,6 @@ class Editing(QObject):
             self.history, self.locked = self._keeping.open(graph, file)
             self.history.listen(self._on_change)
             self.checking.look_soon(graph, file)
-            if len(graph.viewpoints) > LARGE:
-                # What was opened stays: the collector need not walk through all of it in the middle of an edit.
-                gc.collect()
-                gc.freeze()
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 
