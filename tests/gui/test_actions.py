@@ -62,6 +62,8 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
     for entry in ACTIONS:
         if entry.id in ("quit", "fullscreen", "turn_up", "import"):  # for splat files, for projects without a capture
             continue
+        if entry.id.startswith("storey_"):  # these need a graph with several floors; see test_storeys.py
+            continue
         if entry.id in ("view_back", "view_forward"):  # these need something to go back to; see test_shell.py
             continue
         if entry.id.startswith("mask_"):  # these need a project on disk; see test_frame_page.py
