@@ -102,9 +102,10 @@ class ActionTable(QObject):
             self._reasons[entry.id] = reason
             action.setEnabled(reason is None)
             shortcut = f" ({entry.shortcut})" if entry.shortcut else ""
-            tip = f"{entry.tip}{shortcut}" if reason is None else f"{entry.tip}{shortcut}\nNot now: {reason}."
+            reason_words = (reason or "").rstrip(".")
+            tip = f"{entry.tip}{shortcut}" if reason is None else f"{entry.tip}{shortcut}\nNot now: {reason_words}."
             action.setToolTip(tip)
-            action.setStatusTip(entry.tip if reason is None else f"{entry.tip}. Not now: {reason}.")
+            action.setStatusTip(entry.tip if reason is None else f"{entry.tip}. Not now: {reason_words}.")
 
     def dress(self, palette: QPalette) -> None:
         """Draws the icons in the colours of `palette`."""

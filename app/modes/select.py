@@ -4,6 +4,7 @@ draws a box, arrow keys nudge."""
 from __future__ import annotations
 
 import itertools
+import time
 
 import numpy as np
 from PySide6.QtCore import Qt
@@ -12,11 +13,12 @@ from PySide6.QtGui import QKeyEvent, QPainter
 from app import hand
 from app.graph_surface import GraphSurface
 from app.modes.areas import BoxMode
-from app.modes.ink import dots, line
+from app.modes.ink import dots, label, line
 from app.modes.mode import Desk, Mode, Pointer
 from app.modes.picking import choose_what_is_under
 
 NUDGE = 0.05  # metres
+SERIES = 1.0  # seconds: arrow keys that follow each other faster are one step
 _ARROWS = {
     Qt.Key.Key_Left: (-1.0, 0.0),
     Qt.Key.Key_Right: (1.0, 0.0),
@@ -27,13 +29,18 @@ _ARROWS = {
 
 class SelectMode(Mode):
     name = "select"
-    hint = "Click selects (Shift adds, Ctrl toggles) · drag what is selected to move it · Ctrl+drag selects a box"
+    hint = (
+        "Click selects (Shift adds, Ctrl toggles) · drag what is selected to move it, arrows nudge · "
+        "Ctrl+drag selects a box · right click for more"
+    )
 
     def __init__(self, desk: Desk) -> None:
         super().__init__(desk)
         self._box = BoxMode(desk)
         self._moving: tuple[str, ...] = ()
         self._offset = np.zeros(3)
+        self._now: Pointer | None = None
+        self._nudged: tuple[frozenset[str], float] = (frozenset(), 0.0)  # what, and when
         self._nudges = itertools.count()
         self._nudge = 0
 
@@ -58,7 +65,7 @@ class SelectMode(Mode):
         if not self._moving:
             self._box.drag(start, now)
             return
-        self._offset = self._offset_to(now)
+        self._offset, self._now = self._offset_to(now), now
         self.desk.refresh()
 
     def drop(self, start: Pointer, now: Pointer) -> None:
@@ -102,8 +109,10 @@ class SelectMode(Mode):
         chosen = self.desk.editing.selection.viewpoints
         if way is None or not chosen:
             return False
-        if not event.isAutoRepeat():
+        now, (same, last) = time.monotonic(), self._nudged
+        if same != chosen or now - last > SERIES:
             self._nudge = next(self._nudges)
+        self._nudged = chosen, now
         step = NUDGE * (10 if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1)
         hand.move(self.desk.editing, sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}")
         return True
@@ -122,3 +131,6 @@ class SelectMode(Mode):
         feet = arrays.feet + moving[:, None] * self._offset
         line(painter, surface, feet[touched[:, 0]], feet[touched[:, 1]])
         dots(painter, surface, feet[rows])
+        if self._now is not None and self._now.surface is surface:
+            what = "" if len(rows) == 1 else f"{len(rows):,} viewpoints "
+            label(painter, self._now.point, f"move {what}{float(np.linalg.norm(self._offset)):.2f} m")

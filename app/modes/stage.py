@@ -6,6 +6,7 @@ the view, whose camera they move.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, QTimer, Signal
@@ -15,12 +16,14 @@ from PySide6.QtWidgets import QApplication, QWidget
 from app import colors
 from app.document import Document
 from app.graph_surface import GraphSurface
+from app.layers.labels import short_id
 from app.modes import MODES
 from app.modes.ink import label
 from app.modes.mode import Desk, Mode, Pointer
 from app.modes.selection_marks import SelectionMarks
 from app.navigation import CLICK_TOLERANCE
 
+_ID = re.compile(r"\b[0-9a-f]{32}\b")
 REFUSAL = 4000  # milliseconds a refusal stands at the cursor
 Layer = Callable[[QPainter, GraphSurface], None]
 
@@ -42,6 +45,7 @@ class Stage(QObject):
         desk = Desk(document, document.editing, self.said.emit, self.refresh)
         self.modes: dict[str, Mode] = {name: kind(desk) for name, kind in MODES.items()}
         self.current: Mode = self.modes["select"]
+        self._inputs: list[_Input] = []
         self._marks = SelectionMarks(document)
         self._refusal = ""
         self._fade = QTimer(self, singleShot=True, interval=REFUSAL)
@@ -53,7 +57,7 @@ class Stage(QObject):
     def attach(self, surface: GraphSurface) -> None:
         """From now on the current mode works in this view too."""
         self.canvases.append(Canvas(surface, self))
-        _Input(surface, self)
+        self._inputs.append(_Input(surface, self))
 
     def choose(self, name: str) -> None:
         """Makes another mode current."""
@@ -61,6 +65,8 @@ class Stage(QObject):
         if mode is not self.current:
             self.current.leave()
             self.current = mode
+            self._fade.stop()
+            self._refusal = ""
             mode.enter()
             for canvas in self.canvases:
                 canvas.surface.widget.setCursor(mode.cursor)
@@ -70,6 +76,8 @@ class Stage(QObject):
 
     def cancel(self) -> None:
         """Gives up what was begun; if nothing was, goes back to Select; if it is there, selects nothing."""
+        for hand in self._inputs:
+            hand.give_up()
         if self.current.cancel():
             return
         if self.current.name != "select":
@@ -102,9 +110,9 @@ class Stage(QObject):
             label(painter, cursor + QPointF(0, 26), self._refusal, colors.SELECTED)
 
     def _refuse(self, sentence: str) -> None:
-        self._refusal = sentence
+        self._refusal = _ID.sub(lambda id: short_id(id.group()), sentence)  # as views name viewpoints
         self._fade.start()
-        self.said.emit(sentence)
+        self.said.emit(self._refusal)
         self.refresh()
 
     def _forget(self) -> None:
@@ -154,6 +162,7 @@ class _Input(QObject):
         self._start: Pointer | None = None
         self._dragging = False
         self._passing = False  # what we send ourselves is for the view
+        self._given_up = False  # the button is still down, but the drag is over
         self._right: QPointF | None = None  # where the right button went down, while it may still be a click
         surface.widget.setMouseTracking(True)
         surface.widget.installEventFilter(self)
@@ -179,6 +188,10 @@ class _Input(QObject):
     def _pointer(self, event: QMouseEvent) -> Pointer:
         return Pointer(self._surface, event.position(), event.modifiers())
 
+    def give_up(self) -> None:
+        """Nothing follows from a drag that is under way."""
+        self._given_up, self._dragging, self._start = self._dragging, False, None
+
     def _on_right(self, event: QMouseEvent) -> None:
         start, self._right = self._right, None
         if event.type() == QEvent.Type.MouseButtonPress:
@@ -192,6 +205,7 @@ class _Input(QObject):
         if not self._stage.ready:
             return False
         self._start, self._press, self._dragging = self._pointer(event), _copy(event), False
+        self._given_up = False
         self._surface.widget.setFocus()
         return True
 
@@ -199,6 +213,8 @@ class _Input(QObject):
         now = self._pointer(event)
         for canvas in self._stage.canvases:
             canvas.cursor_at = now.point if canvas.surface is self._surface else None
+        if self._given_up:
+            return True
         if self._start is None:
             return self._stage.ready and not event.buttons() and self._stage.current.hover(now)
         if self._dragging:
@@ -216,7 +232,8 @@ class _Input(QObject):
     def _on_release(self, event: QMouseEvent) -> bool:
         start, self._start = self._start, None
         if start is None:
-            return False
+            over, self._given_up = self._given_up, False
+            return over
         if self._dragging:
             self._dragging = False
             self._stage.current.drop(start, self._pointer(event))

@@ -93,6 +93,20 @@ def test_escape_gives_a_drag_up(hand: Hand) -> None:
     assert hand.document.graph is before and hand.document.editing.selection.viewpoints == ids(hand, 6)
 
 
+def test_the_button_that_comes_up_after_escape_does_nothing(hand: Hand) -> None:
+    before, foot, widget = hand.document.graph, hand.foot(6).copy(), hand.surface.widget
+    hand.click(foot)
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=hand.pixel(foot))
+    for way in (0.3, 0.9):
+        hand._move(hand.pixel(foot + [way, way, 0]), Qt.KeyboardModifier.NoModifier)
+    hand.window.actions_table["cancel"].trigger()
+    hand._move(hand.pixel(foot + [1.5, 1.2, 0]), Qt.KeyboardModifier.NoModifier)
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=hand.pixel(foot + [1.5, 1.2, 0]))
+    assert hand.document.graph is before and hand.document.editing.selection.viewpoints == ids(hand, 6)
+    hand.drag(foot, foot + [0.3, 0.1, 0], foot + [0.6, 0.2, 0])
+    assert hand.document.graph is not before, "the next drag counts again"
+
+
 def test_ctrl_and_a_drag_selects_by_a_box(hand: Hand) -> None:
     feet = hand.document.graph_arrays.feet
     hand.drag((-0.5, -0.5, 0), (6.0, 4.0, 0), keys=CTRL)
@@ -231,9 +245,15 @@ def test_arrow_keys_nudge_and_one_series_is_one_step(hand: Hand) -> None:
     hand.click(hand.foot(6))
     id = hand.document.graph_arrays.ids[6]
     start = hand.document.graph.viewpoints[id].position
+    steps = len(hand.document.editing.history.steps)
     hand.key(Qt.Key.Key_Right)
     hand.key(Qt.Key.Key_Up, SHIFT)
     assert np.subtract(hand.document.graph.viewpoints[id].position, start) == pytest.approx([0.05, 0.5, 0.0])
+    assert len(hand.document.editing.history.steps) == steps + 1
+    hand.click(hand.foot(9))
+    hand.key(Qt.Key.Key_Left)
+    hand.document.editing.undo()
+    assert hand.document.graph.viewpoints[id].position != start, "what was selected later was nudged by itself"
 
 
 def test_the_status_bar_says_what_a_click_does(hand: Hand) -> None:
