@@ -18,6 +18,7 @@ from app.loading import PARTS, Contents
 from app.storeys import Storeys
 from app.view_states import ViewStates
 from nvsim.graph.difference import Difference
+from nvsim.graph.kept_evidence import KeptEvidence
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph, Viewpoint
 
@@ -55,6 +56,7 @@ class Document(QObject):
         self.graph_arrays = GraphArrays()
         self.graph_changes = GraphChanges()
         self.storeys = Storeys(self)
+        self.evidence = KeptEvidence()
         self.trajectory = TrajectoryArrays()
         self.editing = Editing(self)
         self._following = False  # the editing's selection follows ours, or ours follows it
@@ -109,6 +111,7 @@ class Document(QObject):
             self.graph_arrays = GraphArrays.of(self.graph)
             self.graph_changes.forget()
             self.storeys.look(self.graph_arrays, anew=before.path != contents.path)
+            self.evidence.follow(self.graph)
         if changed & {"graph", "occupancy", "capture"}:
             self.editing.set_thresholds(contents.thresholds)
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
@@ -160,6 +163,7 @@ class Document(QObject):
         self.graph_changes.note(before, self.graph_arrays, change)
         if change.added_viewpoints or change.removed_viewpoints or change.changed_viewpoints:
             self.storeys.look(self.graph_arrays)
+        self.evidence.follow(graph)
         if not self._holds(self._selection):
             self._selection = Selection()
         self.graphChanged.emit(change)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,12 +42,12 @@ class GraphArrays:
         if graph is None:
             return GraphArrays()
         ids = tuple(graph.viewpoints)
-        index = {id: i for i, id in enumerate(ids)}
+        index = dict(zip(ids, range(len(ids)), strict=True))
         values = graph.viewpoints.values()
         positions = np.array([v.position for v in values], np.float64).reshape(-1, 3)
         feet = positions.copy()
         feet[:, 2] -= [v.height for v in values]
-        ends = (index[id] for key in graph.edges for id in key)
+        ends = map(index.__getitem__, chain.from_iterable(graph.edges))
         return GraphArrays(
             ids,
             positions,
@@ -122,7 +123,7 @@ class GraphArrays:
             edges,
             self.submaps[keep],
             self.included[keep],
-            {id: i for i, id in enumerate(ids)},
+            dict(zip(ids, range(len(ids)), strict=True)),
         )
         return arrays, moved_to[edges]
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import compress
+
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
@@ -32,7 +35,7 @@ QUANTITIES: dict[str, tuple[str, Kind]] = {
 }
 """Words -> a quantity of nvsim.graph.quantities."""
 BARS = 40
-SETTLE = 150  # milliseconds
+SETTLE = 95  # milliseconds
 
 
 class HistogramPanel(QWidget):
@@ -43,6 +46,7 @@ class HistogramPanel(QWidget):
         self._document = document
         self._ids: tuple[object, ...] = ()
         self._values = np.zeros(0)
+        self._trouble = ""
         self._quiet = False
         self.choice = QComboBox(self)
         self.choice.addItems(list(QUANTITIES))
@@ -72,7 +76,7 @@ class HistogramPanel(QWidget):
         layout.setSpacing(4)
         layout.addLayout(row)
         layout.addWidget(self.plot)
-        self._soon = Afterwards(self, self.renew, SETTLE)
+        self._soon = Afterwards(self, self._renewal, SETTLE)
         self._soon.mark()
         document.graphChanged.connect(self._on_change)
         document.contentsChanged.connect(self._on_contents)
@@ -86,20 +90,38 @@ class HistogramPanel(QWidget):
             self._soon.mark()
 
     def renew(self) -> None:
-        """Counts again."""
-        graph, (name, kind) = self._document.graph, QUANTITIES[self.choice.currentText()]
-        self._ids, self._values, trouble = (), np.zeros(0), "nothing is known of this here"
-        if graph is not None:
-            try:
-                ids, found = quantity(graph, name, Known(self._document.contents.occupancy), kind)
-                values = found.astype(np.float64)
-                known = np.isfinite(values)
-                self._ids, self._values = tuple(id for id, k in zip(ids, known, strict=True) if k), values[known]
-            except EditError as error:
-                trouble = str(error)
+        """Counts again, at once."""
+        self._soon.done()
+        for _ in self._renewal():
+            pass
+
+    def _renewal(self) -> Iterator[None]:
+        name, kind = QUANTITIES[self.choice.currentText()]
+        if name == "evidence":
+            yield from self._document.evidence.fill()
+        self._count(name, kind)
+        yield
+        self._show()
+
+    def _count(self, name: str, kind: Kind) -> None:
+        graph = self._document.graph
+        self._ids, self._values, self._trouble = (), np.zeros(0), "nothing is known of this here"
+        if graph is None:
+            return
+        known = Known(self._document.contents.occupancy, clearness=self._document.evidence.at)
+        try:
+            ids, found = quantity(graph, name, known, kind)
+        except EditError as error:
+            self._trouble = str(error)
+            return
+        values = found.astype(np.float64)
+        finite = np.isfinite(values)
+        self._ids, self._values = tuple(compress(ids, finite)), values[finite]
+
+    def _show(self) -> None:
         if not len(self._values):
             self.bars.setOpts(x=[0.0], height=[0.0], width=1.0)
-            self.words.setText(trouble)
+            self.words.setText(self._trouble)
             return
         counts, edges = _counted(self._values)
         width = float(edges[1] - edges[0])

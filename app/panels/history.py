@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
 from app import colors
 from app.document import Document
+from nvsim.graph.history import Step
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
@@ -22,11 +23,31 @@ class HistoryModel(QAbstractListModel):
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._document = document
+        self._shown: tuple[Step, ...] = ()
         document.editing.stepsChanged.connect(self._renew)
+        self._renew()
 
     def _renew(self) -> None:
-        self.beginResetModel()
-        self.endResetModel()
+        """Steps come and go at the end; a list of thousands is not made again for one."""
+        history = self._document.editing.history
+        steps = () if history is None else history.steps
+        before, kept = self._shown, min(len(self._shown), len(steps))
+        while kept and before[kept - 1] is not steps[kept - 1]:
+            kept -= 1
+        if not kept:
+            self.beginResetModel()
+            self._shown = steps
+            self.endResetModel()
+            return
+        if len(before) > kept:
+            self.beginRemoveRows(_ROOT, kept, len(before) - 1)
+            self._shown = steps[:kept]
+            self.endRemoveRows()
+        if len(steps) > kept:
+            self.beginInsertRows(_ROOT, kept, len(steps) - 1)
+            self._shown = steps
+            self.endInsertRows()
+        self.dataChanged.emit(self.index(0), self.index(len(steps) - 1))
 
     @property
     def current(self) -> int:
@@ -34,15 +55,14 @@ class HistoryModel(QAbstractListModel):
         return -1 if history is None else history.index
 
     def rowCount(self, parent: _Index = _ROOT) -> int:
-        history = self._document.editing.history
-        return 0 if parent.isValid() or history is None else len(history.steps)
+        return 0 if parent.isValid() else len(self._shown)
 
     def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         history = self._document.editing.history
-        if history is None or not index.isValid() or index.row() >= len(history.steps):
+        if history is None or not index.isValid() or index.row() >= len(self._shown):
             return None
         row = index.row()
-        step = history.steps[row]
+        step = self._shown[row]
         if role == Qt.ItemDataRole.DisplayRole:
             return step.text
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -67,7 +87,7 @@ class HistoryPanel(QWidget):
         self.list.setFrameShape(self.list.Shape.NoFrame)
         self.list.setToolTip("Click a step to go back or forth to it")
         self.list.clicked.connect(self._go)
-        self.model.modelReset.connect(self._show_current)
+        document.editing.stepsChanged.connect(self._show_current)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.list)

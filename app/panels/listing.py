@@ -1,9 +1,10 @@
-"""The viewpoints and the edges of the graph as sortable rows. Sorting and filtering go by arrays, not row by row, so
-that forty thousand rows stay quick."""
+"""The viewpoints and the edges of the graph as sortable rows. What stands in a row is looked up when it is shown; all
+rows are looked at only to sort by a column, a few thousand at a time, so that forty thousand rows stay quick."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+import math
+from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -12,38 +13,33 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import QWidget
 
-from app.graph_arrays import GraphArrays
 from app.overlays import short_id
-from nvsim.graph.quantities import quantity
-from nvsim.graph.types import NavGraph
+from nvsim.graph.kept_evidence import KeptEvidence
+from nvsim.graph.types import EdgeKey, NavGraph
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 Key = TypeVar("Key", bound=Hashable)
+STRIDE = 2000  # rows between two pauses
+FEW = 4  # keys that are searched for one after another
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What the columns read, made once per state of the graph. degrees (N,) and lengths (M,) are in the order of the
-    graph's viewpoints and edges."""
+    """What the columns read: one state of the graph, and what is kept of the evidence of its edges."""
 
     graph: NavGraph
-    degrees: NDArray[np.int64]
-    lengths: NDArray[np.float64]
-    evidence: NDArray[np.float64]
+    evidence: KeptEvidence
 
-    @staticmethod
-    def of(graph: NavGraph) -> Facts:
-        arrays = GraphArrays.of(graph)
-        degrees = np.bincount(arrays.edges.reshape(-1), minlength=len(arrays.ids))
-        ends = arrays.positions[arrays.edges]
-        lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-        return Facts(graph, degrees, lengths, quantity(graph, "evidence", kind="edges")[1])
+    def length(self, key: EdgeKey) -> float:
+        """Metres."""
+        a, b = (self.graph.viewpoints[id].position for id in key)
+        return math.dist(a, b)
 
 
 @dataclass(frozen=True)
 class Column(Generic[Key]):
-    """values    of all rows, in the order of the graph, to sort by: an array or a list of strings
+    """value     of a row, to sort by
     text      of one value
     number    whether it stands at the right
     width     pixels
@@ -51,7 +47,7 @@ class Column(Generic[Key]):
 
     title: str
     tip: str
-    values: Callable[[Facts], Sequence[Any] | NDArray[Any]]
+    value: Callable[[Facts, Key], Any]
     text: Callable[[Any], str] = str
     number: bool = False
     width: int = 76
@@ -71,33 +67,56 @@ def _share(value: float) -> str:
 
 ORIGINS = {"start": "start", "step": "step", "merge": "merge", "person": "person", "file": "file"}
 
+
+def _of_viewpoint(name: str) -> Callable[[Facts, str], Any]:
+    return lambda facts, id: getattr(facts.graph.viewpoints[id], name)
+
+
+def _of_edge(name: str) -> Callable[[Facts, EdgeKey], Any]:
+    return lambda facts, key: getattr(facts.graph.edges[key], name)
+
+
+def _axis(axis: int) -> Callable[[Facts, str], float]:
+    return lambda facts, id: facts.graph.viewpoints[id].position[axis]
+
+
 VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
-    Column("Viewpoint", "Identifier", lambda f: list(f.graph.viewpoints), short_id),
-    Column("Degree", "Edges that meet here", lambda f: f.degrees, str, True),
-    Column("Submap", "The submap that renders it", lambda f: [v.submap for v in f.graph.viewpoints.values()],
-           lambda v: "–" if v < 0 else str(v), True),
-    Column("Height", "Metres above the floor",
-           lambda f: [v.height for v in f.graph.viewpoints.values()], _metres, True),
-    Column("x", "Metres", lambda f: [v.position[0] for v in f.graph.viewpoints.values()], _metres, True),
-    Column("y", "Metres", lambda f: [v.position[1] for v in f.graph.viewpoints.values()], _metres, True),
-    Column("z", "Metres", lambda f: [v.position[2] for v in f.graph.viewpoints.values()], _metres, True),
-    Column("In", "Whether agents use it", lambda f: [v.included for v in f.graph.viewpoints.values()], _yes),
-    Column("Reviewed", "Whether a person looked at it",
-           lambda f: [v.reviewed for v in f.graph.viewpoints.values()], _yes),
-    Column("Locked", "Whether edits leave it alone", lambda f: [v.locked for v in f.graph.viewpoints.values()], _yes),
-    Column("From", "Who put it there", lambda f: [v.origin for v in f.graph.viewpoints.values()], str),
+    Column("Viewpoint", "Identifier", lambda f, id: id, short_id),
+    Column("Degree", "Edges that meet here", lambda f, id: len(f.graph.neighbours(id)), str, True),
+    Column("Submap", "The submap that renders it", _of_viewpoint("submap"), lambda v: "–" if v < 0 else str(v), True),
+    Column("Height", "Metres above the floor", _of_viewpoint("height"), _metres, True),
+    Column("x", "Metres", _axis(0), _metres, True),
+    Column("y", "Metres", _axis(1), _metres, True),
+    Column("z", "Metres", _axis(2), _metres, True),
+    Column("In", "Whether agents use it", _of_viewpoint("included"), _yes),
+    Column("Reviewed", "Whether a person looked at it", _of_viewpoint("reviewed"), _yes),
+    Column("Locked", "Whether edits leave it alone", _of_viewpoint("locked"), _yes),
+    Column("From", "Who put it there", _of_viewpoint("origin"), str),
+)
+
+EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
+    Column("From", "One end", lambda f, key: key[0], short_id),
+    Column("To", "The other end", lambda f, key: key[1], short_id),
+    Column("Length", "Metres", Facts.length, _metres, True),
+    Column("Evidence", "1 where every corridor that was measured is clear, 0 where one is full; – without evidence",
+           lambda f, key: f.evidence.at(f.graph, key), _share, True),
+    Column("Reviewed", "Whether a person looked at it", _of_edge("reviewed"), _yes),
+    Column("Locked", "Whether edits leave it alone", _of_edge("locked"), _yes),
+    Column("Made by", "Who put it there", _of_edge("origin"), str),
 )  # fmt: skip
 
-EDGE_COLUMNS: tuple[Column[tuple[str, str]], ...] = (
-    Column("From", "One end", lambda f: [a for a, _ in f.graph.edges], short_id),
-    Column("To", "The other end", lambda f: [b for _, b in f.graph.edges], short_id),
-    Column("Length", "Metres", lambda f: f.lengths, _metres, True),
-    Column("Evidence", "1 where every corridor that was measured is clear, 0 where one is full; – without evidence",
-           lambda f: f.evidence, _share, True),
-    Column("Reviewed", "Whether a person looked at it", lambda f: [e.reviewed for e in f.graph.edges.values()], _yes),
-    Column("Locked", "Whether edits leave it alone", lambda f: [e.locked for e in f.graph.edges.values()], _yes),
-    Column("Made by", "Who put it there", lambda f: [e.origin for e in f.graph.edges.values()], str),
-)  # fmt: skip
+
+Result = TypeVar("Result")
+
+
+def finished(steps: Generator[None, None, Result]) -> Result:
+    """What comes out at the end, at once."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
 
 
 class GraphTable(QAbstractTableModel, Generic[Key]):
@@ -108,20 +127,21 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
     ) -> None:
         super().__init__(parent)
         self._columns, self._keys_of = columns, keys
-        self._values: list[Sequence[Any] | NDArray[Any]] = [() for _ in columns]
+        self._facts: Facts | None = None
         self._all: Sequence[Key] = ()
         self._rows = np.zeros(0, np.int64)
         self._row_of: dict[Key, int] | None = None
         self._kept: frozenset[Key] | None = None
         self._sorted = (-1, Qt.SortOrder.AscendingOrder)
 
-    def show(self, facts: Facts | None, kept: frozenset[Key] | None = None) -> None:
-        """Shows these, of which only `kept` pass the filter; None lets all pass."""
+    def show(self, facts: Facts | None, kept: frozenset[Key] | None = None) -> Iterator[None]:
+        """Shows these, of which only `kept` pass the filter; None lets all pass. Nothing changes before the end of the
+        iteration."""
+        every = () if facts is None else self._keys_of(facts.graph)
+        rows = yield from self._arranged(facts, every, kept)
         self.beginResetModel()
-        self._all = () if facts is None else self._keys_of(facts.graph)
-        self._values = [() if facts is None else column.values(facts) for column in self._columns]
-        self._kept = kept
-        self._arrange()
+        self._facts, self._all, self._kept = facts, every, kept
+        self._rows, self._row_of = rows, None
         self.endResetModel()
 
     def width(self, column: int) -> int:
@@ -133,26 +153,36 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
 
     def rows_of(self, keys: frozenset[Key]) -> list[int]:
         """Where these stand, in rising order; those that the filter hides are left out."""
+        if len(keys) <= FEW:
+            places = [self._all.index(key) for key in keys if key in self._all]
+            return sorted(int(row) for row in np.flatnonzero(np.isin(self._rows, places)))
         if self._row_of is None:
-            self._row_of = {self._all[int(at)]: row for row, at in enumerate(self._rows)}
+            every = self._all
+            self._row_of = dict(zip(map(every.__getitem__, self._rows.tolist()), range(len(self._rows)), strict=True))
         return sorted(self._row_of[key] for key in keys if key in self._row_of)
 
     def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
         self.layoutAboutToBeChanged.emit()
         self._sorted = (column, order)
-        self._arrange()
+        self._rows, self._row_of = finished(self._arranged(self._facts, self._all, self._kept)), None
         self.layoutChanged.emit()
 
-    def _arrange(self) -> None:
-        rows = np.arange(len(self._all))
-        if self._kept is not None:
-            rows = rows[[key in self._kept for key in self._all]] if len(rows) else rows
+    def _arranged(
+        self, facts: Facts | None, every: Sequence[Key], kept: frozenset[Key] | None
+    ) -> Generator[None, None, NDArray[np.int64]]:
+        """The rows of `every` that are shown, in the order they stand in."""
+        rows = np.arange(len(every))
+        if kept is not None:
+            rows = np.flatnonzero(np.fromiter(map(kept.__contains__, every), bool, len(every)))
         column, order = self._sorted
-        if 0 <= column < len(self._columns) and len(rows):
-            values = np.asarray(self._values[column])[rows]
-            places = np.argsort(values, kind="stable")
-            rows = rows[places if order == Qt.SortOrder.AscendingOrder else places[::-1]]
-        self._rows, self._row_of = rows, None
+        if facts is None or not 0 <= column < len(self._columns) or not len(rows):
+            return rows
+        value, values = self._columns[column].value, []
+        for start in range(0, len(rows), STRIDE):
+            values += [value(facts, every[row]) for row in rows[start : start + STRIDE].tolist()]
+            yield
+        places = np.argsort(np.asarray(values), kind="stable")
+        return rows[places if order == Qt.SortOrder.AscendingOrder else places[::-1]]
 
     def rowCount(self, parent: _Index = _ROOT) -> int:
         return 0 if parent.isValid() else len(self._rows)
@@ -178,10 +208,9 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         column = self._columns[index.column()]
         if role == Qt.ItemDataRole.TextAlignmentRole and column.number:
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        value = self._values[index.column()]
-        if role == Qt.ItemDataRole.DisplayRole:
-            return column.text(value[int(self._rows[index.row()])])
+        key = self.key(index.row())
+        if role == Qt.ItemDataRole.DisplayRole and self._facts is not None:
+            return column.text(column.value(self._facts, key))
         if role == Qt.ItemDataRole.ToolTipRole:
-            key = self.key(index.row())
             return key if isinstance(key, str) else " – ".join(map(str, key)) if isinstance(key, tuple) else None
         return None

@@ -4,6 +4,7 @@ and the 3D view."""
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
 from PySide6.QtWidgets import (
@@ -31,7 +32,7 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 
 _ID = re.compile(r"[0-9a-f]{2,32}|[A-Za-z0-9_-]{6,}")
-SETTLE = 120  # milliseconds after the last edit until the rows are made again
+SETTLE = 80  # milliseconds after the last edit until the rows are made again
 
 
 class TablePanel(QWidget):
@@ -68,7 +69,7 @@ class TablePanel(QWidget):
             self.tabs.addTab(view, title)
             view.selectionModel().selectionChanged.connect(self._on_rows)
             view.doubleClicked.connect(self._activate)
-        self._soon = Afterwards(self, self.renew, SETTLE)
+        self._soon = Afterwards(self, self._renewal, SETTLE)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_change)
         document.editing.selectionChanged.connect(self._show_selection)
@@ -104,19 +105,33 @@ class TablePanel(QWidget):
             self._soon.mark()
 
     def renew(self) -> None:
-        """Makes the rows again."""
+        """Makes the rows again, at once."""
         self._soon.done()
+        for _ in self._renewal():
+            pass
+
+    def _renewal(self) -> Iterator[None]:
         graph = self._document.graph
+        if "evidence" in self.filter.text() or "alpha" in self.filter.text():
+            yield from self._document.evidence.fill()
         kept = None if graph is None else self._filtered()
-        facts = None if graph is None else Facts.of(graph)
-        self._linking = True
-        self.viewpoints.show(facts, None if kept is None else kept.viewpoints)
-        self.edges.show(facts, None if kept is None else kept.edges)
-        self._linking = False
+        yield
+        facts = None if graph is None else Facts(graph, self._document.evidence)
+        yield from self._unheard(self.viewpoints.show(facts, None if kept is None else kept.viewpoints))
+        yield from self._unheard(self.edges.show(facts, None if kept is None else kept.edges))
         n, m = self.viewpoints.rowCount(), self.edges.rowCount()
         self.tabs.setTabText(0, f"Viewpoints ({n:,})")
         self.tabs.setTabText(1, f"Edges ({m:,})")
         self._show_selection()
+
+    def _unheard(self, steps: Iterator[None]) -> Iterator[None]:
+        """Rows that go take no selection with them."""
+        going_on = True
+        while going_on:
+            self._linking = True
+            going_on = next(steps, self) is not self
+            self._linking = False
+            yield
 
     def _filtered(self) -> GraphSelection | None:
         graph, text = self._document.graph, self.filter.text().strip()
@@ -141,7 +156,9 @@ class TablePanel(QWidget):
                 frozenset(id for id in graph.viewpoints if text in id),
                 frozenset(key for key in graph.edges if text in key[0] or text in key[1]),
             )
-        return by_expression(graph, text, Known(self._document.contents.occupancy))
+        return by_expression(
+            graph, text, Known(self._document.contents.occupancy, clearness=self._document.evidence.at)
+        )
 
     def select_filtered(self) -> None:
         """Selects every row that passes the filter, in the tab that is shown."""

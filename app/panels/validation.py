@@ -3,6 +3,8 @@ with a reason."""
 
 from __future__ import annotations
 
+from collections import Counter
+from operator import attrgetter
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
@@ -31,6 +33,7 @@ _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 _COLUMNS = ("Severity", "What", "Kind")
 _INKS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "notice": colors.QUIET_TEXT}
+_RANK = {severity: rank for rank, severity in enumerate(SEVERITIES)}
 SETTLE = 60  # milliseconds
 
 
@@ -59,10 +62,12 @@ class FindingModel(QAbstractTableModel):
             f
             for f in editing.findings.values()
             if f.severity in self.severities
-            and (self.with_ignored or f.key not in ignored)
+            and (self.with_ignored or not ignored or f.key not in ignored)
             and (not wanted or wanted in f"{f.message} {f.kind}".casefold())
         ]
-        self.rows.sort(key=lambda f: (SEVERITIES.index(f.severity), f.kind))
+        # By two keys one after the other: a pair for each of thousands would wake Python's collector.
+        self.rows.sort(key=attrgetter("kind"))
+        self.rows.sort(key=lambda f: _RANK[f.severity])
         self.endResetModel()
 
     def rowCount(self, parent: _Index = _ROOT) -> int:
@@ -178,8 +183,9 @@ class ValidationPanel(QWidget):
         kept = self.current
         found = list(self._document.editing.findings.values())
         ignored = {} if self._document.graph is None else self._document.graph.ignored
+        counts = Counter(f.severity for f in found if not ignored or f.key not in ignored)
         for severity, box in self.boxes.items():
-            count = sum(f.severity == severity and f.key not in ignored for f in found)
+            count = counts[severity]
             box.setText(f"{count:,} {severity}{'' if count == 1 else 's'}")
         self.model.renew()
         self.table.setVisible(bool(self.model.rows))

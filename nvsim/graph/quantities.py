@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
@@ -30,10 +31,11 @@ _SAME = 0.01  # metres: a step that ends this near to a viewpoint leads to it
 @dataclass(frozen=True)
 class Known:
     """What quantities may need beside the graph: a map for `validity`, a margin for `evidence`; without the latter
-    `evidence` is 1 less the greatest mean alpha of a corridor's row."""
+    `evidence` is the `clearness` of an edge, for which something that keeps it may stand in."""
 
     occupancy: OccupancyMap | None = None
     margin: Margin | None = None
+    clearness: Callable[[NavGraph, EdgeKey], float] | None = None
 
 
 Values = NDArray[Any]
@@ -75,8 +77,9 @@ def evidence_along(graph: NavGraph, key: EdgeKey) -> list[Evidence]:
 
 def ends_of(graph: NavGraph) -> NDArray[np.int64]:
     """(E, 2) rows of the ends of every edge among the viewpoints, in file order."""
-    row = {id: i for i, id in enumerate(graph.viewpoints)}
-    return np.array([(row[a], row[b]) for a, b in graph.edges], np.int64).reshape(-1, 2)
+    row = dict(zip(graph.viewpoints, range(len(graph.viewpoints)), strict=True))
+    ends = map(row.__getitem__, chain.from_iterable(graph.edges))
+    return np.fromiter(ends, np.int64, 2 * len(graph.edges)).reshape(-1, 2)
 
 
 def places_of(graph: NavGraph) -> NDArray[np.float64]:
@@ -133,19 +136,25 @@ def _slope(graph: NavGraph, known: Known) -> Values:
     return np.degrees(np.arctan2(np.abs(along[:, 2]), np.hypot(along[:, 0], along[:, 1])))
 
 
+def clearness(graph: NavGraph, key: EdgeKey) -> float:
+    """1 less the greatest mean alpha of a row of the corridors along an edge: 1 where the way is clear, 0 where it is
+    not, NaN where nothing was measured."""
+    found = [float(e.alpha.mean(axis=1).max()) for e in evidence_along(graph, key) if e.alpha.size]
+    return 1.0 - max(found) / 255.0 if found else math.nan
+
+
 def _alpha(graph: NavGraph, known: Known) -> Values:
-    """The greatest mean alpha of a row of the corridors along an edge: 0 where the way is clear, 1 where it is not."""
+    return 1.0 - _clear(graph, known)
 
-    def worst(key: EdgeKey) -> float:
-        found = [e.alpha.mean(axis=1).max() / 255.0 for e in evidence_along(graph, key) if e.alpha.size]
-        return float(max(found)) if found else math.nan
 
-    return np.array([worst(key) for key in graph.edges], np.float64)
+def _clear(graph: NavGraph, known: Known) -> Values:
+    of = known.clearness or clearness
+    return np.array([of(graph, key) for key in graph.edges], np.float64)
 
 
 def _evidence(graph: NavGraph, known: Known) -> Values:
     if known.margin is None:
-        return 1.0 - _alpha(graph, known)
+        return _clear(graph, known)
     return np.array([known.margin(graph, key) for key in graph.edges], np.float64)
 
 
