@@ -78,9 +78,14 @@ def run_edits(edits: int) -> int:
 
     from app.application import make_application
     from app.bench_edits import measure
+    from app.collecting import Collecting
 
     with tempfile.TemporaryDirectory(prefix="nvsim-window-") as folder:
         settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
         make_application("dark", settings)
-        print(json.dumps(measure(settings, edits)))
+        collecting = Collecting(lambda: False)
+        try:
+            print(json.dumps(measure(settings, edits)))
+        finally:
+            collecting.stop()
     return 0

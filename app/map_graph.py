@@ -82,8 +82,8 @@ class GraphItem(pg.GraphicsObject):
             def touched(drawn: object) -> QRectF | None:
                 return _outline(self._document.graph_changes.since(drawn), origin, axes, (width, height))
 
-            view = (radius, place, manner)
-            self._kept.paint(painter, width, height, view, draw, arrays, touched)
+            view = (radius, place, manner, self._document.storeys.storey)
+            self._kept.paint(painter, width, height, view, draw, self._document.graph_arrays, touched)
         else:
             self._draw(painter, arrays, pixels, radius, self._seen(arrays, pixels, (width, height)))
         selected = arrays.index.get(self._document.selection.viewpoint or "")

@@ -120,7 +120,8 @@ class GraphLayer(Layer):
             def touched(drawn: object) -> QRectF | None:
                 return _outline(camera, self._document.graph_changes.since(drawn))
 
-            self._kept.paint(painter, k.width, k.height, (camera, manner), draw, arrays, touched)
+            whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.storey)
+            self._kept.paint(painter, k.width, k.height, key, draw, whole, touched)
         else:
             self._paint_all(painter, view)
         self._paint_marked(painter, view)
