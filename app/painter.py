@@ -97,6 +97,11 @@ class Painter:
                 return submap, pixels, OPENGL
         return submap, _by_kernels(model, camera, channel, self._opened.territory), CPU
 
+    @property
+    def by_kernels(self) -> bool:
+        """Whether what is drawn are models, and so by the kernels; a source may also draw by itself."""
+        return isinstance(self._opened, Models)
+
     def look(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
         """The submap that answered and what its kernels measure; without a background of its own, over nothing."""
         if not isinstance(self._opened, Models):

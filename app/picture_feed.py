@@ -15,6 +15,9 @@ from app.render_link import RenderLink
 from app.renderer_choice import AUTOMATIC
 
 REST = 100  # milliseconds without movement until the sharp picture is asked for
+PATIENCE = 4000  # milliseconds of loading until the person is told what may take so long
+LOADING = "Loading the reconstruction…"
+COMPILING = "Loading the reconstruction… What draws it is compiled for this machine once, which takes half a minute."
 SCENE = "scene"  # the name under which it asks
 
 
@@ -45,6 +48,8 @@ class PictureFeed(QObject):
         self._number = 0
         self._rest = QTimer(self, singleShot=True, interval=REST)
         self._rest.timeout.connect(self.ask_sharp)
+        self._patience = QTimer(self, singleShot=True, interval=PATIENCE)
+        self._patience.timeout.connect(self._say_more)
         self.link.arrived.connect(self._on_picture)
         self.link.opened.connect(lambda _: self._on_opened())
         self.link.troubled.connect(self._on_trouble)
@@ -63,7 +68,8 @@ class PictureFeed(QObject):
             self.link.close()
             self.note = ""
         else:
-            self.note = "Loading the reconstruction…"
+            self.note = LOADING
+            self._patience.start()
             self.link.open(source)
         self.changed.emit()
 
@@ -85,6 +91,7 @@ class PictureFeed(QObject):
     def release(self) -> None:
         """Ends the drawing process; not used afterwards."""
         self._rest.stop()
+        self._patience.stop()
         self.link.close()
 
     def _ask(self, moving: bool) -> None:
@@ -94,6 +101,11 @@ class PictureFeed(QObject):
         self._number += 1
         camera = self._pose().camera(width, height)
         self.link.ask(Request(self._number, camera, self.channel, moving, self.renderer, SCENE, self.budget))
+
+    def _say_more(self) -> None:
+        if self.note == LOADING:
+            self.note = COMPILING
+            self.changed.emit()
 
     def _on_opened(self) -> None:
         self.note = ""

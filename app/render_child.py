@@ -22,6 +22,7 @@ from app.painter import Models, Painter, Remark, Renderer
 from app.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.renderer_choice import AUTOMATIC, CPU
 from app.territory import Territory
+from app.warming import Warming
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.project.layout import Layout
@@ -144,7 +145,8 @@ def serve(connection: Connection, source: RenderSource) -> None:
     begin = time.perf_counter()
     try:
         painter = Painter(source.open())
-        _warm_up(painter)
+        warming = Warming(painter)
+        warming.begin()
     except InputError as error:
         connection.send(Trouble(str(error), fatal=True))
         return
@@ -155,7 +157,7 @@ def serve(connection: Connection, source: RenderSource) -> None:
         connection.send(Opened(time.perf_counter() - begin))
         panoramas = PanoramaDrawing(painter.look)
         while True:
-            _use_the_pause(painter, panoramas, connection)
+            _use_the_pause(painter, panoramas, warming, connection)
             request: Request | PanoramaRequest = connection.recv()
             if isinstance(request, PanoramaRequest):
                 panoramas.begin(request)
@@ -166,9 +168,9 @@ def serve(connection: Connection, source: RenderSource) -> None:
         return  # the window is gone
 
 
-def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, connection: Connection) -> None:
-    """Draws the panorama that was asked for, view by view, then compares the renderers, frame by frame, until something
-    is asked for."""
+def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, warming: Warming, connection: Connection) -> None:
+    """Draws the panorama that was asked for, view by view, compiles what the first one needs, then compares the
+    renderers, frame by frame, until something is asked for."""
     try:
         while not connection.poll() and panoramas.waits:
             finished = panoramas.step()
@@ -177,6 +179,12 @@ def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, connection: Con
     except Exception as error:
         panoramas.stop()
         connection.send(Trouble(f"The panorama could not be drawn: {error}", traceback.format_exc()))
+    try:
+        while not connection.poll() and warming.waits:
+            warming.step()
+    except Exception as error:  # whoever asks for a panorama hears of it again
+        warming.stop()
+        painter.remarks.append(Remark(f"Panoramas could not be prepared: {error}", traceback.format_exc(), True))
     try:
         while not connection.poll() and painter.compare():
             pass
@@ -200,10 +208,3 @@ def _answer(painter: Painter, request: Request) -> Picture | Trouble:
     except Exception as error:
         return Trouble(f"A view could not be drawn: {error}", traceback.format_exc())
     return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), renderer)
-
-
-def _warm_up(painter: Painter) -> None:
-    """Compiles what the first frame would otherwise wait for."""
-    from nvsim.geometry.camera import Intrinsics
-
-    painter.paint(Camera(Intrinsics.from_fov(32, 32, 1.0), np.eye(4)), "rgb", CPU, moving=True)

@@ -200,7 +200,7 @@ class FrameBrowser(QObject):
         if self.matter is None or not self.is_open or not found or self._document.contents.scene_stamp is None:
             return
         self.render.ask(self.matter, found[0].scale * canvas.devicePixelRatioF())
-        canvas.render_note = "" if self._scene.link.ready else "Loading the reconstruction…"
+        canvas.render_note = "" if self._scene.link.ready else self._scene.note
 
     # The candidates ---------------------------------------------------------------------------------------------
 

@@ -199,7 +199,7 @@ class PanoramaView(QWidget):
         if self._inspection.viewpoint is None:
             text = "Select a viewpoint to look around from it."
         elif not there:
-            text = self.hint or self._panoramas.trouble or "Drawing the panorama…"
+            text = self.hint or self._panoramas.trouble or self._panoramas.words
         elif self._panoramas.drawing:
             text = "getting sharper…"
         else:

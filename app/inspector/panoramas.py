@@ -17,6 +17,7 @@ from nvsim.errors import InputError
 
 KEPT = 12  # sharp panoramas: 6 MB each
 SKETCHES = 40  # coarse ones: 0.9 MB each
+PATIENCE = 3000  # milliseconds of drawing until the person is told what may take so long
 SETTLE = 120  # milliseconds: someone who steps through viewpoints does not have each drawn
 Place = tuple[float, float, float]
 Read = Callable[[], NDArray[np.uint8] | None]
@@ -40,6 +41,8 @@ class Panoramas(QObject):
         self._troubles: dict[Place, str] = {}
         self._wait = QTimer(self, singleShot=True, interval=SETTLE)
         self._wait.timeout.connect(self._ask)
+        self._patience = QTimer(self, singleShot=True, interval=PATIENCE)
+        self._patience.timeout.connect(self.arrived)
         link.panoramaArrived.connect(self._on_panorama)
         self._was_read.connect(self._on_read)
 
@@ -56,6 +59,13 @@ class Panoramas(QObject):
         return self._wanted is not None and self._wanted not in self._kept and self._wanted not in self._troubles
 
     @property
+    def words(self) -> str:
+        """What is waited for."""
+        slow = self.drawing and self._read is None and not self._patience.isActive()
+        more = " The first one is slow: what draws it is compiled for this machine once." if slow else ""
+        return f"Drawing the panorama…{more}"
+
+    @property
     def trouble(self) -> str:
         """Why there is none of what is wanted; "" where there is, or may be soon."""
         return "" if self._wanted is None else self._troubles.get(self._wanted, "")
@@ -70,10 +80,12 @@ class Panoramas(QObject):
             self._kept.move_to_end(place)
         elif place is not None:
             self._wait.start()
+            self._patience.start()
 
     def close(self) -> None:
         """Waits for what is being read."""
         self._wanted = self._read = None
+        self._patience.stop()
         if self._reader is not None:
             self._reader.join()
 

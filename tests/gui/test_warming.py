@@ -1,0 +1,68 @@
+"""What is drawn first is compiled ahead, and whoever waits long hears why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from demo_project import write_project
+from demo_room import RoomSource
+from pytestqt.qtbot import QtBot
+
+from app import warming
+from app.cameras import ViewPose
+from app.inspector.panoramas import Panoramas
+from app.painter import Painter
+from app.picture_feed import COMPILING, LOADING, PictureFeed
+from app.render_child import ProjectSource
+from app.render_link import RenderLink
+from app.warming import Warming
+
+
+@pytest.fixture(scope="module")
+def painter(tmp_path_factory: pytest.TempPathFactory) -> Painter:
+    return Painter(ProjectSource(write_project(tmp_path_factory.mktemp("warm") / "room.nvsim", 400, 1)).open())
+
+
+def test_on_a_machine_that_compiles_everything_follows_at_once(painter: Painter, monkeypatch) -> None:
+    monkeypatch.setattr(warming, "COLD", 0.0)
+    made = Warming(painter)
+    made.begin()
+    assert not made.waits
+
+
+def test_on_one_that_has_compiled_the_rest_is_left_to_the_pauses(painter: Painter, monkeypatch) -> None:
+    monkeypatch.setattr(warming, "COLD", 1e9)
+    made = Warming(painter)
+    made.begin()
+    steps = 0
+    while made.waits:
+        made.step()
+        steps += 1
+    assert steps > 4  # so that a picture that is asked for meanwhile waits for one small view only
+
+
+def test_a_source_that_draws_by_itself_has_nothing_to_compile() -> None:
+    made = Warming(Painter(RoomSource().open()))
+    made.begin()
+    assert not made.waits
+
+
+def test_whoever_waits_long_hears_why(qtbot: QtBot, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("app.picture_feed.PATIENCE", 10)
+    feed = PictureFeed(lambda: (64, 48), lambda: ViewPose((0.0, 0.0, 1.0)))
+    feed.show(RoomSource(burn=0.3))
+    assert feed.note == LOADING
+    qtbot.waitUntil(lambda: feed.note == COMPILING, timeout=20_000)
+    qtbot.waitUntil(lambda: feed.note == "", timeout=20_000)
+    feed.release()
+
+
+def test_a_first_panorama_that_takes_long_says_why(qtbot: QtBot, monkeypatch) -> None:
+    monkeypatch.setattr("app.inspector.panoramas.PATIENCE", 10)
+    panoramas = Panoramas(RenderLink())
+    with qtbot.waitSignal(panoramas.arrived, timeout=20_000):
+        panoramas.want((1.0, 2.0, 3.0))
+        assert "compiled" not in panoramas.words
+    assert "compiled" in panoramas.words
+    panoramas.close()
