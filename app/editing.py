@@ -163,6 +163,9 @@ class Editing(QObject):
         except EditError as error:
             self.refuse(str(error))
             return False
+        if graph is self.history.graph:
+            self.refuse("Nothing would change: it is so already.")
+            return False
         # A key of its own lets what is measured later become part of the step.
         key = merge or uuid.uuid4().hex
         if len(done) == 1:

@@ -51,7 +51,7 @@ class Stage(QObject):
         self._fade = QTimer(self, singleShot=True, interval=REFUSAL)
         self._fade.timeout.connect(self._forget)
         document.editing.refused.connect(self._refuse)
-        document.graphChanged.connect(self.refresh)
+        document.graphChanged.connect(self._on_edit)
         document.selectionChanged.connect(self.refresh)
 
     def attach(self, surface: GraphSurface) -> None:
@@ -108,6 +108,13 @@ class Stage(QObject):
         self.current.paint(painter, surface)
         if self._refusal and cursor is not None:
             label(painter, cursor + QPointF(0, 26), self._refusal, colors.SELECTED)
+
+    def _on_edit(self, _: object) -> None:
+        """What was refused is no matter any more."""
+        if self._refusal:
+            self._fade.stop()
+            self._forget()
+        self.refresh()
 
     def _refuse(self, sentence: str) -> None:
         self._refusal = _ID.sub(lambda id: short_id(id.group()), sentence)  # as views name viewpoints

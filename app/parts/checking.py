@@ -68,10 +68,13 @@ class CheckPart(Part):
         """What is selected is right; the next one."""
         editing = self.workspace.document.editing
         chosen = editing.selection
-        if chosen:
-            edges = [list(key) for key in sorted(chosen.edges)]
-            if not editing.run("mark_reviewed", {"viewpoints": sorted(chosen.viewpoints), "edges": edges}):
-                return
+        graph = editing.graph
+        if graph is None:
+            return
+        ids = sorted(id for id in chosen.viewpoints if not graph.viewpoints[id].reviewed)
+        edges = [list(key) for key in sorted(chosen.edges) if not graph.edges[key].reviewed]
+        if (ids or edges) and not editing.run("mark_reviewed", {"viewpoints": ids, "edges": edges}):
+            return
         self.next()
 
     def _show(self, chosen: GraphSelection) -> None:

@@ -177,8 +177,9 @@ class History:
         self._announce(before, chosen != was, True)
 
     def select(self, selection: GraphSelection, text: str | None = None) -> None:
-        """Something else is selected, as a step; selections in a row are one step. While something can be redone, the
-        current step selects otherwise instead: a click must not cost what was undone."""
+        """Something else is selected, as a step. Selections in a row are one step, unless more than one thing ceases to
+        be selected: what was gathered with care must not be lost by a click beside it. While something can be redone,
+        the current step selects otherwise instead: a click must not cost what was undone."""
         was, graph = self.selection, self.graph
         chosen = present(graph, selection)
         if chosen == was:
@@ -189,7 +190,8 @@ class History:
             if self._journal is not None:
                 self._journal.amend(self._index, self._steps[self._index])
         else:
-            if self._index > 0 and not current.edit:
+            lost = len(was.viewpoints - chosen.viewpoints) + len(was.edges - chosen.edges)
+            if self._index > 0 and not current.edit and lost <= 1:
                 self._index -= 1
             self._append(Step(text or words(chosen), chosen, time.time(), edit=False), graph, graph)
         self._announce(graph, True, True)

@@ -47,6 +47,17 @@ def test_a_drag_is_one_step_and_selections_in_a_row_are_one() -> None:
     assert history.steps[1].operation == {"edit": "move_viewpoints", "positions": {"v1": [2.0, 19.0, 1.5]}}
 
 
+def test_a_selection_of_several_is_not_lost_by_a_click_beside_it() -> None:
+    history = History(row())
+    for ids in (["v1"], ["v1", "v2"], ["v1", "v2", "v3"], ["v2", "v3"], ["v1", "v2", "v3"]):
+        history.select(selection(ids))
+    assert len(history.steps) == 2, "what grows, or gives one thing up, is one step"
+    history.select(NOTHING)
+    assert [s.text for s in history.steps] == ["Opened", "Select 3 viewpoints", "Select nothing"]
+    history.undo()
+    assert history.selection == selection(["v1", "v2", "v3"])
+
+
 def test_a_new_drag_or_a_save_begins_a_new_step() -> None:
     history = History(row())
 
