@@ -88,8 +88,9 @@ class Bench(QObject):
             return
         yield lambda: document.extent.size > 0
         begin = time.perf_counter()
-        # The models are announced last; a project may have none.
+        # A project may have neither models nor a map.
         yield lambda: document.contents.scene_stamp is not None or time.perf_counter() - begin > UNTRAINED
+        yield lambda: document.contents.occupancy is not None or time.perf_counter() - begin > UNTRAINED
         if document.contents.scene_stamp is None:
             self._note_gaps()
             self._note_memory()

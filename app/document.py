@@ -108,7 +108,8 @@ class Document(QObject):
             self._following = True  # what is shown as selected is settled below
             self.editing.open(contents.graph, contents.graph_file)
             self._following = False
-            self.graph_arrays = GraphArrays.of(self.graph)
+            ready = contents.arrays if self.graph is contents.graph else None
+            self.graph_arrays = GraphArrays.of(self.graph) if ready is None else ready
             self.graph_changes.forget()
             self.storeys.look(self.graph_arrays, anew=before.path != contents.path)
             self.evidence.follow(self.graph)

@@ -117,15 +117,19 @@ class GraphSource:
 
     def contents(self) -> Contents:
         """Reads it, and a map and a cloud beside it. Raises InputError with the entry and the reason."""
-        from app.loading import Contents
+        from app.loading import Contents, prepared
+        from app.occupancy_child import OccupancyChild
 
         file = ForeignFile.open(self.path)
-        return Contents(
-            self.path,
-            graph=file.graph,
-            occupancy=file.beside.occupancy(),
-            graph_file=ForeignGraph(file, self.scans),
-            cloud=file.beside.points(),
+        child = None if file.beside.map is None else OccupancyChild(file.beside.map)
+        return prepared(
+            Contents(
+                self.path,
+                graph=file.graph,
+                graph_file=ForeignGraph(file, self.scans),
+                cloud=file.beside.points(),
+                occupancy=None if child is None else child.result(),
+            )
         )
 
 

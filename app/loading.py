@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.dots import Dots
+from app.graph_arrays import GraphArrays
 from app.graph_files import GraphFile, ProjectGraph
+from app.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
@@ -40,6 +43,7 @@ class Contents:
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
     cloud         beside a graph of its own
+    arrays, dots  of the graph and of the cloud, where whoever read them worked them out
     """
 
     path: Path | None = None
@@ -57,6 +61,8 @@ class Contents:
     results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
     graph_file: GraphFile | None = None
     cloud: Cloud | None = None
+    arrays: GraphArrays | None = None
+    dots: Dots | None = None
 
     @property
     def scan_cloud(self) -> Cloud | None:
@@ -98,6 +104,17 @@ class Contents:
         return None
 
 
+def prepared(contents: Contents) -> Contents:
+    """With what views would work out of the graph and of the cloud, in the thread of the window, when they come."""
+    graph, cloud = contents.graph, contents.scan_cloud
+    if graph is not None:
+        _ = graph.adjacency  # it is kept
+    dots = contents.dots
+    if cloud is None or dots is None or dots.cloud is not cloud:
+        dots = None if cloud is None else Dots.of(cloud)
+    return replace(contents, arrays=None if graph is None else GraphArrays.of(graph), dots=dots)
+
+
 def _file_stamp(path: Path) -> tuple[int, int] | None:
     try:
         stat = path.stat()
@@ -117,9 +134,20 @@ class ProjectReader:
         self._contents = Contents(path, graph_file=ProjectGraph(path))
         self._stamps: dict[str, Hashable] = {}
         self._revision: int | None = None
+        self._child: OccupancyChild | None = None
+        self._interrupted = False
 
     def close(self) -> None:
+        self._interrupted = True
+        self._drop_child()
         self._project.close()
+
+    def interrupt(self) -> None:
+        """What is being read is not wanted any more; from any thread."""
+        self._interrupted = True
+        child = self._child
+        if child is not None:
+            child.kill()
 
     def updates(self) -> Iterator[Contents]:
         """The contents after each part that had changed, quick parts first; nothing when nothing did.
@@ -153,11 +181,13 @@ class ProjectReader:
             "stages": lambda: frozenset(row[0] for row in stages if row[3] == "done"),
             "results": lambda: self._results(stamps["results"]),
             "graph": project.graph,
-            # The models come last: announcing them starts the drawing process, which copies sys.path, and reading a map
-            # imports OpenCV, which for a moment puts a folder there whose modules hide those of the standard library.
-            "occupancy": project.occupancy,
             "scene_stamp": lambda: models,
+            "occupancy": self._occupancy,
         }
+        if self._stamps.get("occupancy", self) != stamps["occupancy"]:
+            self._drop_child()
+            if project.may_have_occupancy:
+                self._child = OccupancyChild(project.layout.root)
         for part, read in readers.items():
             if self._stamps.get(part, self) == stamps[part]:
                 continue
@@ -167,12 +197,30 @@ class ProjectReader:
             if value is None and before is None:
                 continue
             self._contents = replace(self._contents, **{part: value})
+            if part == "capture":
+                self._contents = prepared(self._contents)
             if part == "graph":
-                self._contents = replace(self._contents, thresholds=thresholds_of(project))
+                self._contents = prepared(replace(self._contents, thresholds=thresholds_of(project)))
             if part == "scene_stamp":
                 info = self._model_info()
                 self._contents = replace(self._contents, model_info=info, live=value is not None and not info)
             yield self._contents
+
+    def _occupancy(self) -> OccupancyMap | None:
+        if self._child is None:
+            return None
+        try:
+            if self._interrupted:
+                self._child.kill()
+            return self._child.result()
+        finally:
+            self._child = None
+
+    def _drop_child(self) -> None:
+        if self._child is not None:
+            self._child.kill()
+            self._child.result()
+            self._child = None
 
     def _results(self, created: Hashable) -> dict[str, tuple[float, dict[str, object]]]:
         assert isinstance(created, tuple)

@@ -33,6 +33,7 @@ class ProjectWatcher(QObject):
         self._path = path
         self._stop = threading.Event()
         self._soon = threading.Event()
+        self._reader: ProjectReader | None = None
         self._thread = threading.Thread(target=self._run, name="project watcher", daemon=True)
 
     def start(self) -> None:
@@ -46,6 +47,9 @@ class ProjectWatcher(QObject):
         """Returns when the thread has ended."""
         self._stop.set()
         self._soon.set()
+        reader = self._reader
+        if reader is not None:
+            reader.interrupt()
         if self._thread.is_alive():
             self._thread.join()
 
@@ -55,7 +59,7 @@ class ProjectWatcher(QObject):
         while not self._stop.is_set():
             try:
                 if reader is None:
-                    reader = ProjectReader(self._path)
+                    reader = self._reader = ProjectReader(self._path)
                 for contents in reader.updates():
                     if self._stop.is_set():
                         break

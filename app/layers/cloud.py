@@ -8,16 +8,13 @@ from PySide6.QtCore import QRectF
 from PySide6.QtGui import QImage, QPainter
 
 from app.document import Document
+from app.dots import MOST, Dots
 from app.layers.layer import Layer
-from app.tones import ramp
-from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 
-MOST = 60_000  # points drawn; evenly taken from all
 MOST_MOVING = 12_000
 _NEAR = 0.1  # metres
 _LARGE = 3.0  # metres; nearer points get a dot of 3 pixels instead of 2
-_TURN = np.uint32(2654435761)
 
 
 class CloudLayer(Layer):
@@ -30,9 +27,7 @@ class CloudLayer(Layer):
 
     def __init__(self, document: Document) -> None:
         self._document = document
-        self._of: object = None
-        self._points = np.zeros((0, 3), np.float32)
-        self._tones = np.zeros(0, np.uint32)
+        self._dots: Dots | None = None
         self._image = np.zeros((0, 0), np.uint32)
 
     @property
@@ -42,33 +37,19 @@ class CloudLayer(Layer):
     def paint(self, painter: QPainter, camera: Camera) -> None:
         cloud = self._document.contents.scan_cloud
         if cloud is None:
+            self._dots = None
             return
-        if self._of is not cloud:
-            self._points, self._tones = thinned(cloud)
-            self._of = cloud
+        if self._dots is None or self._dots.cloud is not cloud:
+            ready = self._document.contents.dots
+            self._dots = ready if ready is not None and ready.cloud is cloud else Dots.of(cloud)
         k = camera.intrinsics
         if self._image.shape != (k.height, k.width):
             self._image = np.zeros((k.height, k.width), np.uint32)
         self._image[:] = 0
         most = MOST_MOVING if self.moving else MOST
-        draw_dots(self._image, camera, self._points[:most], self._tones[:most])
+        draw_dots(self._image, camera, self._dots.points[:most], self._dots.tones[:most])
         picture = QImage(self._image.data, k.width, k.height, 4 * k.width, QImage.Format.Format_ARGB32_Premultiplied)
         painter.drawImage(QRectF(0, 0, k.width, k.height), picture)
-
-
-def thinned(cloud: Cloud) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """At most MOST points (N, 3) and their tones (N,) 0xffRRGGBB; without colours the height makes them."""
-    count = len(cloud.points)
-    rows = np.arange(0, count, max(1, count // (8 * MOST)))
-    # Steps alone would take whole scan lines; in a scattered order the first few stand for all.
-    rows = rows[np.argsort(rows.astype(np.uint32) * _TURN, kind="stable")[:MOST]]
-    points = cloud.points[rows]
-    if cloud.colors is not None:
-        rgb = cloud.colors[rows].astype(np.uint32)
-    else:
-        low, high = np.quantile(points[:, 2], (0.02, 0.98)) if len(points) else (0.0, 1.0)
-        rgb = ramp((points[:, 2] - low) / max(high - low, 1e-3)).astype(np.uint32)
-    return points, (0xFF << 24 | rgb[:, 0] << 16 | rgb[:, 1] << 8 | rgb[:, 2]).astype(np.uint32)
 
 
 def draw_dots(

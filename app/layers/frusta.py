@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt
@@ -22,14 +24,23 @@ MOST_MOVING = 60
 _LENGTH = 0.22  # metres along the line of sight
 
 
+def frusta(frames: Sequence[Frame], length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The edges of the frames' pyramids, `length` metres deep: both ends (N, 8, 3), world."""
+    poses = np.array([f.camera_to_world for f in frames], np.float64).reshape(-1, 4, 4)
+    sizes = np.array([(k.width, k.height, k.cx, k.cy, k.fx, k.fy) for k in (f.intrinsics for f in frames)], np.float64)
+    width, height, cx, cy, fx, fy = sizes.reshape(-1, 6).T[..., None]
+    rays = np.ones((len(frames), 4, 3))
+    rays[..., 0] = (width * (0, 1, 1, 0) - cx) / fx
+    rays[..., 1] = (height * (0, 0, 1, 1) - cy) / fy
+    eyes = np.repeat(poses[:, None, :3, 3], 4, axis=1)
+    tips = length * rays @ poses[:, :3, :3].transpose(0, 2, 1) + eyes
+    return np.concatenate([eyes, tips], axis=1), np.concatenate([tips, np.roll(tips, -1, axis=1)], axis=1)
+
+
 def frustum(frame: Frame, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The edges of the frame's pyramid, `length` metres deep: both ends (8, 3), world."""
-    k, pose = frame.intrinsics, frame.camera_to_world
-    corners = np.array([(0, 0), (k.width, 0), (k.width, k.height), (0, k.height)], float)
-    rays = np.stack([(corners[:, 0] - k.cx) / k.fx, (corners[:, 1] - k.cy) / k.fy, np.ones(4)], axis=1) * length
-    tips = rays @ pose[:3, :3].T + pose[:3, 3]
-    eye = np.repeat(pose[None, :3, 3], 4, axis=0)
-    return np.concatenate([eye, tips]), np.concatenate([tips, np.roll(tips, -1, axis=0)])
+    """The edges of one pyramid: both ends (8, 3)."""
+    starts, ends = frusta([frame], length)
+    return starts[0], ends[0]
 
 
 class FrustumLayer(Layer):
@@ -55,8 +66,7 @@ class FrustumLayer(Layer):
         if capture is None or not capture.frames:
             return
         if self._of is not capture:
-            pyramids = [frustum(frame, _LENGTH) for frame in capture.frames]
-            self._starts, self._ends = (np.array(side) for side in zip(*pyramids))
+            self._starts, self._ends = frusta(capture.frames, _LENGTH)
             self._of = capture
         distance = np.linalg.norm(self._document.trajectory.positions - camera.position, axis=1)
         near = np.flatnonzero((distance < REACH) & (distance > STANDING_IN))

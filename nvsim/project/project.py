@@ -204,6 +204,11 @@ class Project:
 
         return SceneModel(submaps, found, memory_budget)
 
+    @property
+    def may_have_occupancy(self) -> bool:
+        """Whether there are the files that `occupancy` is made of."""
+        return (self.layout.ground_truth / "map.yaml").is_file() or self.layout.support.is_file()
+
     def occupancy(self) -> OccupancyMap | None:
         """The map that a person may compare the graph with: the truth of the built-in building, else what the cloud
         and the floor masks say."""

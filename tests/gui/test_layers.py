@@ -13,7 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from app.cameras import ViewPose, overview
 from app.document import Document
-from app.layers.cloud import draw_dots, thinned
+from app.dots import Dots
+from app.layers.cloud import draw_dots
 from app.layers.frusta import frustum
 from app.layers.layer import Layer
 from app.layers.occupancy import floor_places
@@ -135,7 +136,7 @@ def test_near_dots_lie_over_far_ones() -> None:
 def test_a_large_cloud_is_thinned_evenly() -> None:
     points = np.zeros((200_000, 3), np.float32)
     points[:, 0] = np.arange(200_000)
-    some, _ = thinned(Cloud(points, None, "lidar"))
+    some = Dots.of(Cloud(points, None, "lidar")).points
     assert len(some) == 60_000
     counts, _ = np.histogram(some[:, 0], bins=10, range=(0, 200_000))
     assert counts.min() > 5500 and counts.max() < 6500

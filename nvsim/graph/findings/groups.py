@@ -3,7 +3,7 @@ the cost is that of the smaller side."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from nvsim.graph.findings.types import Finding, Fix
 from nvsim.graph.findings.viewpoints import short
@@ -16,11 +16,18 @@ MANY = 64
 class Groups:
     """The connected groups of included viewpoints."""
 
-    def __init__(self, graph: NavGraph) -> None:
-        self.begin(graph)
+    def __init__(self, graph: NavGraph | None = None) -> None:
+        """Without a graph it has to be told to begin."""
+        if graph is not None:
+            self.begin(graph)
 
     def begin(self, graph: NavGraph) -> None:
         """Counts afresh."""
+        for _ in self.beginning(graph):
+            pass
+
+    def beginning(self, graph: NavGraph) -> Iterator[None]:
+        """Counts afresh in short steps, for who has other things to do in between."""
         self._next = 0
         self._label: dict[str, int] = {}
         self._members: dict[int, set[str]] = {}
@@ -28,7 +35,9 @@ class Groups:
         left_out = {id for id, viewpoint in graph.viewpoints.items() if not viewpoint.included}
         for id in graph.viewpoints:
             if id not in self._label and id not in left_out:
-                self._give(_reached(id, graph.adjacency, left_out))
+                reached = {id}
+                yield from _reach(reached, graph.adjacency, left_out)
+                self._give(reached)
 
     def update(self, graph: NavGraph, viewpoints: Iterable[str], edges: Iterable[EdgeKey]) -> None:
         """Takes a graph in which only these viewpoints and edges may differ."""
@@ -158,10 +167,10 @@ def _smaller_side(ends: list[str], graph: NavGraph) -> set[str] | None:
     return None
 
 
-def _reached(start: str, adjacency: Mapping[str, tuple[str, ...]], left_out: set[str]) -> set[str]:
-    """Ring by ring, so that sets do the work."""
-    seen, ring = {start}, {start}
+def _reach(seen: set[str], adjacency: Mapping[str, tuple[str, ...]], left_out: set[str]) -> Iterator[None]:
+    """Adds to `seen` all that can be reached from it, ring by ring, so that sets do the work."""
+    ring = seen.copy()
     while ring:
         ring = set().union(*(adjacency.get(id, ()) for id in ring)) - seen - left_out
         seen |= ring
-    return seen
+        yield

@@ -48,7 +48,9 @@ class Validator:
         self._places = Neighbourhood(self._context.limits.near)
         for viewpoint in graph.viewpoints.values():
             self._places.put(viewpoint)
-        self._groups = Groups(graph)
+            yield
+        self._groups = Groups()
+        yield from self._groups.beginning(graph)
         for id in graph.viewpoints:
             self._look_at(id)
             yield
