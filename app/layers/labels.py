@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from PySide6.QtCore import QPointF
 from PySide6.QtGui import QColor, QFont, QPainter
 
@@ -12,6 +14,7 @@ from app.layers.layer import Layer
 from app.primitives import chip
 from nvsim.geometry.camera import Camera
 
+_ID = re.compile(r"\b[0-9a-f]{32}\b")
 LABEL_DISTANCE = 6.0  # metres
 MOST_LABELS = 24
 
@@ -46,6 +49,11 @@ class LabelLayer(Layer):
             fill = QColor(58, 44, 5, 220) if row == selected else QColor(16, 20, 26, 170)
             ink = QColor(colors.SELECTED if row == selected else "#dfe7ee")
             chip(painter, anchor, short_id(arrays.ids[row]), ink, fill)
+
+
+def short_ids(sentence: str) -> str:
+    """The sentence with the ids in it as views name them."""
+    return _ID.sub(lambda id: short_id(id.group()), sentence)
 
 
 def short_id(id: str) -> str:

@@ -6,7 +6,6 @@ the view, whose camera they move.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, QTimer, Signal
@@ -16,14 +15,13 @@ from PySide6.QtWidgets import QApplication, QWidget
 from app import colors
 from app.document import Document
 from app.graph_surface import GraphSurface
-from app.layers.labels import short_id
+from app.layers.labels import short_ids
 from app.modes import MODES
 from app.modes.ink import label
 from app.modes.mode import Desk, Mode, Pointer
 from app.modes.selection_marks import SelectionMarks
 from app.navigation import CLICK_TOLERANCE
 
-_ID = re.compile(r"\b[0-9a-f]{32}\b")
 REFUSAL = 4000  # milliseconds a refusal stands at the cursor
 Layer = Callable[[QPainter, GraphSurface], None]
 
@@ -117,7 +115,7 @@ class Stage(QObject):
         self.refresh()
 
     def _refuse(self, sentence: str) -> None:
-        self._refusal = _ID.sub(lambda id: short_id(id.group()), sentence)  # as views name viewpoints
+        self._refusal = short_ids(sentence)
         self._fade.start()
         self.said.emit(self._refusal)
         self.refresh()

@@ -5,11 +5,22 @@ from __future__ import annotations
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
-from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QHeaderView, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtGui import QColor, QPalette
+from PySide6.QtWidgets import (
+    QComboBox,
+    QHBoxLayout,
+    QHeaderView,
+    QLabel,
+    QPushButton,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QVBoxLayout,
+    QWidget,
+)
 
 from app import colors
 from app.comparing import Compared
+from app.layers.labels import short_ids
 from app.panels.submaps import table
 from nvsim.graph.compare import Deviation
 from nvsim.graph.selection import GraphSelection
@@ -72,7 +83,7 @@ class DeviationModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.ToolTipRole:
             return found.words
         if role == Qt.ItemDataRole.DisplayRole:
-            return (found.kind, found.words)[index.column()]
+            return (found.kind, short_ids(found.words))[index.column()]
         return None
 
     def setData(self, index: _Index, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
@@ -82,6 +93,14 @@ class DeviationModel(QAbstractTableModel):
         (self.chosen.add if Qt.CheckState(value) == Qt.CheckState.Checked else self.chosen.discard)(found)
         self.dataChanged.emit(index, index)
         return True
+
+
+class _BoxDelegate(QStyledItemDelegate):
+    """An empty box on a dark table must be seen: the style draws its rim in a darker tone of the window's colour."""
+
+    def initStyleOption(self, option: QStyleOptionViewItem, index: _Index) -> None:
+        super().initStyleOption(option, index)
+        option.palette.setColor(QPalette.ColorRole.Window, option.palette.placeholderText().color().lighter(140))
 
 
 class ComparePanel(QWidget):
@@ -111,6 +130,8 @@ class ComparePanel(QWidget):
         self.words = QLabel("Choose another graph, or a step of the history, to compare with.", self)
         self.words.setWordWrap(True)
         self.table = table(self.model, self)
+        self.table.setWordWrap(False)
+        self.table.setItemDelegate(_BoxDelegate(self.table))
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         header.resizeSection(0, 150)
@@ -122,9 +143,10 @@ class ComparePanel(QWidget):
         self.merge.clicked.connect(self._on_merge)
         self.model.dataChanged.connect(self._enable)
         top, bottom = QHBoxLayout(), QHBoxLayout()
-        for widget, stretch in ((self.open, 0), (self.steps, 1), (self.close_button, 0)):
+        for widget, stretch in ((self.open, 0), (self.steps, 1)):
             top.addWidget(widget, stretch)
         bottom.addWidget(self.all)
+        bottom.addWidget(self.close_button)
         bottom.addStretch(1)
         bottom.addWidget(self.merge)
         layout = QVBoxLayout(self)

@@ -30,7 +30,9 @@ class CheckPart(Part):
         self.panel = ValidationPanel(workspace.document)
         self.panel.activated.connect(self._show)
         self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this walk
+        self._told: EdgeKey | None = None  # the edge that the status bar speaks of
         workspace.document.projectChanged.connect(self._passed.clear)
+        workspace.document.editing.selectionChanged.connect(self._on_selection)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("validation", "Validation", self.panel, "right", "details"),)
@@ -57,12 +59,20 @@ class CheckPart(Part):
             self._passed.clear()
             left = waiting
         self._show(GraphSelection(frozenset(), frozenset({left[0].edge})))
+        self._told = left[0].edge
         done = len(editing.graph.edges) - len(waiting)
         why = left[0].why
         self.workspace.modes.said.emit(
             f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
             "Y it is right · Shift+N right, go on · Del remove it"
         )
+
+    def _on_selection(self) -> None:
+        """What was said of an edge is said no more when something else is selected."""
+        if self._told is not None and self.workspace.document.editing.selection.edges != {self._told}:
+            self._told = None
+            modes = self.workspace.modes
+            modes.said.emit(modes.current.hint)
 
     def accept(self) -> None:
         """What is selected is right; the next one."""
