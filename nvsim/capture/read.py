@@ -11,7 +11,7 @@ from nvsim.capture.kapture import find_kapture, read_kapture
 from nvsim.capture.nerfstudio import read_nerfstudio
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.several import SUFFIX, read_several
-from nvsim.capture.types import Capture
+from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 
 FORMATS = (
@@ -20,11 +20,18 @@ FORMATS = (
 )
 
 
-def read(path: Path, *, scale: float | None = None, camera_height: float | None = None) -> Capture:
+def read(
+    path: Path,
+    *,
+    scale: float | None = None,
+    camera_height: float | None = None,
+    alignment: Alignment | None = None,
+) -> Capture:
     """The capture at `path`, a folder or a file of it, in the aligned frame.
 
     scale          metres per unit of the source, when the source does not know
     camera_height  metres of the cameras above the floor; gives the scale of a source that has none
+    alignment      known already, so that nothing is estimated
 
     A capture of unknown scale still loads, with `alignment.scale_known` False. Raises InputError that names every
     error found, missing and empty images among them; images are not decoded (`check` does that).
@@ -34,7 +41,8 @@ def read(path: Path, *, scale: float | None = None, camera_height: float | None 
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)
-    alignment, _ = align(raw, scale, camera_height, findings)
+    if alignment is None:
+        alignment, _ = align(raw, scale, camera_height, findings)
     return apply(raw, alignment)
 
 

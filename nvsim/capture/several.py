@@ -54,7 +54,7 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
         raise InputError(f"The captures of {path} are not in one unit ({units}); bring them into one world first.")
     frames = [
         replace(frame, name=f"{label}/{frame.name}", where=f"{label}, {frame.where}", sensor=f"{label}/{frame.sensor}")
-        for label, raw in zip(_labels(sources), raws, strict=True)
+        for label, raw in zip(labels(sources), raws, strict=True)
         for frame in raw.frames
     ]
     clouds = [raw.cloud for raw in raws if raw.cloud is not None]
@@ -62,10 +62,15 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
     return RawCapture(path, f"several ({formats})", tuple(frames), _joined(clouds), raws[0].metric)
 
 
-def _labels(sources: Sequence[Path]) -> list[str]:
-    """A short name for each, its folder's where that says which it is."""
-    names = [(s if s.is_dir() else s.parent).name or "capture" for s in sources]
-    return [n if names.count(n) == 1 else f"{n}-{i}" for i, n in enumerate(names)]
+def labels(sources: Sequence[Path]) -> list[str]:
+    """A short name for each, which its frames begin with: its folder's, numbered where another had it before. A capture
+    that is added at the end changes none of the others."""
+    found: list[str] = []
+    for source in sources:
+        name = (source if source.is_dir() else source.parent).name or "capture"
+        others = (f"{name}-{number}" for number in range(1, len(sources) + 1))
+        found.append(next(label for label in (name, *others) if label not in found))
+    return found
 
 
 def _joined(clouds: Sequence[Cloud]) -> Cloud | None:

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.session import working
+from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
-from nvsim.project.stages import imported
+from nvsim.project.stages import added, imported
 
 
 @dataclass(frozen=True)
@@ -17,12 +18,22 @@ class Arguments:
     """A folder or file: nerfstudio transforms.json, COLMAP, or kapture."""
     project: Path
     """The project folder to make or to write to."""
+    add: bool = False
+    """Keep what the project holds and import this walk beside it: same building, same world, same unit."""
     json: bool = False
     """Print typed events as JSON lines."""
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
 
 
 def run(arguments: Arguments) -> int:
-    with working(arguments.project, "import", arguments.json, create=True) as (project, listen):
-        imported.run(project, arguments.capture, arguments.understood, listen)
+    with working(arguments.project, "import", arguments.json, create=not arguments.add) as (project, listen):
+        if arguments.add:
+            if arguments.understood != CaptureConfig():
+                raise InputError(
+                    "What is added is understood as the first capture was; leave out --scale, --camera-height and "
+                    "--hold-out."
+                )
+            added.run(project, arguments.capture, listen)
+        else:
+            imported.run(project, arguments.capture, arguments.understood, listen)
     return 0

@@ -7,7 +7,7 @@ import json
 import time
 from pathlib import Path
 
-from nvsim.capture.types import Capture
+from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.project import ledger
@@ -18,15 +18,18 @@ STAGE = "import"
 _CONFIG = "capture_config"
 
 
-def run(project: Project, source: Path, config: CaptureConfig, listen: Listener) -> Capture:
-    """The capture of `source`, checked. Raises InputError when the check refuses it or its scale is unknown."""
+def run(
+    project: Project, source: Path, config: CaptureConfig, listen: Listener, alignment: Alignment | None = None
+) -> Capture:
+    """The capture of `source`, checked; in the frame of `alignment` where that is known. Raises InputError when the
+    check refuses it or its scale is unknown."""
     from nvsim.capture.check import check
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
 
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, str(source)))
-    capture = read(source, scale=config.scale, camera_height=config.camera_height)
+    capture = read(source, scale=config.scale, camera_height=config.camera_height, alignment=alignment)
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config)
     if ledger.is_current(project, STAGE, key):
         listen(Log("The capture is unchanged.", STAGE))
