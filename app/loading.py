@@ -30,6 +30,14 @@ PARTS = (
 )  # fmt: skip
 
 
+_GROWN = {
+    "submaps": "The capture has grown since it was divided into submaps.",
+    "floors": "The capture has grown since the floor was found.",
+    "train": "The capture has grown since the submaps were trained.",
+    "map": "The capture has grown since the map was built.",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Contents:
     """A project as last read; views compare its parts by identity.
@@ -37,6 +45,7 @@ class Contents:
     scene_stamp   changes whenever a model was written; None while there is no model at all
     model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
     stages        names of the stages that ended well
+    outdated      those among them that ended before the capture was what it is now
     thresholds    what the graph was decided with
     results       name of a stored evaluation -> when it ended and its figures
     live          whether all that is to be seen is in training still
@@ -55,6 +64,7 @@ class Contents:
     scene_stamp: Hashable | None = None
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
     stages: frozenset[str] = frozenset()
+    outdated: frozenset[str] = frozenset()
     outline: NDArray[np.float64] | None = None
     thresholds: MappingConfig = field(default_factory=MappingConfig)
     live: bool = False
@@ -73,6 +83,8 @@ class Contents:
     def missing_verb(self) -> str:
         """The command that makes what the project lacks next: "" when nothing is missing or no project is open."""
         trained = self.scene_stamp is not None and not self.live
+        if self._outdated_verb:
+            return self._outdated_verb
         if self.path is None or self.outline is not None or (self.graph is not None and trained):
             return ""
         if self.capture is None:
@@ -84,6 +96,11 @@ class Contents:
         return "map" if trained else "train"
 
     @property
+    def _outdated_verb(self) -> str:
+        """The first stage that was done for another capture than there is now."""
+        return next((verb for verb in ("submaps", "floors", "train", "map") if verb in self.outdated), "")
+
+    @property
     def missing(self) -> tuple[str, str] | None:
         """What the project lacks next, in words, and the command that makes it; None when everything is there."""
         if self.outline is not None or (self.graph_file is not None and self.graph_file.foreign):
@@ -93,6 +110,8 @@ class Contents:
             return "No project is open.", "nvsim demo"
         if self.capture is None and self.graph is None:
             return "This project has no capture yet.", f"nvsim import CAPTURE {project}"
+        if self._outdated_verb:
+            return _GROWN[self._outdated_verb], f"nvsim {self._outdated_verb} {project}"
         if self.capture is not None and not self.submaps:
             return "The trajectory is not divided into submaps yet.", f"nvsim submaps {project}"
         if self.missing_verb == "floors":
@@ -113,6 +132,13 @@ def prepared(contents: Contents) -> Contents:
     if cloud is None or dots is None or dots.cloud is not cloud:
         dots = None if cloud is None else Dots.of(cloud)
     return replace(contents, arrays=None if graph is None else GraphArrays.of(graph), dots=dots)
+
+
+def _outdated(rows: tuple[tuple[Any, ...], ...]) -> frozenset[str]:
+    """Of the rows (stage, part, key, state, finished) the stages that ended before the import did."""
+    ended = {row[:2]: row[4] for row in rows if row[3] == "done" and row[4]}
+    last = ended.get(("import", 0))
+    return frozenset() if last is None else frozenset(stage for (stage, _), at in ended.items() if at < last)
 
 
 def _file_stamp(path: Path) -> tuple[int, int] | None:
@@ -199,6 +225,8 @@ class ProjectReader:
             self._contents = replace(self._contents, **{part: value})
             if part == "capture":
                 self._contents = prepared(self._contents)
+            if part == "stages":
+                self._contents = replace(self._contents, outdated=_outdated(stages))
             if part == "graph":
                 self._contents = prepared(replace(self._contents, thresholds=thresholds_of(project)))
             if part == "scene_stamp":

@@ -28,6 +28,7 @@ from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
 from app.panels.check_result import FindingTree
 from nvsim.capture.several import SUFFIX, write_list
+from nvsim.project.config import CaptureConfig
 
 BETWEEN = "; "  # several captures in one line
 TYPING = 500  # milliseconds after the last change until the check starts
@@ -45,15 +46,23 @@ class NewProject:
 
 
 class NewProjectDialog(QDialog):
-    """chosen(NewProject). With `project` given the capture goes into that one."""
+    """chosen(NewProject). With `project` given the capture goes into that one; with `beside` it joins those captures
+    there, is checked together with them, and is `understood` as they were."""
 
     chosen = Signal(object)
 
     def __init__(
-        self, captures: Sequence[Path] = (), project: Path | None = None, parent: QWidget | None = None
+        self,
+        captures: Sequence[Path] = (),
+        project: Path | None = None,
+        parent: QWidget | None = None,
+        beside: Sequence[Path] = (),
+        understood: CaptureConfig | None = None,
     ) -> None:
         super().__init__(parent)
-        self.setWindowTitle("New project from a capture" if project is None else "Import a capture")
+        title = "Add a capture" if beside else "New project from a capture" if project is None else "Import a capture"
+        self.setWindowTitle(title)
+        self._beside = list(beside)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._fixed = project
         self._named = project is not None  # the person chose the project's place
@@ -68,6 +77,10 @@ class NewProjectDialog(QDialog):
         self._build()
         if project is not None:
             self.project.setText(str(project))
+        for name, editor in self._editors().items():
+            if understood is not None:
+                editor.show_value(getattr(understood, name))
+                editor.setEnabled(False)
         if captures:
             self.set_captures(captures)
         self.resize(760, 560)
@@ -132,8 +145,9 @@ class NewProjectDialog(QDialog):
         self.problem.setWordWrap(True)
         self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
         buttons = QDialogButtonBox(self)
-        self.run_button = buttons.addButton("Import and run everything", QDialogButtonBox.ButtonRole.AcceptRole)
-        self.import_button = buttons.addButton("Import only", QDialogButtonBox.ButtonRole.ActionRole)
+        verb = "Add" if self._beside else "Import"
+        self.run_button = buttons.addButton(f"{verb} and run everything", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.import_button = buttons.addButton(f"{verb} only", QDialogButtonBox.ButtonRole.ActionRole)
         buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
         self.run_button.clicked.connect(lambda: self._choose(everything=True))
         self.import_button.clicked.connect(lambda: self._choose(everything=False))
@@ -188,19 +202,16 @@ class NewProjectDialog(QDialog):
 
     def _values(self) -> dict[str, float | int | None]:
         """Raises ValueError with a sentence."""
-        return {
-            name: editor.value()
-            for name, editor in (
-                ("camera_height", self.camera_height),
-                ("scale", self.scale),
-                ("hold_out", self.hold_out),
-            )
-        }
+        return {name: editor.value() for name, editor in self._editors().items()}
+
+    def _editors(self) -> dict[str, LineEditor]:
+        return {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
 
     def _start_check(self) -> None:
         captures = self.captures()
         if not captures:
             return
+        captures = [*self._beside, *captures]
         try:
             values = self._values()
         except ValueError:

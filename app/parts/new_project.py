@@ -29,6 +29,12 @@ def without_capture(document: Document) -> Reason:
     return None if document.contents.capture is None else "the project has its capture already; make a new project"
 
 
+def with_own_capture(document: Document) -> Reason:
+    if document.project is None:
+        return "no project is open"
+    return None if document.contents.capture is not None else "the project has no capture yet; import one first"
+
+
 class NewProjectPart(Part):
     ACTIONS = (
         Action(
@@ -56,12 +62,21 @@ class NewProjectPart(Part):
             -1,
             enabled=without_capture,
         ),
+        Action(
+            "add_capture",
+            "A&dd a capture…",
+            "Import another walk through the same building into the open project",
+            "&File",
+            -1,
+            enabled=with_own_capture,
+        ),
     )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
             "new_project": lambda _=False: self.open_dialog(),
             "new_demo": lambda _=False: self.choose_demo(),
+            "add_capture": lambda _=False: self.open_addition(),
             "import": lambda _=False: self.open_dialog(project=self.workspace.document.project),
         }
 
@@ -92,6 +107,35 @@ class NewProjectPart(Part):
         dialog.chosen.connect(self._make)
         dialog.open()
         return dialog
+
+    def open_addition(self, captures: Sequence[Path] = ()) -> NewProjectDialog | None:
+        """Asks for a capture that comes beside what the project holds."""
+        from nvsim.project.project import Project
+        from nvsim.project.stages.added import sources
+        from nvsim.project.stages.imported import capture_config
+
+        document = self.workspace.document
+        project, capture = document.project, document.contents.capture
+        if project is None or capture is None:
+            return None
+        try:
+            held = sources(capture)
+            with Project.open(project) as opened:
+                understood = capture_config(opened)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        dialog = NewProjectDialog(captures, project, self.workspace.window, beside=held, understood=understood)
+        dialog.chosen.connect(self._add)
+        dialog.open()
+        return dialog
+
+    def _add(self, new: NewProject) -> None:
+        for capture in new.captures:
+            arguments = [str(capture), "--add", "--project", str(new.project)]
+            self.workspace.jobs.start("import", arguments, new.project, f"Add {capture.name}")
+        if new.everything:
+            self._jobs_part().run_everything()
 
     def _make(self, new: NewProject) -> None:
         if self._open_new(new.project):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -151,3 +152,32 @@ def test_several_captures_become_one_list_and_one_project(qtbot: QtBot, session:
     source = Path(ordered[0][0])
     assert source.parent == tmp_path / "house.nvsim"
     assert source.read_text().splitlines() == [str(c) for c in captures]
+
+
+def test_a_second_walk_is_added_and_the_next_stage_is_offered_again(
+    session: Session, capture: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    from nvsim.cli.main import main
+
+    project, second = tmp_path / "house.nvsim", tmp_path / "second"
+    shutil.copytree(capture, second)
+    assert main(["import", str(capture), "--project", str(project), "--hold-out", "5"]) == 0
+    assert main(["submaps", "--project", str(project), "--count", "1"]) == 0
+    session.open(project)
+    document, window = session.document, session.window
+    qtbot.waitUntil(lambda: bool(document.contents.submaps), timeout=SECONDS)
+    frames = len(document.contents.capture.frames)
+    bar = window.findChild(StageBar)
+    qtbot.waitUntil(lambda: "floor" in bar.sentence.text(), timeout=SECONDS)
+    window.actions_table["add_capture"].trigger()
+    dialog = window.findChildren(NewProjectDialog)[-1]
+    assert dialog.windowTitle() == "Add a capture" and dialog.hold_out.value() == 5 and not dialog.hold_out.isEnabled()
+    dialog.set_captures([second])
+    qtbot.waitUntil(dialog.import_button.isEnabled, timeout=SECONDS)
+    qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: len(document.contents.capture.frames) == 2 * frames, timeout=SECONDS)
+    qtbot.waitUntil(lambda: "capture has grown" in bar.sentence.text(), timeout=SECONDS)
+    assert document.contents.missing_verb == "submaps"
+    qtbot.mouseClick(bar.stage, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: document.contents.missing_verb == "floors", timeout=SECONDS)
+    assert {i for s in document.contents.submaps for i in s.core} == set(range(2 * frames))
