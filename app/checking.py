@@ -15,7 +15,6 @@ from nvsim.graph.findings import Context, Finding, Validator
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.against import against
 from nvsim.mapping.config import MappingConfig
-from nvsim.occupancy.types import OccupancyMap
 
 LARGE = 4000  # edges, from which on the window goes on while they are looked at
 SLICE = 0.008  # seconds of that at a time
@@ -38,8 +37,7 @@ class Checking:
         self._changed = changed
         self._graph: NavGraph | None = None
         self._file: GraphFile | None = None
-        self._occupancy: OccupancyMap | None = None
-        self._against = against(MappingConfig())
+        self._known = Context(against=against(MappingConfig()))
         self._validator: Validator | None = None
         self._look: _Look | None = None
         self._begin = QTimer(parent, singleShot=True, interval=0)
@@ -52,16 +50,11 @@ class Checking:
         """By key; what a person ignores is among them."""
         return {} if self._validator is None else self._validator.findings
 
-    def set_occupancy(self, occupancy: OccupancyMap | None) -> None:
-        """What the graph is held against."""
-        if occupancy is not self._occupancy:
-            self._occupancy = occupancy
+    def set_context(self, known: Context) -> None:
+        """What the graph is held against, as far as it is known; its file may add to it."""
+        if known is not self._known:
+            self._known = known
             self._look_again()
-
-    def set_thresholds(self, config: MappingConfig) -> None:
-        """What evidence is held against."""
-        self._against = against(config)
-        self._look_again()
 
     def look_soon(self, graph: NavGraph | None, file: GraphFile | None) -> None:
         """Looks at the whole graph once the event loop comes round: several reasons to do so come together."""
@@ -82,9 +75,7 @@ class Checking:
     def look(self) -> None:
         """Looks at the whole graph, a large one while the person goes on."""
         graph = self._graph
-        context = Context(occupancy=self._occupancy, against=self._against)
-        if self._file is not None:
-            context = self._file.context(context)
+        context = self._known if self._file is None else self._file.context(self._known)
         self._validator, self._look = None, None
         if graph is None:
             self._changed()

@@ -18,9 +18,11 @@ from app.loading import PARTS, Contents
 from app.storeys import Storeys
 from app.view_states import ViewStates
 from nvsim.graph.difference import Difference
+from nvsim.graph.findings import Context
 from nvsim.graph.kept_evidence import KeptEvidence
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.mapping.against import against
 
 
 @dataclass(frozen=True)
@@ -113,9 +115,13 @@ class Document(QObject):
             self.graph_changes.forget()
             self.storeys.look(self.graph_arrays, anew=before.path != contents.path)
             self.evidence.follow(self.graph)
-        if changed & {"graph", "occupancy", "capture"}:
+        if changed & {"graph", "occupancy", "capture", "context"}:
             self.editing.set_thresholds(contents.thresholds)
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
+            known = contents.context
+            if known is None or known.occupancy is not contents.occupancy:
+                known = Context(occupancy=contents.occupancy, against=against(contents.thresholds))
+            self.editing.checking.set_context(known)
         if before.path != contents.path:
             self._selection = Selection()
             self.projectChanged.emit()

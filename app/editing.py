@@ -210,17 +210,15 @@ class Editing(QObject):
     # What is wrong with it ---------------------------------------------------------------------------------------
 
     def set_surroundings(self, occupancy: OccupancyMap | None, trajectory: NDArray[np.float64] | None) -> None:
-        """What the graph is checked against, and what edits may need: (N, 3) the places of the frames."""
+        """What edits may need: a map, and (N, 3) the places of the frames."""
         visible = None if occupancy is None else partial(_see_each_other, occupancy)
         self._surroundings = Surroundings(visible, trajectory)
-        self.checking.set_occupancy(occupancy)
 
     def set_thresholds(self, config: MappingConfig) -> None:
-        """What evidence is held against."""
+        """What the walk through the least certain edges holds evidence against."""
         if config == self._thresholds:
             return
         self._thresholds, self.review = config, Review(margin(config))
-        self.checking.set_thresholds(config)
 
     @property
     def findings(self) -> Mapping[str, Finding]:

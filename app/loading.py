@@ -16,6 +16,7 @@ from app.graph_files import GraphFile, ProjectGraph
 from app.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
+from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     from nvsim.project.project import Project
 
 PARTS = (
-    "capture", "submaps", "graph", "occupancy", "jobs", "scene_stamp", "outline", "model_info", "stages", "results",
+    "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
+    "results",
 )  # fmt: skip
 
 
@@ -47,6 +49,7 @@ class Contents:
     stages        names of the stages that ended well
     outdated      those among them that ended before the capture was what it is now
     thresholds    what the graph was decided with
+    context       what the findings about the graph are held against; None where only thresholds and map are known
     results       name of a stored evaluation -> when it ended and its figures
     live          whether all that is to be seen is in training still
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
@@ -73,6 +76,7 @@ class Contents:
     cloud: Cloud | None = None
     arrays: GraphArrays | None = None
     dots: Dots | None = None
+    context: Context | None = None
 
     @property
     def scan_cloud(self) -> Cloud | None:
@@ -200,6 +204,7 @@ class ProjectReader:
             "results": tuple(project.connection.execute("SELECT name, created FROM results ORDER BY name").fetchall()),
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support)),
+            "context": self._context_stamp(stages, (capture, _file_stamp(project.layout.support))),
         }
         readers: dict[str, Callable[[], Any]] = {
             "capture": project.capture,
@@ -209,6 +214,7 @@ class ProjectReader:
             "graph": project.graph,
             "scene_stamp": lambda: models,
             "occupancy": self._occupancy,
+            "context": self._context,
         }
         if self._stamps.get("occupancy", self) != stamps["occupancy"]:
             self._drop_child()
@@ -249,6 +255,18 @@ class ProjectReader:
             self._child.kill()
             self._child.result()
             self._child = None
+
+    def _context_stamp(self, stages: Hashable, stamp_of_map: Hashable) -> Hashable:
+        layout = self._project.layout
+        floors = tuple((p.name, _file_stamp(p)) for p in sorted(layout.floor.glob("*.npz")))
+        return stages, floors, stamp_of_map, tuple(p.parent.name for p in sorted(layout.models.glob("*/model.json")))
+
+    def _context(self) -> Context | None:
+        from nvsim.project.graph_context import context_on
+
+        if self._contents.graph is None:
+            return None
+        return context_on(self._contents.occupancy, self._project)
 
     def _results(self, created: Hashable) -> dict[str, tuple[float, dict[str, object]]]:
         assert isinstance(created, tuple)

@@ -1,6 +1,8 @@
-"""The floor of the whole project as one surface: each place takes the height of the submap with the nearest camera."""
+"""The floor of the whole project: each place takes the height of the submap with the nearest camera."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -34,3 +36,25 @@ def floor_of(project: Project) -> FloorSurface:
         chosen = nearest == index
         heights[chosen] = surface.height_at(xy[chosen])
     return FloorSurface(heights, (float(low[0]), float(low[1])), _SPACING)
+
+
+def floor_beneath(project: Project) -> Callable[[float, float, float], float] | None:
+    """(x, y, z) -> height of the floor under what is at z, metres, world: that of the submap whose camera passed
+    nearest, so that storeys stay apart. None while no floor was estimated."""
+    surfaces = {s.index: project.surface(s.index) for s in project.submaps()}
+    known = {index: s for index, s in surfaces.items() if s is not None}
+    if not known:
+        return None
+    from scipy.spatial import cKDTree
+
+    submaps = [s for s in project.submaps() if s.index in known]
+    tree = cKDTree(np.concatenate([s.positions for s in submaps]))
+    owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
+
+    def height(x: float, y: float, z: float) -> float:
+        distance, row = tree.query((x, y, z))
+        if distance > _MARGIN:
+            return float("nan")
+        return float(known[int(owners[row])].height_at(np.array([x, y])))
+
+    return height

@@ -1,8 +1,7 @@
-"""What the findings of a project's graph are held against: its map, its floor, the thresholds and the evidence."""
+"""What the findings of a project's graph are held against: its map, its floor, its models, the thresholds and the
+evidence. The window and the command line take the same."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from nvsim.graph.findings import Context, Limits
 from nvsim.occupancy.types import OccupancyMap
@@ -10,18 +9,23 @@ from nvsim.project.project import Project
 
 
 def context_of(project: Project, limits: Limits | None = None, occupancy: OccupancyMap | None = None) -> Context:
-    """`occupancy` stands in for the project's own map where one is given. Floor heights are asked of the project only
-    where a floor was estimated."""
+    """`occupancy` stands in for the project's own map where one is given."""
+    return context_on(project.occupancy() if occupancy is None else occupancy, project, limits)
+
+
+def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:
+    """What is known beside this map, or beside none. Floor heights are asked of the project only where a floor was
+    estimated; of panoramas there are none where the submap is not trained."""
     from nvsim.mapping.against import against
-    from nvsim.project.floor_heights import floor_of
+    from nvsim.project.floor_heights import floor_beneath
     from nvsim.project.thresholds import thresholds_of
 
-    floor = None
-    if any(project.surface(submap.index) is not None for submap in project.submaps()):
-        surface = floor_of(project)
+    evidence, floor = against(thresholds_of(project)), floor_beneath(project)
+    return Context(limits or Limits(), occupancy, evidence, floor, untrained=untrained(project))
 
-        def floor(x: float, y: float, z: float) -> float:
-            return float(surface.height_at(np.array([x, y])))
 
-    known = project.occupancy() if occupancy is None else occupancy
-    return Context(limits or Limits(), known, against(thresholds_of(project)), floor)
+def untrained(project: Project) -> frozenset[int]:
+    """Submaps without a model; -1 stands for no model at all. Empty while the walk is not divided."""
+    submaps = [submap.index for submap in project.submaps()]
+    missing = frozenset(i for i in submaps if not (project.layout.model(i) / "model.json").is_file())
+    return missing | {-1} if submaps and len(missing) == len(submaps) else missing

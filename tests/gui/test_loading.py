@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from pathlib import Path
 
 import demo_project
 import demo_room
+import numpy as np
 import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
@@ -14,7 +16,10 @@ from pytestqt.qtbot import QtBot
 from app.loading import Contents, ProjectReader
 from app.session import Session
 from app.watcher import ProjectWatcher
+from nvsim.cli.main import main
 from nvsim.errors import InputError
+from nvsim.graph.operations import apply
+from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 
 
@@ -143,3 +148,38 @@ def test_a_reader_never_locks_the_writer_out(project: Path) -> None:
     connection = sqlite3.connect(project / "project.db")
     assert connection.execute("SELECT value FROM meta WHERE key = 'scan'").fetchone() == ("renamed",)
     connection.close()
+
+
+def write_floor(project: Path, submap: int, height: float) -> None:
+    surface = Layout(project).surface(submap)
+    surface.parent.mkdir(exist_ok=True)
+    np.savez(surface, heights=np.full((40, 40), height, np.float32), origin=(-10.0, -10.0), spacing=1.0)
+
+
+def test_the_window_and_the_command_find_the_same(
+    project: Path, settings: QSettings, qtbot: QtBot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also off the floor and without a model, which only the project's files know; read in the reader's thread."""
+    for submap in range(4):
+        write_floor(project, submap, 0.0)
+    with Project.open(project, writable=True) as writer:
+        graph = writer.need_graph()
+        first = next(iter(graph.viewpoints))
+        writer.set_graph(apply(graph, "shift_viewpoints", {"ids": [first], "by": [0.0, 0.0, 0.8]}))
+    main(["graph", "check", str(project), "--json"])
+    (report,) = json.loads(capsys.readouterr().out)
+    keys = {finding["key"] for finding in report["findings"]}
+    assert f"floor/{first}" in keys and any(key.startswith("panorama/") for key in keys)
+    session = Session(settings)
+    session.open(project)
+    qtbot.addWidget(session.window)
+    checking = session.document.editing.checking
+    qtbot.waitUntil(lambda: session.document.contents.context is not None, timeout=30_000)
+    qtbot.waitUntil(lambda: set(checking.findings) == keys, timeout=30_000)
+    demo_project.write_model(project, 2, 500)
+    demo_project.write_model(project, 3, 500)
+    session.window.refreshWanted.emit()
+    qtbot.waitUntil(lambda: not any(key.startswith("panorama/") for key in checking.findings), timeout=30_000)
+    assert f"floor/{first}" in checking.findings
+    session.close()
+    assert session.document.contents.context.occupancy is session.document.contents.occupancy

@@ -37,6 +37,7 @@ class Context:
                 it does not
     floor       (x, y, near z) -> height of the floor there, metres, NaN where it is unknown
     images      ids of the viewpoints that have a panorama
+    untrained   submaps without a model, whose viewpoints cannot be drawn; -1 among them where there is no model at all
     one_way     edges that a foreign file lists in one direction only
     entries     id -> what is wrong with its entry in a foreign file: (kind, words that end a sentence)
     """
@@ -46,6 +47,7 @@ class Context:
     against: Callable[[NavGraph, EdgeKey], str] | None = None
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None
+    untrained: frozenset[int] = frozenset()
     one_way: frozenset[EdgeKey] = frozenset()
     entries: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 

@@ -45,8 +45,11 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
             message = f"Viewpoint {name} would stand {abs(off):.2f} m {where} the floor."
             onto = Fix("Put it on the floor", "shift_viewpoints", {"ids": [id], "by": [0.0, 0.0, round(-off, 4)]})
             found.append(Finding("floor", "warning", message, (id,), fixes=(onto,)))
-    if context.images is not None and id not in context.images:
-        message = f"Viewpoint {name} has no panorama."
+    if viewpoint.submap in context.untrained or (context.images is not None and id not in context.images):
+        why = ""
+        if viewpoint.submap in context.untrained:
+            why = ": nothing is trained" if viewpoint.submap < 0 else f": submap {viewpoint.submap} is not trained"
+        message = f"Viewpoint {name} has no panorama{why}."
         found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
     return found
 

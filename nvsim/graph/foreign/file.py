@@ -84,7 +84,9 @@ class ForeignFile:
         """What findings about the graph are held against: the pictures beside the file, its one-way edges and faulty
         entries, and what the caller adds."""
         entries = {e.viewpoint.id: e.faults for e in self._document.entries if e.faults}
-        return Context(limits or Limits(), occupancy, against, None, self.beside.images, self.one_way, entries)
+        return Context(
+            limits or Limits(), occupancy, against, images=self.beside.images, one_way=self.one_way, entries=entries
+        )
 
     def text(self, graph: NavGraph | None = None) -> str:
         """What `save` would write."""
