@@ -51,6 +51,7 @@ class MainWindow(QMainWindow):
         self.centre.addWidget(self.empty)
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
+        self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front covers it
         self.jobs = document.jobs = JobQueue(self)
         self.modes = Stage(document, self)
         document.projectChanged.connect(self._on_project)

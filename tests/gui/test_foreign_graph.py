@@ -159,3 +159,16 @@ def test_a_cloud_beside_the_file_can_be_shown(session: Session, folder: Path, qt
     opened(session, folder / "first_connectivity.json", qtbot)
     (layer,) = (layer for layer in session.window.scene.overlays.layers if layer.name == "cloud")
     assert not layer.missing and len(session.document.contents.scan_cloud.points) == 2
+
+
+def test_what_came_back_after_a_crash_is_said_over_the_view(session: Session, folder: Path, qtbot: QtBot) -> None:
+    path = folder / "first_connectivity.json"
+    opened(session, path, qtbot)
+    editing = session.document.editing
+    editing.run("remove_edges", {"pairs": [list(next(iter(session.document.graph.edges)))]})
+    session.close_project()  # the disk holds what a crash would leave
+    opened(session, path, qtbot)
+    area, centre = session.window.notice_area, session.window.centre
+    assert editing.dirty and any("1 edit" in text for text in area.texts)
+    children = [child for child in centre.children() if child in (area, centre.currentWidget())]
+    assert children[-1] is area, "the view does not cover it"
