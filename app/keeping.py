@@ -45,6 +45,8 @@ class Keeping(QObject):
                 self.failed.emit(f"{error} Edits will not survive a crash.")
                 return self._history, ""
             locked = self._journal.refusal or ""
+            if locked:
+                self.told.emit(locked)
             if self._journal.notice:
                 self.told.emit(self._journal.notice)
             if self._journal.recovered:

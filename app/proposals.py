@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from nvsim.graph.proposals import PlaceProposal
 from nvsim.graph.types import EdgeKey, NavGraph
 
 
@@ -11,12 +12,12 @@ from nvsim.graph.types import EdgeKey, NavGraph
 class Proposals:
     """edges    that are not there although their corridor passes
     doubted  that are there although it does not
-    places   (x, y, z) metres, world, of cameras: where a viewpoint is missing
+    places   where a viewpoint is missing, each with what it can be joined to
     """
 
     edges: tuple[EdgeKey, ...] = ()
     doubted: tuple[EdgeKey, ...] = ()
-    places: tuple[tuple[float, float, float], ...] = ()
+    places: tuple[PlaceProposal, ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.edges or self.places)
@@ -25,12 +26,16 @@ class Proposals:
         self,
         edges: tuple[EdgeKey, ...],
         doubted: tuple[EdgeKey, ...] = (),
-        places: tuple[tuple[float, float, float], ...] = (),
+        places: tuple[PlaceProposal, ...] = (),
     ) -> None:
         """These too."""
-        self.places = tuple(dict.fromkeys((*self.places, *places)))
+        self.places = tuple({place.new_id: place for place in (*self.places, *places)}.values())
         self.edges = tuple(dict.fromkeys((*self.edges, *edges)))
         self.doubted = tuple(dict.fromkeys((*self.doubted, *doubted)))
+
+    def without(self, edge: EdgeKey) -> None:
+        """That edge is proposed no more."""
+        self.edges = tuple(key for key in self.edges if key != edge)
 
     def clear(self) -> None:
         self.edges, self.doubted, self.places = (), (), ()
@@ -45,4 +50,5 @@ class Proposals:
                 key for key in self.edges if key not in graph.edges and all(end in graph.viewpoints for end in key)
             )
             self.doubted = tuple(key for key in self.doubted if key in graph.edges)
+            self.places = tuple(place for place in self.places if place.new_id not in graph.viewpoints)
         return before != (self.edges, self.doubted, self.places)

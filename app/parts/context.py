@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QMenu
 from app import hand
 from app.modes.mode import Pointer
 from app.parts.part import Part, Workspace
+from app.parts.proposing import ProposePart
 from nvsim.graph.history import counted
 from nvsim.graph.selection import GraphSelection
 
@@ -46,6 +47,7 @@ class ContextPart(Part):
             editing.select(GraphSelection(frozenset(), frozenset({edge})))
         menu = QMenu(self.workspace.window)
         menu.setToolTipsVisible(True)
+        self._add_ghost(menu, pointer)
         if viewpoint is None and edge is None:
             self._fill_for_floor(menu, pointer)
         else:
@@ -54,6 +56,13 @@ class ContextPart(Part):
             menu.addSeparator()
             menu.addAction(editing.locked).setEnabled(False)
         return menu
+
+    def _add_ghost(self, menu: QMenu, pointer: Pointer) -> None:
+        for part in self.workspace.window.parts:
+            ghost = part.under(pointer) if isinstance(part, ProposePart) else None
+            if isinstance(part, ProposePart) and ghost is not None and pointer.viewpoint is None:
+                menu.addAction("Take this proposed edge", partial(part.take, ghost))
+                menu.addAction("Do not propose it", partial(part.drop, ghost))
 
     def _fill_for_things(self, menu: QMenu) -> None:
         chosen = self.workspace.document.editing.selection

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import QSettings, Qt, QTimer, Signal
 from PySide6.QtGui import QPainter
 
@@ -15,24 +16,25 @@ from app.actions import Action
 from app.document import Document
 from app.evidence_child import EvidenceChild
 from app.graph_reasons import with_map, writable
-from app.graph_surface import GraphSurface
+from app.graph_surface import EDGE_REACH, GraphSurface
 from app.modes.ink import dots, line
+from app.modes.mode import Pointer
 from app.parts.part import Part, Workspace
+from app.picking import nearest_segment
 from app.proposals import Proposals
 from app.reasons import Reason
 from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
 from nvsim.graph.edits import EditError
-from nvsim.graph.proposals import propose_edges, propose_viewpoints
+from nvsim.graph.history import counted
+from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoints
+from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 from nvsim.mapping.against import margin
 from nvsim.mapping.newcomers import Newcomers, with_newcomers
 from nvsim.project.stages.measured import unmeasured
 
 REST = 1500  # milliseconds without an edit until measuring begins: a hand that places several is not interrupted
-
-
-Place = tuple[float, float, float]
 
 
 class ProposePart(Part):
@@ -155,9 +157,9 @@ class ProposePart(Part):
         document = self.workspace.document
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None and occupancy is not None:
-            self._think(lambda: ((), tuple(p.position for p in propose_viewpoints(graph, occupancy))))
+            self._think(lambda: ((), propose_viewpoints(graph, occupancy)))
 
-    def _think(self, work: Callable[[], tuple[tuple[EdgeKey, ...], tuple[Place, ...]]]) -> None:
+    def _think(self, work: Callable[[], tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]]]) -> None:
         if self._thread is not None and self._thread.is_alive():
             return
 
@@ -170,7 +172,7 @@ class ProposePart(Part):
         self._thread = threading.Thread(target=run, name="proposals", daemon=True)
         self._thread.start()
 
-    def _on_thought(self, found: tuple[tuple[EdgeKey, ...], tuple[Place, ...]], trouble: str) -> None:
+    def _on_thought(self, found: tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]], trouble: str) -> None:
         edges, places = found
         if trouble:
             self.workspace.notices.warning(trouble)
@@ -178,9 +180,13 @@ class ProposePart(Part):
         self.proposals.add(edges, (), places)
         self._prune()
         self._tell()
-        words = f"{len(edges):,} edges" if not places else f"{len(places):,} viewpoints"
+        words = counted(len(places), "viewpoint") if places else counted(len(edges), "edge")
         if edges or places:
-            self.workspace.notices.info(f"{words} are proposed: Ctrl+Return takes them, Ctrl+Backspace does not.")
+            one = len(edges) + len(places) == 1
+            self.workspace.notices.info(
+                f"{words} {'is' if one else 'are'} proposed: Ctrl+Return takes {'it' if one else 'them'}, "
+                "Ctrl+Backspace does not; a right click takes a single edge."
+            )
         else:
             self.workspace.notices.info("There is nothing to propose.")
 
@@ -190,12 +196,38 @@ class ProposePart(Part):
         pairs, places = [list(key) for key in kept.edges], kept.places
         self.dismiss()
         steps: list[tuple[str, dict[str, object]]] = [
-            ("add_viewpoint", {"position": list(place), "height": hand.eye_height(editing)}) for place in places
+            ("add_viewpoint", {"position": list(p.position), "height": p.height, "id": p.new_id}) for p in places
         ]
+        pairs += [[place.new_id, other] for place in places for other in place.joins]
         if pairs:
             steps.append(("add_edges", {"pairs": pairs}))
         if steps:
-            editing.run_all(steps, f"Add {len(places):,} proposed viewpoints" if places else "")
+            chosen = GraphSelection(frozenset(place.new_id for place in places)) if places else None
+            text = f"Add {counted(len(places), 'proposed viewpoint')}" if places else ""
+            editing.run_all(steps, text, selection=chosen)
+
+    def under(self, pointer: Pointer) -> EdgeKey | None:
+        """The proposed edge under the cursor."""
+        keys, ends = self._ghosts(self.proposals.edges)
+        lines, index, depths = pointer.surface.segments(ends[:, 0], ends[:, 1])
+        row = nearest_segment(lines, depths, (pointer.point.x(), pointer.point.y()), EDGE_REACH)
+        return None if row is None else keys[int(index[row])]
+
+    def take(self, edge: EdgeKey) -> None:
+        """Adds one proposed edge; the others stay proposed."""
+        hand.add_edge(self.workspace.document.editing, *edge)
+
+    def drop(self, edge: EdgeKey) -> None:
+        """Proposes one edge no more."""
+        self.proposals.without(edge)
+        self._tell()
+
+    def _ghosts(self, edges: tuple[EdgeKey, ...]) -> tuple[list[EdgeKey], NDArray[np.float64]]:
+        """Those whose ends are shown, and (N, 2, 3) their ends on the floor."""
+        arrays = self.workspace.document.shown_arrays
+        keys = [(a, b) for a, b in edges if a in arrays.index and b in arrays.index]
+        rows = np.array([(arrays.index[a], arrays.index[b]) for a, b in keys], np.int64).reshape(-1, 2)
+        return keys, arrays.feet[rows]
 
     def dismiss(self) -> None:
         self.proposals.clear()
@@ -210,15 +242,22 @@ class ProposePart(Part):
         self.workspace.modes.refresh()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
-        arrays = self.workspace.document.graph_arrays
-        for keys, color in ((self.proposals.edges, colors.OPEN), (self.proposals.doubted, colors.BLOCKED)):
-            pairs = [(arrays.index[a], arrays.index[b]) for a, b in keys if a in arrays.index and b in arrays.index]
-            if pairs:
-                ends = arrays.feet[np.array(pairs)]
+        for edges, color in ((self.proposals.edges, colors.OPEN), (self.proposals.doubted, colors.BLOCKED)):
+            keys, ends = self._ghosts(edges)
+            if keys:
                 line(painter, surface, ends[:, 0], ends[:, 1], color, 3.0, Qt.PenStyle.DashLine)
-
-        eye = hand.eye_height(self.workspace.document.editing)
-        feet = np.array(self.proposals.places, float).reshape(-1, 3) - [0.0, 0.0, eye]
+        arrays, places = self.workspace.document.graph_arrays, self.proposals.places
+        feet = np.array([(*p.position[:2], p.position[2] - p.height) for p in places], float).reshape(-1, 3)
+        foot = {place.new_id: at for place, at in zip(places, feet, strict=True)}
+        joins = [
+            (foot[place.new_id], foot[other] if other in foot else arrays.feet[arrays.index[other]])
+            for place in places
+            for other in place.joins
+            if other in foot or other in arrays.index
+        ]
+        if joins:
+            way = np.array(joins)
+            line(painter, surface, way[:, 0], way[:, 1], colors.OPEN, 2.0, Qt.PenStyle.DashLine)
         dots(painter, surface, feet, colors.OPEN, 7.0, filled=False)
 
     def store(self, settings: QSettings) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QItemSelectionModel, Qt
+from PySide6.QtCore import QItemSelectionModel, QPointF, Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
@@ -338,3 +338,47 @@ def test_a_panel_behind_another_tab_waits_until_it_comes_to_the_front(
     assert panel.edges.rowCount() == before > len(document.graph.edges)
     window.show_dock("tables")
     qtbot.waitUntil(lambda: panel.edges.rowCount() == len(document.graph.edges), timeout=3000)
+
+
+def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow, document: Document) -> None:
+    from app.modes.mode import Pointer
+    from app.parts.context import ContextPart
+
+    part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
+    context = next(p for p in window.parts if isinstance(p, ContextPart))
+    window.panels["map"].frame_everything()
+    QApplication.processEvents()
+    plan = window.modes.canvases[1].surface
+    arrays = document.graph_arrays
+    lone = [id for id in arrays.ids if id not in document.graph.neighbours(arrays.ids[0]) and id != arrays.ids[0]]
+    pairs = [tuple(sorted((arrays.ids[0], other))) for other in lone[-2:]]
+    part.proposals.add(tuple(pairs))
+    ends = arrays.feet[[arrays.index[id] for id in pairs[0]]]
+    way = ends[0] + np.linspace(0.2, 0.8, 31)[:, None] * (ends[1] - ends[0])
+    pointers = [Pointer(plan, QPointF(*pixel)) for pixel in plan.project(way)[0]]
+    at = next(p for p in pointers if part.under(p) == pairs[0] and p.viewpoint is None)
+    actions = {action.text(): action for action in context.menu(at).actions()}
+    actions["Take this proposed edge"].trigger()
+    assert pairs[0] in document.graph.edges and part.proposals.edges == (pairs[1],)
+    part.drop(pairs[1])
+    assert not part.proposals
+
+
+def test_proposed_viewpoints_come_with_their_edges_as_one_step(window: MainWindow, document: Document) -> None:
+    from nvsim.graph.proposals import PlaceProposal
+
+    part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
+    near = document.graph_arrays.ids[0]
+    places = (
+        PlaceProposal("new1", (2.2, 2.2, 1.5), 1.5, 3.0, (near,), 0.5, ""),
+        PlaceProposal("new2", (3.2, 2.2, 1.5), 1.5, 3.0, ("new1",), 0.5, ""),
+    )
+    steps, before = len(document.editing.history.steps), document.graph
+    part._on_thought(((), places), "")
+    window.grab()
+    window.actions_table["accept_proposals"].trigger()
+    assert set(document.graph.neighbours("new1")) == {near, "new2"}
+    assert document.editing.selection.viewpoints == {"new1", "new2"}
+    assert len(document.editing.history.steps) == steps + 1 and not part.proposals
+    document.editing.undo()
+    assert document.graph is before
