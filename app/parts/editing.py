@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QLabel
 
 from app import hand
 from app.actions import Action
@@ -66,6 +67,8 @@ class EditPart(Part):
         super().__init__(workspace)
         self._editing = workspace.document.editing
         self.form: Form | None = None
+        self.looking = QLabel("read only", workspace.window)
+        self.looking.hide()
         self._editing.stepsChanged.connect(self._name_steps)
         self._editing.failed.connect(workspace.notices.error)
         self._editing.told.connect(workspace.notices.info)
@@ -99,6 +102,12 @@ class EditPart(Part):
         actions["undo"].setText(f"&Undo {_lower(back)}".rstrip())
         actions["redo"].setText(f"&Redo {_lower(forth)}".rstrip())
         self.workspace.window.setWindowModified(self._editing.dirty)
+        self.looking.setToolTip(self._editing.locked)
+        self.looking.setVisible(bool(self._editing.locked))
+
+    def restore(self, settings: QSettings) -> None:
+        self.workspace.window.statusBar().addPermanentWidget(self.looking)
+        self._name_steps()
 
     def store(self, settings: QSettings) -> None:
         """The window closes: what was edited must not depend on what becomes of the process."""

@@ -15,6 +15,7 @@ from app import hand
 from app.document import Document
 from app.graph_files import ProjectGraph
 from app.loading import Contents
+from app.parts.editing import EditPart
 from app.window import MainWindow
 from nvsim.graph.selection import GraphSelection
 from nvsim.project.project import Project
@@ -95,6 +96,8 @@ def test_a_second_window_only_looks_and_says_so(opened: Opened, make_window: Cal
     remove = window.actions_table["remove"]
     second.select(viewpoint=next(iter(second.graph.viewpoints)))
     assert not remove.isEnabled() and "another window" in remove.toolTip()
+    (part,) = (part for part in window.parts if isinstance(part, EditPart))
+    assert not part.looking.isHidden() and "another window" in part.looking.toolTip()
     before = second.graph
     hand.remove_selection(second.editing)
     assert second.graph is before
