@@ -41,14 +41,16 @@ class GraphTarget:
         return self._foreign.graph
 
     def known(self, expression: str) -> Known:
-        """What an expression may need: a map where it asks for one, and in a project the thresholds of the builder for
-        `evidence`."""
+        """What an expression may need: a map where it asks for one, and in a project the thresholds that its graph was
+        built with for `evidence`."""
         margin = None
         if self.is_project:
             from nvsim.mapping.against import margin as of_thresholds
-            from nvsim.mapping.config import MappingConfig
+            from nvsim.project.project import Project
+            from nvsim.project.thresholds import thresholds_of
 
-            margin = of_thresholds(MappingConfig())
+            with Project.open(self.path) as project:
+                margin = of_thresholds(thresholds_of(project))
         return Known(self._occupancy() if "validity" in expression else None, margin)
 
     def surroundings(self) -> Surroundings:

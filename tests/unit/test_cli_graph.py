@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
 import json
 from pathlib import Path
 
 import pytest
 
-from nvsim.cli.main import main
+from nvsim.cli.main import COMMANDS, main
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.operations import perform
@@ -119,3 +121,15 @@ def test_export_writes_the_file_that_is_named_in_the_format_of_its_suffix(file: 
     assert len(json.loads((tmp_path / "mine.geojson").read_text())["features"]) == 11
     assert main(["export", "graph", str(file), "--out", str(tmp_path / "folder")]) == 0
     assert (tmp_path / "folder" / "row.graphml").is_file()
+
+
+def test_what_means_the_same_has_one_name_in_every_graph_command() -> None:
+    named = [name for name in COMMANDS if name.startswith("graph ") or name in ("export graph", "evaluate graph")]
+    fields: dict[str, set[str]] = {}
+    for name in named:
+        module = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[name][0]}")
+        fields[name] = {field.name for field in dataclasses.fields(module.Arguments)}
+    assert len(named) >= 10
+    for name, has in fields.items():
+        # A graph is `graph`, a map `occupancy`, a robot's radius `robot_radius`, and what is written goes to `out`.
+        assert not has & {"path", "file", "map", "radius", "merge", "output"}, name

@@ -110,7 +110,7 @@ def test_merging_everything_leaves_no_difference(one: list, other: list) -> None
 def test_the_command_compares_checks_and_merges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a = write_connectivity(LINE, tmp_path / "a")
     b = write_connectivity(edits.remove_edge(LINE, "c", "d"), tmp_path / "b")
-    assert main(["graph", "compare", str(a), str(b), "--json", "--merge", str(tmp_path / "m_connectivity.json")]) == 0
+    assert main(["graph", "compare", str(a), str(b), "--json", "--out", str(tmp_path / "m_connectivity.json")]) == 0
     assert json.loads(capsys.readouterr().out)["edge removed"] == 1
     assert read_connectivity(tmp_path / "m_connectivity.json").edges.keys() == {("a", "b"), ("b", "c")}
     assert main(["graph", "check", str(a)]) == 0

@@ -147,16 +147,15 @@ def test_nothing_is_proposed_where_everything_is_seen_or_cannot_be_reached() -> 
     assert propose_viewpoints(graph_of({}), hall()) == ()
 
 
-def test_the_command_prints_a_script_that_replay_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_a_script_that_replay_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     occupancy = with_wall(hall(), 6, 0.0, 5.0)
     path = write_connectivity(graph_of({"a": (2, 3), "b": (4.5, 3)}), tmp_path)
     write_ros_map(occupancy, tmp_path / "map.yaml")
     assert main(["graph", "propose", str(path), "--json"]) == 0
     proposed = json.loads(capsys.readouterr().out)
     assert [e["edge"] for e in proposed["edges"]] == [["a", "b"]] and proposed["edges"][0]["today"] is None
-    assert main(["graph", "propose", str(path), "--script"]) == 0
     script = tmp_path / "proposed.jsonl"
-    script.write_text(capsys.readouterr().out, encoding="utf-8")
+    assert main(["graph", "propose", str(path), "--script", str(script)]) == 0
     assert main(["graph", "replay", str(path), str(script)]) == 0
     graph = read_connectivity(path)
     assert len(graph.viewpoints) == 2 + len(proposed["viewpoints"]) > 2

@@ -20,15 +20,15 @@ _FILES: dict[str, Format] = {".graphml": "graphml", ".geojson": "geojson", ".svg
 
 @dataclass(frozen=True)
 class Arguments:
-    path: Positional[Path]
-    """A project, a *_connectivity.json, or a folder with scans.txt."""
+    graph: Positional[Path]
+    """A project, NAME.nvsim, an R2R connectivity file, or a folder of them with scans.txt."""
     format: Format = "graphml"
     """What to write."""
     out: Path = Path("graphs")
     """The folder to write to, one file per scan, named after it; or, where there is one scan, a file whose suffix says
     the format: .graphml, .geojson, .svg or .png."""
     occupancy: Path | None = None
-    """Pictures: a ROS map.yaml or an OctoMap .bt to draw underneath, in place of the one found beside the graph."""
+    """Drawn under pictures: a ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     longest_side: int = 1600
     """Pixels of a picture's longer side."""
     latitude: float | None = None
@@ -50,10 +50,10 @@ def run(arguments: Arguments) -> int:
 
     named = _FILES.get(arguments.out.suffix.lower())
     if named is not None:
-        source = one_source(arguments.path, arguments.occupancy)
+        source = one_source(arguments.graph, arguments.occupancy)
         written = [_write(source, replace(arguments, format=named), arguments.out)]
     else:
-        written = [_write(source, arguments) for source in sources(arguments.path, occupancy=arguments.occupancy)]
+        written = [_write(source, arguments) for source in sources(arguments.graph, occupancy=arguments.occupancy)]
     for path in written:
         print(json.dumps({"written": str(path)}) if arguments.json else f"Wrote {path}")
     return 0
@@ -83,7 +83,7 @@ def _write_r2r(source: Source, arguments: Arguments) -> Path:
     graph = replace(source.graph, scan=source.name)
     if not arguments.force:
         refuse(graph, source.context)
-    if is_project(arguments.path):
+    if is_project(arguments.graph):
         return write_connectivity(graph, arguments.out)
     return ForeignFile.open(source.path).save(graph, arguments.out / f"{source.name}{SUFFIX}")
 

@@ -14,10 +14,10 @@ from nvsim.graph.findings import Limits
 
 @dataclass(frozen=True)
 class Arguments:
-    path: Positional[Path]
-    """A project, a *_connectivity.json, or a folder with scans.txt."""
+    graph: Positional[Path]
+    """A project, NAME.nvsim, an R2R connectivity file, or a folder of them with scans.txt."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt to hold the graph against, in place of the one found beside it."""
+    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     ignored: bool = False
     """Show what a person chose to ignore as well."""
     json: bool = False
@@ -31,7 +31,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.graph.findings import check_graph
 
     report: list[dict[str, Any]] = []
-    for source in sources(arguments.path, arguments.limits, arguments.occupancy):
+    for source in sources(arguments.graph, arguments.limits, arguments.occupancy):
         found = check_graph(source.graph, source.context)
         hidden = [f for f in found if f.key in source.graph.ignored]
         shown = found if arguments.ignored else [f for f in found if f.key not in source.graph.ignored]

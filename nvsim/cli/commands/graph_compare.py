@@ -1,4 +1,4 @@
-"""Compare two navigation graphs: what the second has otherwise than the first. With --merge the first is written with
+"""Compare two navigation graphs: what the second has otherwise than the first. With --out the first is written with
 the differences that are chosen."""
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from nvsim.errors import InputError
 @dataclass(frozen=True)
 class Arguments:
     a: Positional[Path]
-    """A project or a *_connectivity.json."""
+    """A project, NAME.nvsim, or an R2R connectivity file."""
     b: Positional[Path]
     """The other one."""
     tolerance: float = 0.3
     """Metres within which viewpoints of different ids are the same."""
-    merge: Path | None = None
-    """Write the first, a connectivity file, with the differences taken over, to this file."""
+    out: Path | None = None
+    """Write the first, a connectivity file, with the differences taken over, as this connectivity file."""
     take: tuple[str, ...] = ()
     """Kinds of differences to take over, in words joined by a dash as in edge-added; all when left out."""
     json: bool = False
@@ -46,7 +46,7 @@ def run(arguments: Arguments) -> int:
         title = f"{len(found.matched)} viewpoints matched, {len(found.by_place)} of them by place"
         rows_of = [(d.kind, d.words) for d in found.deviations]
         show.table(("what", "difference"), rows_of, title) if rows_of else print(f"{title}; no difference")
-    if arguments.merge is not None:
+    if arguments.out is not None:
         from nvsim.cli.graph_source import is_project
         from nvsim.graph.foreign import ForeignFile
 
@@ -57,5 +57,5 @@ def run(arguments: Arguments) -> int:
             merged = merge(a.graph, b.graph, found, [d for d in found.deviations if d.kind in wanted])
         except EditError as error:
             raise InputError(f"The graphs cannot be merged so: {error}") from error
-        ForeignFile.open(a.path).save(merged, arguments.merge)
+        ForeignFile.open(a.path).save(merged, arguments.out)
     return 0

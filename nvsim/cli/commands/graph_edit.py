@@ -34,8 +34,8 @@ class Arguments:
     """An expression, as for `nvsim graph select`."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
     """Arguments of the edit, values as JSON: distance=3 even=true position=[1,2,1.5] ids='["a"]'."""
-    map: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt; what lies beside the graph when left out."""
+    occupancy: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     dry_run: bool = False
     """Say what would happen and change nothing."""
     out: Path | None = None
@@ -48,7 +48,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli.graph_target import GraphTarget, refused_as_input
     from nvsim.graph.operations import OPERATIONS, apply, describe, perform, usage
 
-    target = GraphTarget(arguments.graph, arguments.map)
+    target = GraphTarget(arguments.graph, arguments.occupancy)
     if arguments.edit == "list":
         print("\n".join(usage(operation) for operation in OPERATIONS.values()))
         return 0

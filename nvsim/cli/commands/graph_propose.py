@@ -1,6 +1,6 @@
 """Propose edges and viewpoints that a navigation graph lacks: of a project, or of any R2R connectivity file with a map.
 
-With --script the proposals are printed as a script of edits: delete the lines that are wrong and run the rest with
+With --script the proposals are written as a script of edits: delete the lines that are wrong and run the rest with
 `nvsim graph replay`.
 """
 
@@ -20,25 +20,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Arguments:
-    path: Positional[Path]
-    """A project or a *_connectivity.json."""
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside it."""
+    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     reach: float = 3.5
     """Metres: no longer edges are proposed."""
     sees: float = 3.0
     """Metres: floor farther than this from every viewpoint that sees it asks for another."""
-    radius: float = 0.25
+    robot_radius: float = 0.25
     """Metres, of the robot."""
     count: int = 20
     """How many edges and how many viewpoints to propose at most."""
-    script: bool = False
-    """Print edits, one JSON object a line, for `nvsim graph replay`."""
+    script: Path | None = None
+    """Write the proposals as JSON lines into this file, for `nvsim graph replay`."""
     json: bool = False
     """Print the proposals as JSON."""
 
 
 def run(arguments: Arguments) -> int:
+    from nvsim.atomic import write_text
     from nvsim.cli import show
     from nvsim.cli.graph_source import one_source
     from nvsim.errors import InputError
@@ -48,21 +49,21 @@ def run(arguments: Arguments) -> int:
     for name in ("reach", "sees"):
         if not 0 < getattr(arguments, name) < 100:
             raise InputError(f"--{name} is {getattr(arguments, name)}; it must be between 0 and 100 metres.")
-    source = one_source(arguments.path, arguments.occupancy)
+    source = one_source(arguments.graph, arguments.occupancy)
     if source.occupancy is None and source.margin is None:
         raise InputError(
-            f"{arguments.path} has neither evidence nor a map to propose from; name a map with --occupancy."
+            f"{arguments.graph} has neither evidence nor a map to propose from; name a map with --occupancy."
         )
-    count, radius = max(0, arguments.count), max(0.0, arguments.radius)
+    count, radius = max(0, arguments.count), max(0.0, arguments.robot_radius)
     edges = propose_edges(source.graph, source.occupancy, source.margin, reach=arguments.reach, radius=radius)[:count]
     places: tuple[PlaceProposal, ...] = ()
     if source.occupancy is not None:
         places = propose_viewpoints(
             source.graph, source.occupancy, sees=arguments.sees, radius=radius, reach=arguments.reach, most=count
         )
-    if arguments.script:
-        print("\n".join(_script(edges, places)))
-    elif arguments.json:
+    if arguments.script is not None:
+        write_text(arguments.script, "".join(f"{line}\n" for line in _script(edges, places)))
+    if arguments.json:
         print(json.dumps({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
     else:
         rows = [(*map(short, e.edge), f"{e.score:.2f}", e.words) for e in edges]

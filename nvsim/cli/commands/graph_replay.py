@@ -17,8 +17,8 @@ class Arguments:
     """A project, NAME.nvsim, or an R2R connectivity file."""
     script: Positional[Path]
     """JSON lines."""
-    map: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt; what lies beside the graph when left out."""
+    occupancy: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     dry_run: bool = False
     """Say what would happen and change nothing."""
     out: Path | None = None
@@ -33,7 +33,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.graph.history import History, counted
     from nvsim.graph.operations import parse_line, perform
 
-    target = GraphTarget(arguments.graph, arguments.map)
+    target = GraphTarget(arguments.graph, arguments.occupancy)
     try:
         lines = arguments.script.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:

@@ -12,8 +12,8 @@ from nvsim.cli.arguments import Positional
 
 @dataclass(frozen=True)
 class Arguments:
-    path: Positional[Path]
-    """A project or a *_connectivity.json."""
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
     count: int = 20
     """How many to list."""
     json: bool = False
@@ -26,7 +26,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.graph.findings.viewpoints import short
     from nvsim.graph.review import Review
 
-    source = one_source(arguments.path)
+    source = one_source(arguments.graph)
     order = Review(source.margin).order(source.graph)
     first = order[: max(0, arguments.count)]
     if arguments.json:

@@ -23,8 +23,8 @@ class Arguments:
     """The expression."""
     kind: Literal["viewpoints", "edges"] | None = None
     """Only these; both, as far as they have the quantities named, when left out."""
-    map: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt for `validity`; what lies beside the graph when left out."""
+    occupancy: Path | None = None
+    """For `validity`: a ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     json: bool = False
     """Print one JSON object."""
 
@@ -33,7 +33,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli.graph_target import GraphTarget, refused_as_input
     from nvsim.graph.expression import by_expression
 
-    target = GraphTarget(arguments.graph, arguments.map)
+    target = GraphTarget(arguments.graph, arguments.occupancy)
     graph = target.read()
     with refused_as_input():
         chosen = by_expression(graph, arguments.where, target.known(arguments.where), arguments.kind)
