@@ -199,6 +199,14 @@ class ValidationPanel(QWidget):
                     break
         self._enable()
 
+    def step(self) -> Finding | None:
+        """The finding after the current one becomes it, from the last on the first; None when the list is empty."""
+        self.renew()
+        if not self.model.rows:
+            return None
+        self.table.selectRow((self.table.currentIndex().row() + 1) % len(self.model.rows))
+        return self.current
+
     def apply_first_fix(self) -> None:
         finding = self.current
         if finding is not None and finding.fixes:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 
 from app.actions import Action
 from app.graph_reasons import with_editing, writable
-from app.panels.validation import ValidationPanel
+from app.layers.labels import short_ids
+from app.panels.validation import ValidationPanel, selection_of
 from app.parts.part import Dock, Part, Workspace
 from app.parts.selecting import SelectPart
 from nvsim.graph.selection import GraphSelection
@@ -22,7 +23,10 @@ class CheckPart(Part):
                "&Graph", 1, "N", "next_review", toolbar=True, enabled=with_editing),
         Action("accept_review", "It is &right, go on", "Mark what is selected as reviewed and go to the next",
                "&Graph", 1, "Shift+N", enabled=writable),
-        Action("validation", "&Validation", "What is wrong with the graph", "&Graph", 1, "F8", enabled=with_editing),
+        Action("next_finding", "Next &finding", "Go to the next thing that is wrong with the graph, the worst first",
+               "&Graph", 1, "F8", enabled=with_editing),
+        Action("validation", "&Validation", "What is wrong with the graph", "&Graph", 1, "Shift+F8",
+               enabled=with_editing),
     )  # fmt: skip
 
     def __init__(self, workspace: Workspace) -> None:
@@ -41,6 +45,7 @@ class CheckPart(Part):
         return {
             "next_review": self.next,
             "accept_review": self.accept,
+            "next_finding": self.next_finding,
             "validation": lambda: self.workspace.window.show_dock("validation"),
         }
 
@@ -66,6 +71,17 @@ class CheckPart(Part):
             f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
             "Y it is right · Shift+N right, go on · Del remove it"
         )
+
+    def next_finding(self) -> None:
+        """Brings the list of findings to the front and the one after the current before the eye."""
+        self.workspace.window.show_dock("validation")
+        found = self.panel.step()
+        if found is None:
+            self.workspace.notices.info("Nothing is wrong that we know of.")
+        else:
+            self._show(selection_of(found))
+            fix = f" · Fix: {found.fixes[0].text}" if found.fixes else ""
+            self.workspace.modes.said.emit(f"{short_ids(found.message)} F8 next{fix}")
 
     def _on_selection(self) -> None:
         """What was said of an edge is said no more when something else is selected."""

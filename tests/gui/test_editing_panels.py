@@ -382,3 +382,20 @@ def test_proposed_viewpoints_come_with_their_edges_as_one_step(window: MainWindo
     assert len(document.editing.history.steps) == steps + 1 and not part.proposals
     document.editing.undo()
     assert document.graph is before
+
+
+def test_f8_goes_from_finding_to_finding_and_del_removes_the_edge(window: MainWindow, document: Document) -> None:
+    ids = document.graph_arrays.ids
+    assert not document.editing.findings
+    window.actions_table["next_finding"].trigger()
+    assert "Nothing is wrong" in window.notice_area.texts[-1]
+    document.editing.run("add_edges", {"pairs": [[ids[0], ids[-1]]]})
+    kinds = [f.kind for f in document.editing.findings.values()]
+    seen = []
+    for _ in kinds:
+        window.actions_table["next_finding"].trigger()
+        seen.append(window.panels["validation"].current.kind)
+        assert document.editing.selection.edges == {tuple(sorted((ids[0], ids[-1])))}
+    assert sorted(seen) == sorted(kinds)
+    window.actions_table["remove"].trigger()
+    assert not document.editing.findings
