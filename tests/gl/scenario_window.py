@@ -18,12 +18,17 @@ from PySide6.QtWidgets import QApplication
 
 from app.application import make_application
 from app.forms.form import CommandForm
+from app.inspector.panel import InspectorPanel
+from app.panels.frames import FramePanel
 from app.panels.jobs import JobPanel
 from app.panels.new_project import NewProjectDialog
 from app.panels.results import ResultPanel
 from app.panels.stage_bar import StageBar
+from app.parts.frames import FramePart
+from app.parts.inspector import InspectorPart
 from app.responsiveness import Probe
 from app.session import Session
+from app.thresholds.panel import ThresholdPanel
 
 SECONDS = 150.0
 LEFT = Qt.MouseButton.LeftButton
@@ -125,6 +130,7 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     until(click_a_viewpoint, "a viewpoint that is clicked is selected")
     seen["selected"] = session.document.selection.viewpoint
     seen["viewpoints"] = len(arrays.ids)
+    look_closer(session, seen)
 
     # Evaluate, then export.
     done(run("evaluate floor", {"truth": str(capture.parent / "ground_truth")}))
@@ -135,6 +141,47 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     QTest.qWait(300)
     window.grab().save(str(folder / "scenario.png"))
     return seen
+
+
+def look_closer(session: Session, seen: dict[str, object]) -> None:
+    """Why a direction is open or not; other thresholds, taken and taken back; a frame beside its render; and back."""
+    window, table = session.window, session.window.actions_table
+    inspector, thresholds, frames = (window.panels[name] for name in ("inspector", "thresholds", "frames"))
+    assert isinstance(inspector, InspectorPanel) and isinstance(thresholds, ThresholdPanel)
+    assert isinstance(frames, FramePanel)
+    part = next(p for p in window.parts if isinstance(p, InspectorPart))
+    table["inspect"].trigger()
+    until(lambda: part.panoramas.current is not None and not part.panoramas.drawing, "the sharp panorama")
+    until(lambda: inspector.list.topLevelItemCount() >= 8, "its directions")
+    first = inspector.list.visualItemRect(inspector.list.topLevelItem(0))
+    QTest.mouseClick(inspector.list.viewport(), LEFT, pos=first.center())
+    seen["sentence"] = inspector.sentence.text()
+
+    edges = len(session.document.graph.edges)
+    table["thresholds"].trigger()
+    figure = thresholds.rows["tau_alpha"].figure
+    figure.selectAll()
+    QTest.keyClicks(figure, "0.01")
+    QTest.keyClick(figure, Qt.Key.Key_Return)
+    until(thresholds.apply.isEnabled, "other thresholds change edges")
+    seen["outcome"] = thresholds.outcome.text()
+    QTest.mouseClick(thresholds.apply, LEFT)
+    until(lambda: len(session.document.graph.edges) != edges, "the thresholds are applied")
+    table["undo"].trigger()
+    until(lambda: len(session.document.graph.edges) == edges, "and taken back")
+
+    page = next(p for p in window.parts if isinstance(p, FramePart)).browser.page
+    until(lambda: not window.document.views.pending, "the view at rest")
+    row = frames.list.visualRect(frames.filter.index(0, 0))
+    QTest.mouseClick(frames.list.viewport(), LEFT, pos=row.center())
+    QTest.mouseDClick(frames.list.viewport(), LEFT, pos=row.center())
+    until(lambda: page.isVisible() and page.canvas._render is not None, "the frame beside its render")
+    table["frame_difference"].trigger()
+    until(lambda: "difference" in table["view_back"].text(), "the compare mode can be undone")
+    while page.isVisible():
+        assert table["view_back"].isEnabled()
+        table["view_back"].trigger()
+    seen["back"] = page.canvas.mode
 
 
 def _pixel(camera: object, position: object) -> QPoint | None:
