@@ -94,6 +94,11 @@ class RenderLink(QObject):
         return self._ready
 
     @property
+    def given_up(self) -> bool:
+        """Whether there is something to draw and nobody who draws it."""
+        return self._source is not None and self._life is None
+
+    @property
     def process_id(self) -> int | None:
         return None if self._life is None or self._life.process is None else self._life.process.pid
 
@@ -181,7 +186,12 @@ class RenderLink(QObject):
         self.close()
         self._deaths += 1
         if self._deaths > RESTARTS:
-            self.troubled.emit(Trouble("The renderer stopped repeatedly; the view stays as it is.", fatal=True))
+            self.troubled.emit(
+                Trouble(
+                    "The renderer stopped repeatedly, so the view stays as it is; File > Refresh starts it again.",
+                    fatal=True,
+                )
+            )
             return
         if last is not None:
             self._waiting.setdefault(last.view, last)

@@ -109,6 +109,9 @@ class Session(QObject):
             self._next.start()
 
     def _refresh(self) -> None:
+        feed = self.window.scene.feed
+        if feed.source is not None and feed.link.given_up:
+            feed.show(feed.source)
         if isinstance(self._watcher, ProjectWatcher):
             self._watcher.refresh()
 

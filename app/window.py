@@ -173,9 +173,9 @@ class MainWindow(QMainWindow):
         contents, graph = self.document.contents, self.document.graph
         capture = contents.capture
         words = [
-            f"{len(capture.frames):,} frames" if capture else "",
-            f"{len(contents.submaps)} submaps" if contents.submaps else "",
-            f"{len(graph.viewpoints):,} viewpoints, {len(graph.edges):,} edges" if graph else "",
+            _count(len(capture.frames), "frame") if capture else "",
+            _count(len(contents.submaps), "submap") if contents.submaps else "",
+            f"{_count(len(graph.viewpoints), 'viewpoint')}, {_count(len(graph.edges), 'edge')}" if graph else "",
         ]
         self._summary.setText("   ".join(w for w in words if w) or self._summary_of_splats())
 
@@ -258,3 +258,7 @@ class MainWindow(QMainWindow):
         self.jobs.stop()
         self.scene.release()
         super().closeEvent(event)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

@@ -15,10 +15,12 @@ from pathlib import Path
 import psutil
 import pytest
 import tiny_capture
+from demo_project import write_project
 from PySide6.QtCore import QSettings, Qt
 from pytestqt.qtbot import QtBot
 
 from app.panels.jobs import JobPanel
+from app.render_link import RESTARTS
 from app.session import Session
 from nvsim.project.job_events import EventFile
 from nvsim.project.joblist import Job, JobList, alive
@@ -187,3 +189,26 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     again.window.jobs.resume(waiting)
     qtbot.waitUntil(lambda: waiting.state == "done", timeout=int(1000 * SECONDS))
     again.close()
+
+
+def test_a_renderer_that_was_given_up_is_started_again_by_refresh(
+    tmp_path: Path, qtbot: QtBot, settings: QSettings
+) -> None:
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(write_project(tmp_path / "rooms.nvsim", 300, 1))
+    link = session.window.scene.link
+    long = int(1000 * SECONDS)
+    for _ in range(RESTARTS + 1):
+        qtbot.waitUntil(lambda: link.ready, timeout=long)
+        pid = link.process_id
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+        qtbot.waitUntil(lambda pid=pid: link.process_id != pid, timeout=long)
+    qtbot.waitUntil(lambda: link.given_up, timeout=long)
+    assert "File > Refresh" in session.window.scene.note
+    session.window.actions_table["refresh"].trigger()
+    qtbot.waitUntil(lambda: link.ready and session.window.scene.picture is not None, timeout=long)
+    assert session.window.scene.note == ""
+    session.close()
