@@ -16,6 +16,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 
 RADIANS_PER_PIXEL = 0.005
 NEAREST_PIVOT = 0.3  # metres
+STEEPEST = 40.0  # degrees below the horizon, looking along an edge
 FARTHEST_PIVOT = 500.0
 
 
@@ -132,6 +133,18 @@ def overview(points: NDArray[np.float64], fov: float = radians(45)) -> ViewPose:
 def focused(pose: ViewPose, point: NDArray[np.float64], reach: float = 3.0) -> ViewPose:
     """Looks at `point` (3,) from `reach` metres, keeping the direction of view."""
     return replace(pose, position=_at(point - reach * pose.axes[:, 2]), reach=reach)
+
+
+def along(pose: ViewPose, eyes: NDArray[np.float64], feet: NDArray[np.float64]) -> ViewPose:
+    """Stands at one end of an edge, the one nearer to the eye, and looks down the way to the other: what is in between
+    is seen as one who walks sees it. `eyes` and `feet` (2, 3) metres, world, of its ends."""
+    near = int(np.linalg.norm(eyes[1] - pose.position) < np.linalg.norm(eyes[0] - pose.position))
+    eye, goal = eyes[near], (2 * feet[1 - near] + eyes[1 - near]) / 3
+    way = goal - eye
+    flat = hypot(way[0], way[1])
+    down = max(atan2(way[2], flat), -radians(STEEPEST))
+    reach = max(flat, NEAREST_PIVOT)
+    return replace(pose, position=_at(eye), heading=atan2(way[0], way[1]), elevation=down, reach=reach)
 
 
 def between(a: ViewPose, b: ViewPose, share: float) -> ViewPose:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from app.actions import Action
-from app.cameras import focused
+from app.cameras import along, focused
 from app.graph_reasons import selected, viewpoints, with_editing
 from app.map_view import MapView
 from app.panels.histogram import HistogramPanel
@@ -94,7 +94,12 @@ class SelectPart(Part):
         places = arrays.feet[rows]
         middle, size = (places.min(axis=0) + places.max(axis=0)) / 2, float(np.ptp(places, axis=0).max())
         scene = self.workspace.scene
-        scene.navigation.go_to(focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size)))
+        if len(rows) == 2 and len(chosen.edges) == 1 and self.workspace.document.contents.scene_stamp is not None:
+            # Among walls a view from anywhere else shows what stands before the edge.
+            pose = along(scene.pose, arrays.positions[rows], arrays.feet[rows])
+        else:
+            pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
+        scene.navigation.go_to(pose)
         plan = self.workspace.window.panels["map"]
         assert isinstance(plan, MapView)
         plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))

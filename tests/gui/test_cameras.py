@@ -104,3 +104,13 @@ def test_a_flight_takes_the_shorter_turn_and_ends_at_the_goal() -> None:
     assert abs(math.degrees(middle.heading)) == pytest.approx(180, abs=1e-6)
     end = cameras.between(a, b, 1.0)
     assert np.allclose(end.axes, b.axes) and end.position == b.position and end.reach == pytest.approx(b.reach)
+
+
+def test_an_edge_is_looked_along_from_its_nearer_end() -> None:
+    eyes = np.array([[0.0, 0.0, 1.5], [3.0, 0.0, 1.5]])
+    feet = eyes - [0.0, 0.0, 1.5]
+    pose = cameras.along(ViewPose((-4.0, 1.0, 9.0)), eyes, feet)
+    assert pose.position == (0.0, 0.0, 1.5) and pose.heading == pytest.approx(np.pi / 2)
+    pixels, depths = pose.camera(600, 400).project(np.array([[3.0, 0.0, 0.0]]))
+    assert depths[0] > 0 and 0 < pixels[0, 0] < 600 and 0 < pixels[0, 1] < 400
+    assert cameras.along(ViewPose((9.0, 0.0, 1.5)), eyes, feet).position == (3.0, 0.0, 1.5)
