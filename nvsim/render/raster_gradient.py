@@ -72,7 +72,7 @@ def _draw_gradient_part(
     out = gradients[thread]
     blocks = visible.shape[0]
     for block in range(blocks):
-        first = out.shape[0] * block // blocks
+        first = splats.shape[0] * block // blocks
         out[first : first + visible[block]] = _F(0)
     planes = np.empty((TILE, _PLANES * TILE), np.float32)
     sums = np.empty(_SUMS * TILE, np.float32)
@@ -173,8 +173,8 @@ def draw_gradient(
     gradients: Any,
 ) -> None:
     """d_rgb (H, W, 3), d_alpha (H, W), d_depth (H, W): gradients of what `raster.draw` made, alpha = 1 -
-    transmittance, depth the plain weighted sum. gradients: out (threads, rows of splats, 12), to be summed over the
-    first axis; only the rows that `visible` counts are written."""
+    transmittance, depth the plain weighted sum. gradients: out (threads, rows of splats or more, 12), to be summed over
+    the first axis; only the rows that `visible` counts are written."""
     for thread in prange(threads):
         _draw_gradient_part(
             thread, splats, rows, offsets, last, visible, threads, transmittance, d_rgb, d_alpha, d_depth, gradients

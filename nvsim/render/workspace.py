@@ -200,7 +200,7 @@ class Workspace:
             d_rgb,
             d_alpha,
             d_depth,
-            self._gradients[:, : self.count],
+            self._gradients,
         )
 
     def project_gradient(
@@ -228,7 +228,7 @@ class Workspace:
             self._rows[: self.count],
             self._ids[: self.count],
             self._visible,
-            self._gradients[:, : self.count],
+            self._gradients,
             d.means,
             d.log_scales,
             d.quats,

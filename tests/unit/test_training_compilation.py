@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -53,3 +54,38 @@ def test_other_sources_are_compiled_again(cache: Path, tmp_path: Path, monkeypat
     assert compilation._stamp() == first
     (package / "render" / "kernel.py").write_text("a = 2")
     assert compilation._stamp() != first
+
+
+AFTERWARDS = """
+import dataclasses, sys
+from numba.core.dispatcher import Dispatcher
+from nvsim.training import compilation
+from nvsim.training.config import PRESETS, preset
+from nvsim.training.synthetic import synthetic_room
+from nvsim.training.trainer import train_submap
+
+def compiled():
+    found = {}
+    for module in [m for name, m in sys.modules.items() if name.startswith("nvsim.")]:
+        for kernel in vars(module).values():
+            if isinstance(kernel, Dispatcher):
+                found[f"{kernel.__module__}.{kernel.__qualname__}"] = set(kernel.signatures)
+    return found
+
+compilation._train_in_small()
+ahead = compiled()
+assert len(ahead) > 10
+room = synthetic_room(5, 80, 56, 300)
+for name in PRESETS:
+    for threads in (1, 2):
+        config = dataclasses.replace(preset(name), steps=30, gaussian_cap=700, threads=threads, checkpoint_seconds=0.0)
+        train_submap(room.views, room.cloud, room.floor, dataclasses.replace(config, steps=16))
+        train_submap(room.views, None, room.floor, config)
+more = {name: found - ahead.get(name, set()) for name, found in compiled().items() if found - ahead.get(name, set())}
+assert not more, more
+"""
+
+
+def test_nothing_is_left_to_compile_for_any_preset_and_number_of_threads() -> None:
+    child = subprocess.run([sys.executable, "-c", AFTERWARDS], capture_output=True, text=True, check=False)
+    assert child.returncode == 0, child.stderr
