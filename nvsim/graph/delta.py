@@ -1,4 +1,5 @@
-"""The values by which one graph differs from an earlier one, evidence and order included: enough to make it again."""
+"""The values by which one graph differs from an earlier one, evidence and order included: enough to make it again, and
+no more."""
 
 from __future__ import annotations
 
@@ -9,17 +10,23 @@ from types import MappingProxyType
 from typing import TypeVar, cast
 
 from nvsim.graph.edits.change import copied
+from nvsim.graph.store import encode_evidence
 from nvsim.graph.trace import Touched, remember, touched_between
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
+Runs = tuple[tuple[int, int], ...]
 K = TypeVar("K")
 V = TypeVar("V")
 
 
 @dataclass(frozen=True, eq=False)
 class Delta:
-    """Things put (added at the end, or replaced where they are) and names dropped. `whole` is the graph itself where
-    these would not give its order."""
+    """Things put (added at the end, or replaced where they are) and names dropped.
+
+    orders   of viewpoints, edges and evidence: where these come in another order then, the new one as runs (start,
+             length) of that one; () where they do not
+    whole    the graph itself, as programs before this one stored it where its order was another
+    """
 
     viewpoints: tuple[Viewpoint, ...] = ()
     edges: tuple[Edge, ...] = ()
@@ -29,6 +36,7 @@ class Delta:
     no_evidence: tuple[EvidenceKey, ...] = ()
     ignored: Mapping[str, str] | None = None
     scan: str | None = None
+    orders: tuple[Runs, Runs, Runs] = ((), (), ())
     whole: NavGraph | None = None
 
 
@@ -38,11 +46,10 @@ def delta_between(before: NavGraph, after: NavGraph) -> Delta:
     viewpoints = _parts(before.viewpoints, after.viewpoints, touched.viewpoints if touched is not None else None)
     edges = _parts(before.edges, after.edges, touched.edges if touched is not None else None)
     evidence = _parts(before.evidence, after.evidence, touched.evidence if touched is not None else None)
-    if viewpoints is None or edges is None or evidence is None:
-        return Delta(whole=after)
     ignored = None if before.ignored is after.ignored else after.ignored
     scan = None if before.scan == after.scan else after.scan
-    return Delta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan)
+    orders = viewpoints[2], edges[2], evidence[2]
+    return Delta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan, orders)
 
 
 def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
@@ -55,18 +62,23 @@ def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
         return graph
     viewpoints, edges, evidence = copied(graph.viewpoints), copied(graph.edges), copied(graph.evidence)
     touched: tuple[dict[str, None], dict[EdgeKey, None], dict[EvidenceKey, None]] = ({}, {}, {})
+    turned = [False, False, False]
     for d in deltas:
         _apply(viewpoints, d.no_viewpoints, ((v.id, v) for v in d.viewpoints), touched[0])
         _apply(edges, d.no_edges, ((e.key, e) for e in d.edges), touched[1])
         _apply(evidence, d.no_evidence, ((e.key, e) for e in d.evidence), touched[2])
+        turned[0] |= _reorder(viewpoints, d.orders[0])
+        turned[1] |= _reorder(edges, d.orders[1])
+        turned[2] |= _reorder(evidence, d.orders[2])
     after = NavGraph(
         next((d.scan for d in reversed(deltas) if d.scan is not None), graph.scan),
-        MappingProxyType(viewpoints) if touched[0] else graph.viewpoints,
-        MappingProxyType(edges) if touched[1] else graph.edges,
-        MappingProxyType(evidence) if touched[2] else graph.evidence,
+        MappingProxyType(viewpoints) if touched[0] or turned[0] else graph.viewpoints,
+        MappingProxyType(edges) if touched[1] or turned[1] else graph.edges,
+        MappingProxyType(evidence) if touched[2] or turned[2] else graph.evidence,
         next((d.ignored for d in reversed(deltas) if d.ignored is not None), graph.ignored),
     )
-    remember(after, graph, Touched(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
+    if not any(turned):  # such a note promises the order
+        remember(after, graph, Touched(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
     return after
 
 
@@ -79,22 +91,57 @@ def _apply(mapping: dict[K, V], dropped: Iterable[K], put: Iterable[tuple[K, V]]
         touched[name] = None
 
 
+def _reorder(mapping: dict[K, V], runs: Runs) -> bool:
+    """Whether it was brought into another order."""
+    if not runs:
+        return False
+    entries = list(mapping.items())
+    mapping.clear()
+    for start, length in runs:
+        mapping.update(entries[start : start + length])
+    if len(mapping) != len(entries):
+        raise ValueError("a step that gives another order does not name everything")
+    return True
+
+
 def _parts(
     before: Mapping[K, V], after: Mapping[K, V], touched: Sequence[K] | None
-) -> tuple[tuple[V, ...], tuple[K, ...]] | None:
-    """What to put and what to drop; None when that would give another order."""
+) -> tuple[tuple[V, ...], tuple[K, ...], Runs]:
+    """What to put, what to drop, and the order where it is not the one that this gives."""
     if before is after:
-        return (), ()
+        return (), (), ()
     if touched is None:
-        put = {name: value for name, value in after.items() if before.get(name) is not value}
+        put = {name: value for name, value in after.items() if not _same(before.get(name), value)}
         dropped = tuple(name for name in before if name not in after)
         gone = set(dropped)
         order = [name for name in before if name not in gone] + [name for name in put if name not in before]
-        return (tuple(put.values()), dropped) if order == list(after) else None
+        return tuple(put.values()), dropped, _runs(order, list(after))
     # What was dropped and put again stands at the end, among the touched: there the order is made anew.
     present = {name for name in touched if name in after}
     end = tuple(takewhile(present.__contains__, reversed(cast("dict[K, V]", after))))[::-1]
     anew = set(end)
     inside = [name for name in touched if name in present and name not in anew]
     dropped = tuple(name for name in touched if name in before and (name not in present or name in anew))
-    return tuple(after[name] for name in (*inside, *end)), dropped
+    return tuple(after[name] for name in (*inside, *end)), dropped, ()
+
+
+def _same(one: object, other: object) -> bool:
+    """Whether they are of one value; a graph that was read anew is made of other objects."""
+    if one is other or not (isinstance(one, Evidence) and isinstance(other, Evidence)):
+        return one == other
+    return encode_evidence(one) == encode_evidence(other)
+
+
+def _runs(names: Sequence[K], wanted: Sequence[K]) -> Runs:
+    """`wanted` as runs (start, length) of `names`; () where they are the same."""
+    if names == wanted:
+        return ()
+    place = {name: i for i, name in enumerate(names)}
+    runs: list[tuple[int, int]] = []
+    for name in wanted:
+        at = place[name]
+        if runs and runs[-1][0] + runs[-1][1] == at:
+            runs[-1] = (runs[-1][0], runs[-1][1] + 1)
+        else:
+            runs.append((at, 1))
+    return tuple(runs)

@@ -2,7 +2,8 @@
 
 A SQLite file holds the first graph and, for every step, the values that changed. A thread of its own writes what came
 since it last looked, in one transaction, so that nobody who edits waits for the disk. For a project the file lies in
-its folder and stays; beside a foreign file it is hidden and goes when the file was saved and closed.
+its folder and stays, with the last thousand steps; beside a foreign file it is hidden and goes when the file was saved
+and closed.
 """
 
 from __future__ import annotations
@@ -22,6 +23,10 @@ from nvsim.graph.selection import NOTHING, present
 from nvsim.graph.types import NavGraph
 from nvsim.locking import Held, WriterLock
 
+KEPT_STEPS = 1000
+"""So many a journal keeps when it is opened and closed, the oldest become part of its first graph."""
+KEPT_BYTES = 64 << 20
+"""Of what the steps changed; at least the last step is kept."""
 _PERIOD = 0.4  # seconds from a step to its writing
 _UNHEARD = 8  # steps at the end among which a saved graph is looked for
 OUTSIDE = "Changed outside the editor"
@@ -177,10 +182,12 @@ class Journal:
         try:
             if self.refusal is None:
                 self.flush()
+                if not self._done_with:
+                    self._file.trim(KEPT_STEPS, KEPT_BYTES)
         finally:
             self._file.close()
             if self._lock is not None:
-                if self._plain and (self._history is None or self._history.clean):
+                if self._done_with:
                     self._file.remove()
                 self._lock_path.unlink(missing_ok=True)
                 self._lock.release()
@@ -190,6 +197,11 @@ class Journal:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def _done_with(self) -> bool:
+        """Whether it goes when it is closed."""
+        return self._plain and (self._history is None or self._history.clean)
 
     @property
     def _lock_path(self) -> Path:
@@ -222,8 +234,16 @@ class Journal:
                     self._writer = None
                     return
 
+    def _trim(self) -> None:
+        try:
+            self._file.trim(KEPT_STEPS, KEPT_BYTES)
+        except InputError as error:
+            self.trouble = str(error)  # it is as long as before; a full disk is said with the next step as well
+
     def _read(self) -> Written | None:
         try:
+            if self.refusal is None:
+                self._trim()
             return self._file.read()
         except Newer:
             raise

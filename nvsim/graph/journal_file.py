@@ -17,10 +17,11 @@ from nvsim.errors import InputError
 from nvsim.graph.delta import Delta
 from nvsim.graph.history import Step
 from nvsim.graph.journal_rows import decode_delta, decode_selection
+from nvsim.graph.journal_trim import trim
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 
-_VERSION = 1
+_VERSION = 2  # 2: a step may say in what order things come
 _SCHEMA = """
 CREATE TABLE marks (name TEXT PRIMARY KEY, value NOT NULL);
 CREATE TABLE base (graph BLOB NOT NULL, at REAL NOT NULL);
@@ -77,6 +78,7 @@ class JournalFile:
         connection = self._open()
         try:
             connection.execute("BEGIN IMMEDIATE")
+            connection.execute(f"PRAGMA user_version={_VERSION}")
             if cut is not None:
                 connection.execute("DELETE FROM steps WHERE number >= ?", (cut,))
             for number, step, selection, delta in rows:
@@ -128,6 +130,21 @@ class JournalFile:
         if not (0 <= index <= len(steps) and -1 <= clean <= len(steps)):
             raise ValueError("its current step is missing")
         return Written(decode_graph(blob), float(begun), steps, index, clean, str(marks["saved"]))
+
+    def trim(self, steps: int, size: int) -> int:
+        """Folds the oldest steps into the first graph, see `journal_trim`; returns how many."""
+        if not self.exists:
+            return 0
+        connection = self._open()
+        if int(connection.execute("PRAGMA user_version").fetchone()[0]) not in range(1, _VERSION + 1):
+            return 0
+        try:
+            return trim(connection, steps, size)
+        except sqlite3.OperationalError as error:
+            self._undo(connection)
+            raise self._refused(error) from error
+        finally:
+            self._undo(connection)
 
     def close(self) -> None:
         """The next use opens it again."""

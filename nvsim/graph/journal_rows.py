@@ -8,7 +8,7 @@ import struct
 import zlib
 from typing import Any
 
-from nvsim.graph.delta import Delta
+from nvsim.graph.delta import Delta, Runs
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.store import (
     decode_evidence,
@@ -16,7 +16,6 @@ from nvsim.graph.store import (
     edge_of,
     edge_row,
     encode_evidence,
-    encode_graph,
     viewpoint_of,
     viewpoint_row,
 )
@@ -26,9 +25,7 @@ _PARTS, _WHOLE = b"P", b"W"
 
 
 def encode_delta(delta: Delta) -> bytes:
-    """Kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence; or kind and a graph."""
-    if delta.whole is not None:
-        return _WHOLE + encode_graph(delta.whole)
+    """Kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence."""
     blobs = [encode_evidence(e) for e in delta.evidence]
     values: dict[str, Any] = {
         "viewpoints": list(map(viewpoint_row, delta.viewpoints)),
@@ -39,6 +36,7 @@ def encode_delta(delta: Delta) -> bytes:
         "no_evidence": delta.no_evidence,
         "ignored": None if delta.ignored is None else dict(delta.ignored),
         "scan": delta.scan,
+        "orders": delta.orders if any(delta.orders) else None,
     }
     # An empty object says that nothing is ignored any more; the other values say nothing when they are empty.
     text = _packed(
@@ -50,7 +48,7 @@ def encode_delta(delta: Delta) -> bytes:
 def decode_delta(data: bytes) -> Delta:
     """Raises ValueError, KeyError, TypeError, IndexError, zlib.error, struct.error or InputError on anything else."""
     if data[:1] == _WHOLE:
-        return Delta(whole=decode_graph(data[1:]))
+        return Delta(whole=decode_graph(data[1:]))  # of a program that knew no orders
     if data[:1] != _PARTS:
         raise ValueError("a step of an unknown kind")
     (size,) = struct.unpack_from("<I", data, 1)
@@ -68,7 +66,13 @@ def decode_delta(data: bytes) -> Delta:
         tuple((id, direction) for id, direction in values.get("no_evidence", ())),
         values.get("ignored"),
         values.get("scan"),
+        _orders(values.get("orders", ((), (), ()))),
     )
+
+
+def _orders(values: Any) -> tuple[Runs, Runs, Runs]:
+    viewpoints, edges, evidence = (tuple((int(start), int(length)) for start, length in runs) for runs in values)
+    return viewpoints, edges, evidence
 
 
 def encode_selection(selection: GraphSelection) -> bytes:

@@ -24,7 +24,7 @@ def script(history: History) -> list[str]:
 
 
 def _patch(delta: Delta, text: str) -> dict[str, Any] | None:
-    if delta.whole is not None or not (delta.viewpoints or delta.edges or delta.no_viewpoints or delta.no_edges):
+    if any(delta.orders) or not (delta.viewpoints or delta.edges or delta.no_viewpoints or delta.no_edges):
         return None
     values: dict[str, Any] = {
         "viewpoints": [dataclasses.asdict(v) for v in delta.viewpoints],

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from nvsim.graph import edits
-from nvsim.graph.delta import delta_between, folded
+from nvsim.graph.benchmark import random_graph
+from nvsim.graph.delta import Delta, delta_between, folded
 from nvsim.graph.difference import Difference, difference
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History, HistoryChange
+from nvsim.graph.journal_rows import decode_delta, encode_delta
 from nvsim.graph.operations import apply, describe, perform
 from nvsim.graph.retained import Retained
 from nvsim.graph.selection import NOTHING, selection
-from nvsim.graph.store import same_graph
+from nvsim.graph.store import decode_graph, encode_graph, same_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 
 
@@ -138,9 +142,40 @@ def test_graphs_far_back_are_made_again_from_deltas_without_a_difference() -> No
 def test_a_delta_keeps_an_order_that_puts_and_drops_cannot_give() -> None:
     before = row()
     turned = NavGraph("row", dict(reversed(list(before.viewpoints.items()))), before.edges)
-    assert delta_between(before, turned).whole is turned
     renamed = edits.rename_viewpoint(before, "v1", "door")
-    assert same_graph(folded(before, [delta_between(before, renamed)]), renamed)
+    both = NavGraph("row", dict(reversed(list(renamed.viewpoints.items()))), renamed.edges)
+    for after in (turned, renamed, both):
+        delta = delta_between(before, after)
+        assert same_graph(folded(before, [delta]), after)
+        assert same_graph(decoded_fold(before, [delta]), after)
+    assert same_graph(folded(before, [delta_between(before, renamed), delta_between(renamed, both)]), both)
+    # Of what was made again another delta is made.
+    made = folded(before, [delta_between(before, renamed)])
+    assert same_graph(folded(before, [delta_between(before, made)]), renamed)
+
+
+def decoded_fold(before: NavGraph, deltas: list[Delta]) -> NavGraph:
+    return folded(before, [decode_delta(encode_delta(delta)) for delta in deltas])
+
+
+def test_a_step_holds_what_it_changed_and_no_more() -> None:
+    """Also where the graph was read anew, another viewpoint name stands in the middle, or the scan has another name."""
+    graph = random_graph(500, directions=2, seed=1)
+    id = list(graph.viewpoints)[40]
+    read = decode_graph(encode_graph(graph))  # other objects of the same values
+    moved = edits.move_viewpoints(read, {id: (1.0, 2.0, 1.5)})
+    near = len(graph.neighbours(id))
+    cases = {
+        "nothing": (read, 80),
+        "moved": (moved, 1500 + 1000 * near),
+        "renamed": (edits.rename_viewpoint(graph, id, "door"), 2500 + 1200 * near),
+        "scan": (replace(graph, scan="other"), 100),
+    }
+    for name, (after, most) in cases.items():
+        delta = delta_between(graph, after)
+        blob = encode_delta(delta)
+        assert len(blob) < most < len(encode_graph(graph)) / 4, (name, len(blob))
+        assert same_graph(folded(graph, [decode_delta(blob)]), after), name
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,14 @@ import pytest
 
 from nvsim.errors import InputError
 from nvsim.graph import edits
+from nvsim.graph import journal as journal_module
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.journal import OUTSIDE, Journal, sidecar
 from nvsim.graph.operations import perform
 from nvsim.graph.scripts import script
 from nvsim.graph.selection import selection
-from nvsim.graph.store import same_graph
+from nvsim.graph.store import encode_graph, same_graph
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 
 
@@ -246,3 +248,134 @@ def test_a_script_does_again_what_was_done(tmp_path: Path) -> None:
     for line in script(history):
         graph = apply(graph, *parse_line(line))
     assert same_graph(graph, history.graph)
+
+
+def many(history: History, count: int) -> None:
+    """Steps one after another, a rename and a selection among them."""
+    for i in range(count):
+        if i % 7 == 3:
+            history.select(selection([f"v{i % 3}"]))
+        elif i % 7 == 5:
+            old = list(history.graph.viewpoints)[5]
+            perform(history, "rename_viewpoint", {"old": old, "new": f"n{i}"})
+        else:
+            perform(history, "move_viewpoints", {"positions": {"v1": [2.0, 0.1 * i, 1.5]}})
+
+
+@pytest.mark.parametrize("by", ["steps", "bytes"])
+def test_a_long_journal_keeps_its_last_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by: str) -> None:
+    path = tmp_path / "edits.db"
+    if by == "steps":
+        monkeypatch.setattr(journal_module, "KEPT_STEPS", 12)
+    else:
+        monkeypatch.setattr(journal_module, "KEPT_BYTES", 1500)
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        many(history, 40)
+        history.mark_saved()
+        many(history, 3)
+        history.undo()
+        saved = history.graph_at(history.saved_index)
+    with Journal.open(path) as journal:
+        again = journal.history(saved)
+        kept = len(again.steps) - 1
+        assert kept == 12 if by == "steps" else 2 <= kept < 30
+        assert [s.text for s in again.steps[1:]] == [s.text for s in history.steps[-kept:]]
+        gone = len(history.steps) - len(again.steps)
+        assert again.index == history.index - gone and again.saved_index == history.saved_index - gone
+        assert journal.recovered == history.edits_since_saved() and not journal.notice
+        for i in range(kept + 1):
+            assert same_graph(again.graph_at(i), history.graph_at(i + gone))
+        while again.undo():
+            pass
+        assert same_graph(again.graph, history.graph_at(gone))
+
+
+def test_a_journal_is_trimmed_down_to_the_current_step_and_no_further(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        many(history, 40)
+        history.go_to(5)
+    monkeypatch.setattr(journal_module, "KEPT_STEPS", 4)
+    with Journal.open(path) as journal:
+        again = journal.history(row())
+        assert len(again.steps) == len(history.steps) - 4 and again.index == 1
+        assert again.saved_index == -1 and not again.clean  # what the file holds is before the first step now
+        assert same_graph(again.graph, history.graph)
+
+
+def test_a_kill_in_the_middle_of_trimming_loses_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        many(history, 60)
+    program = f"""
+import os, sys
+from pathlib import Path
+import nvsim.graph.journal_trim as trimming
+from nvsim.graph import journal
+from nvsim.graph.journal_file import JournalFile
+at = int(sys.argv[1])
+class Killing:
+    def __init__(self, connection): self.connection, self.count = connection, 0
+    def __getattr__(self, name):
+        def call(*arguments):
+            self.count += 1
+            if self.count > at:
+                os.kill(os.getpid(), 9)
+            return getattr(self.connection, name)(*arguments)
+        return call
+file = JournalFile(Path({str(path)!r}))
+trimming.trim(Killing(file._open()), 10, 1 << 30)
+print("through")
+"""
+    for at in range(4, 14):
+        done = subprocess.run([sys.executable, "-c", program, str(at)], capture_output=True, text=True)
+        with Journal.open(path) as journal:
+            again = journal.history(row())
+            assert not journal.notice
+            assert same_graph(again.graph, history.graph)
+            assert len(again.steps) in (len(history.steps), 11)
+            if done.returncode == 0:
+                break
+            assert done.returncode == -9, done.stderr
+    else:
+        pytest.fail("it never came to an end")
+    assert len(again.steps) == 11 and at > 8
+
+
+def test_a_trimmed_journal_gives_its_room_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "edits.db"
+    cells = np.random.default_rng(0).integers(0, 255, (60, 90)).astype(np.uint8)
+    graph = row()
+    with Journal.open(path) as journal:
+        history = journal.history(graph)
+        for i in range(400):
+            e = Evidence("v1", 8, 0.1, 2.0, cells + np.uint8(i % 200), cells, cells > 3, 0.05, 0.1, 0.9, 0, (4.0, 0.5))
+            history.perform(f"Measure {i}", replace(history.graph, evidence={e.key: e}))
+    size = path.stat().st_size
+    assert size > 3 << 20
+    monkeypatch.setattr(journal_module, "KEPT_BYTES", 1 << 20)
+    Journal.open(path).close()
+    assert path.stat().st_size < 0.6 * size
+    with Journal.open(path) as journal:
+        assert same_graph(journal.history(graph).graph, history.graph)
+
+
+def test_a_step_that_an_earlier_program_stored_whole_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "edits.db"
+    with Journal.open(path) as journal:
+        history = journal.history(row())
+        perform(history, "rename_viewpoint", {"old": "v3", "new": "door"})
+        perform(history, "remove_viewpoints", {"ids": ["v1"]})
+    connection = sqlite3.connect(path)
+    connection.execute("UPDATE steps SET delta = ? WHERE number = 1", (b"W" + encode_graph(history.graph_at(1)),))
+    connection.execute("PRAGMA user_version = 1")
+    connection.commit()
+    connection.close()
+    with Journal.open(path) as journal:
+        again = journal.history(row())
+        assert same_graph(again.graph, history.graph) and same_graph(again.graph_at(1), history.graph_at(1))
