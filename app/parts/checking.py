@@ -34,7 +34,7 @@ class CheckPart(Part):
         self.panel = ValidationPanel(workspace.document)
         self.panel.activated.connect(self._show)
         self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this walk
-        self._told: EdgeKey | None = None  # the edge that the status bar speaks of
+        self._told: GraphSelection | None = None  # what the status bar speaks of
         workspace.document.projectChanged.connect(self._passed.clear)
         workspace.document.editing.selectionChanged.connect(self._on_selection)
 
@@ -64,7 +64,7 @@ class CheckPart(Part):
             self._passed.clear()
             left = waiting
         self._show(GraphSelection(frozenset(), frozenset({left[0].edge})))
-        self._told = left[0].edge
+        self._told = editing.selection
         done = len(editing.graph.edges) - len(waiting)
         why = left[0].why
         self.workspace.modes.said.emit(
@@ -80,12 +80,13 @@ class CheckPart(Part):
             self.workspace.notices.info("Nothing is wrong that we know of.")
         else:
             self._show(selection_of(found))
+            self._told = selection_of(found)
             fix = f" · Fix: {found.fixes[0].text}" if found.fixes else ""
             self.workspace.modes.said.emit(f"{short_ids(found.message)} F8 next{fix}")
 
     def _on_selection(self) -> None:
-        """What was said of an edge is said no more when something else is selected."""
-        if self._told is not None and self.workspace.document.editing.selection.edges != {self._told}:
+        """What was said of something is said no more when something else is selected."""
+        if self._told is not None and self.workspace.document.editing.selection != self._told:
             self._told = None
             modes = self.workspace.modes
             modes.said.emit(modes.current.hint)

@@ -397,5 +397,6 @@ def test_f8_goes_from_finding_to_finding_and_del_removes_the_edge(window: MainWi
         seen.append(window.panels["validation"].current.kind)
         assert document.editing.selection.edges == {tuple(sorted((ids[0], ids[-1])))}
     assert sorted(seen) == sorted(kinds)
+    assert "F8" in window.statusBar().currentMessage()
     window.actions_table["remove"].trigger()
-    assert not document.editing.findings
+    assert not document.editing.findings and "F8" not in window.statusBar().currentMessage()
