@@ -26,13 +26,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--bench-edits", type=int, metavar="N", help="paint so many edits of a large graph and print JSON"
     )
+    parser.add_argument("--viewpoints", type=int, default=10_000, help="of the graph of --bench-edits")
     parser.add_argument("--memory", type=float, metavar="GIB", help="for trained models; remembered, 0 forgets it")
     parser.add_argument("--renderer", choices=("automatic", "cpu", "opengl"), help="who draws colours; remembered")
     given = parser.parse_args(arguments)
     from app.main import run, run_edits
 
     if given.bench_edits is not None:
-        return run_edits(given.bench_edits)
+        return run_edits(given.bench_edits, given.viewpoints)
 
     return run(
         given.project or given.path,

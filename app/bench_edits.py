@@ -24,6 +24,7 @@ from nvsim.graph.benchmark import random_graph, random_map
 SIZE = (1600, 1000)  # of the window
 LISTS = ("tables", "histogram", "validation", "history")
 CATCH_UP = 0.3  # seconds after an edit in which panels are renewed
+SETTLE = 1.5  # seconds in which everything is painted and the first findings are there
 PATIENCE = 60.0  # seconds
 
 
@@ -40,14 +41,14 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     plan = window.panels["map"]
     assert isinstance(plan, MapView)
     views = Watch([window.scene, plan.canvas])
-    turns(lambda: bool(document.editing.findings), 1.5)
+    turns(lambda: bool(document.editing.findings), SETTLE)
     window.scene.look_over()
     plan.frame_everything()
-    turns(lambda: True, 1.0)
+    turns(lambda: True, SETTLE)
     rng = random.Random(seed)
     alone = [_single(document, views, rng, 0.02) for _ in range(edits)]
     show_lists(window)
-    turns(lambda: True, 2.0)
+    turns(lambda: True, SETTLE)
     beside = [_single(document, views, rng, CATCH_UP) for _ in range(edits // 2)]
     document.editing.close()
     window.close()

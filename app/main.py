@@ -64,8 +64,9 @@ def run(
     )
 
 
-def run_edits(edits: int) -> int:
-    """Edits a large graph in a window so often, prints how long until it was painted as one JSON object, and closes."""
+def run_edits(edits: int, viewpoints: int) -> int:
+    """Edits a graph of so many viewpoints in a window so often, prints as one JSON object how long until it was
+    painted, and closes."""
     import json
     import tempfile
 
@@ -85,7 +86,7 @@ def run_edits(edits: int) -> int:
         make_application("dark", settings)
         collecting = Collecting(lambda: False)
         try:
-            print(json.dumps(measure(settings, edits)))
+            print(json.dumps(measure(settings, edits, viewpoints)))
         finally:
             collecting.stop()
     return 0

@@ -3,21 +3,19 @@ until the picture is sharp, memory, and both views of a large graph. In a real w
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from nvsim.cli import show
-from nvsim.cli.window import has_display
+from nvsim.cli.window import has_display, measured_by_window
 from nvsim.errors import InputError
 from nvsim.events import silent
 
@@ -46,13 +44,13 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     with tempfile.TemporaryDirectory(prefix="nvsim-bench-") as folder, _display() as environment:
         project = arguments.project or _project(Path(folder) / "rooms.nvsim", arguments)
-        empty = _window(["--bench"], environment)
+        empty = measured_by_window(["--bench"], environment)
         command = [f"--project={project.resolve()}", f"--bench={arguments.cycles}"]
-        figures = _window(command, environment)
+        figures = measured_by_window(command, environment)
         figures["start_s"] = empty["start_s"]
         if arguments.train:
             with _training(Path(folder) / "trains.nvsim"):
-                busy = _window([f"--project={project.resolve()}", "--bench"], environment)
+                busy = measured_by_window([f"--project={project.resolve()}", "--bench"], environment)
             figures |= {f"quiet_{name}": figures[name] for name in ("gap_p99_ms", "gap_max_ms")}
             figures |= {name: busy[name] for name in ("gap_p99_ms", "gap_max_ms")}
             figures |= {f"busy_{name}": busy[name] for name in ("fps_moving", "sharp_ms")}
@@ -66,16 +64,6 @@ def _project(folder: Path, arguments: Arguments) -> Path:
     if min(arguments.submaps, arguments.gaussians, arguments.viewpoints) < 1:
         raise InputError("A project to measure on has at least one submap, one Gaussian and one viewpoint.")
     return write_project(folder, Size(arguments.submaps, arguments.gaussians, arguments.viewpoints))
-
-
-def _window(arguments: Sequence[str], environment: dict[str, str]) -> dict[str, Any]:
-    command = [sys.executable, "-P", "-m", "app", *arguments]
-    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if result.returncode != 0:
-        last = (result.stderr.strip().splitlines() or ["no message"])[-1]
-        raise InputError(f"the window does not start here: {last}")
-    figures: dict[str, Any] = json.loads(result.stdout.strip().splitlines()[-1])
-    return figures
 
 
 @contextmanager

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import statistics
 import subprocess
 import sys
@@ -11,8 +9,7 @@ import time
 from dataclasses import dataclass
 
 from nvsim.cli import show
-from nvsim.cli.window import has_display
-from nvsim.errors import InputError
+from nvsim.cli.window import measured_by_window
 
 
 @dataclass(frozen=True)
@@ -38,13 +35,4 @@ def _seconds(command: list[str]) -> float:
 
 def _window() -> float:
     """From the process's start to the first painted, responding window, as the window itself reports it."""
-    environment = dict(os.environ)
-    if not has_display():
-        environment["QT_QPA_PLATFORM"] = "offscreen"
-    result = subprocess.run(
-        [sys.executable, "-P", "-m", "app", "--bench"], env=environment, capture_output=True, text=True, check=False
-    )
-    if result.returncode != 0:
-        last = (result.stderr.strip().splitlines() or ["no message"])[-1]
-        raise InputError(f"the window does not start here: {last}")
-    return float(json.loads(result.stdout.strip().splitlines()[-1])["start_s"])
+    return float(measured_by_window(["--bench"])["start_s"])
