@@ -1,4 +1,5 @@
-"""The help pages of resources/help: their titles, their sections, and what of them holds certain words. Knows no Qt."""
+"""The help pages of resources/help and the pictures of resources/docs/window.md: their titles, their sections, and what
+of them holds certain words. Knows no Qt."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ from pathlib import Path
 import resources
 
 FOLDER = Path(resources.__file__).parent / "help"
-_ORDER = ("start", "keys", "inspector", "thresholds", "frames")  # others follow by title
+DOCS = FOLDER.parent / "docs"  # where pictures lie, too
+_ORDER = ("start", "window", "keys", "inspector", "thresholds", "frames")  # others follow by title
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Page:
 @cache
 def pages() -> tuple[Page, ...]:
     """All pages, in the order to be read."""
-    found = [_page(path) for path in FOLDER.glob("*.md")]
+    found = [_page(path) for path in (*FOLDER.glob("*.md"), DOCS / "window.md")]
     known = {name: i for i, name in enumerate(_ORDER)}
     return tuple(sorted(found, key=lambda p: (known.get(p.name, len(known)), p.title)))
 

@@ -7,12 +7,11 @@ from collections.abc import Iterable
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import (
-    QFrame,
     QHBoxLayout,
     QLabel,
     QSizePolicy,
     QSlider,
-    QToolButton,
+    QToolBar,
     QVBoxLayout,
     QWidget,
 )
@@ -43,6 +42,7 @@ class FramePage(QWidget):
         self.title.setTextFormat(Qt.TextFormat.RichText)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.hint = QLabel(self)
+        self.hint.setWordWrap(True)
         self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
         self.hint.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.gain = _slider(self, 10, 200, 30, "How much the difference is enlarged")
@@ -54,19 +54,17 @@ class FramePage(QWidget):
         for bar in (self._first, self._second):
             bar.setContentsMargins(8, 4, 8, 0)
             bar.setSpacing(2)
-        self._modes, self._tools, self._back = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
-        for group in (self._modes, self._tools, self._back):
-            group.setSpacing(1)
-        self._first.addLayout(self._back)
+        # Bars, as they put what has no room into a menu: the page must not make the window wider.
+        self._back, self._modes, self._tools = _bar(self), _bar(self), _bar(self)
+        self._first.addWidget(self._back)
         self._first.addSpacing(10)
         self._first.addWidget(self.title, 1)
         for words, slider in ((self._gain_words, self.gain), (self._size_words, self.size)):
             self._first.addSpacing(8)
             self._first.addWidget(words)
             self._first.addWidget(slider)
-        self._second.addLayout(self._modes)
-        self._second.addStretch(1)
-        self._second.addLayout(self._tools)
+        self._second.addWidget(self._modes, 3)
+        self._second.addWidget(self._tools, 2)
         side = QVBoxLayout()
         side.setContentsMargins(10, 8, 8, 8)
         side.setSpacing(8)
@@ -94,17 +92,9 @@ class FramePage(QWidget):
         for group, actions in ((self._back, back), (self._modes, modes), (self._tools, tools)):
             for action in actions:
                 if action is None:
-                    line = QFrame(self)
-                    line.setFrameShape(QFrame.Shape.VLine)
-                    line.setFrameShadow(QFrame.Shadow.Sunken)
-                    group.addWidget(line)
-                    continue
-                button = QToolButton(self)
-                button.setDefaultAction(action)
-                button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-                button.setAutoRaise(True)
-                button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-                group.addWidget(button)
+                    group.addSeparator()
+                else:
+                    group.addAction(action)
 
     def show_mode(self, mode: str) -> None:
         """One of canvas.MODES."""
@@ -155,6 +145,14 @@ class FramePage(QWidget):
             self.keyed.emit(name)
         else:
             super().keyPressEvent(event)
+
+
+def _bar(parent: QWidget) -> QToolBar:
+    bar = QToolBar(parent)
+    bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+    bar.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
+    return bar
 
 
 def _slider(parent: QWidget, low: int, high: int, value: int, tip: str) -> QSlider:

@@ -82,6 +82,7 @@ class InspectorPanel(QScrollArea):
         font.setBold(True)
         self.title.setFont(font)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.title.setMinimumWidth(self.title.fontMetrics().horizontalAdvance("dddddd") + 6)
         row.addWidget(self.title, 1)
         self.channels = QButtonGroup(self)
         for i, (channel, text) in enumerate(CHANNELS.items()):
@@ -100,7 +101,7 @@ class InspectorPanel(QScrollArea):
         self.regions.setChecked(True)
         self.regions.setToolTip("Draw the regions of interest that the eight directions are decided by")
         self.regions.toggled.connect(self.view.show_regions)
-        row.addSpacing(6)
+        row.addSpacing(2)
         row.addWidget(self.regions)
         return row
 

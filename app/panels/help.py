@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
+from PySide6.QtCore import Qt, QUrl
+from PySide6.QtGui import QImage, QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
 from PySide6.QtWidgets import (
     QDialog,
     QHBoxLayout,
@@ -16,9 +16,24 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.help_pages import Section, find, pages
+from app.help_pages import DOCS, Section, find, pages
 
 _SECTION = Qt.ItemDataRole.UserRole
+
+
+class _Text(QTextBrowser):
+    """Shows pictures as wide as there is room, not wider than they are."""
+
+    def loadResource(self, type: int, name: QUrl) -> object:
+        if type == QTextDocument.ResourceType.ImageResource.value:
+            image = QImage(str(DOCS / name.fileName()))
+            ratio = self.devicePixelRatioF()
+            room = round(ratio * max(200, self.viewport().width() - 60))
+            if image.width() > room:
+                image = image.scaledToWidth(room, Qt.TransformationMode.SmoothTransformation)
+            image.setDevicePixelRatio(ratio)
+            return image
+        return super().loadResource(type, name)
 
 
 class HelpWindow(QDialog):
@@ -39,7 +54,7 @@ class HelpWindow(QDialog):
         self.list.setFixedWidth(230)
         self.list.setWordWrap(True)
         self.list.currentItemChanged.connect(self._on_current)
-        self.text = QTextBrowser(self)
+        self.text = _Text(self)
         self.text.setFrameShape(self.text.Shape.NoFrame)
         self.text.setOpenExternalLinks(False)
         self.text.document().setDocumentMargin(14)

@@ -37,7 +37,7 @@ class JobPlots(QWidget):
             plot.setMenuEnabled(False)
             plot.hideButtons()
             plot.setTitle(title, size="9pt")
-            plot.setMinimumWidth(90)
+            plot.setMinimumWidth(60)
             plot.getAxis("bottom").setTickDensity(0.5)
             plot.getAxis("left").setTickDensity(0.7)
             plot.getAxis("left").enableAutoSIPrefix(False)

@@ -149,7 +149,7 @@ class JobPanel(QWidget):
 
     def _button(self, text: str, handler: object) -> QPushButton:
         button = QPushButton(text, self)
-        button.setFlat(False)
+        button.setMinimumWidth(button.fontMetrics().horizontalAdvance(text) + 14)  # narrower than the style's own
         button.clicked.connect(handler)
         return button
 

@@ -11,15 +11,15 @@ import pytest
 from demo_project import write_project
 from hypothesis import given
 from hypothesis import strategies as st
-from PySide6.QtCore import QSettings, Qt
-from PySide6.QtGui import QGuiApplication
+from PySide6.QtCore import QSettings, Qt, QUrl
+from PySide6.QtGui import QGuiApplication, QTextDocument
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.application import left_open
 from app.cameras import ViewPose
 from app.document import Document, Selection
-from app.help_pages import find, pages
+from app.help_pages import DOCS, find, pages
 from app.panels.about import AboutWindow
 from app.panels.help import HelpWindow, open_help
 from app.parts.camera_path import CameraPathPart
@@ -53,6 +53,12 @@ def test_the_help_is_searched_and_one_window_shows_all_pages(window: MainWindow,
     assert first.list.count() == len(pages())
     first.list.setCurrentRow(0)
     assert first.page == "start"
+    first.show_page("window")
+    pictures = [f for f in first.text.toMarkdown().split("![") if ".png)" in f]
+    assert len(pictures) >= 6
+    assert all((DOCS / p.partition("](")[2].partition(")")[0]).is_file() for p in pictures)
+    image = first.text.loadResource(QTextDocument.ResourceType.ImageResource.value, QUrl("window.png"))
+    assert 200 <= image.deviceIndependentSize().width() <= first.text.viewport().width()
     first.close()
     assert not [w for w in window.findChildren(HelpWindow) if w.isVisible()]
 

@@ -1,0 +1,163 @@
+"""Takes the pictures of the window in resources/docs, on a copy of a project that `nvsim demo` made:
+
+xvfb-run -a -s "-screen 0 1600x1000x24" python packaging/pictures.py demo.nvsim [--out resources/docs]
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QApplication, QDockWidget
+
+from app import theme
+from app.application import make_application
+from app.panels.jobs import JobPanel
+from app.panels.results import ResultPanel
+from app.parts.frames import FramePart
+from app.parts.inspector import InspectorPart
+from app.parts.jobs import JobsPart
+from app.session import Session
+
+SIZE = (1280, 780)
+STEP = 5  # of 256 to which colours are rounded: what an eye does not see, and half of the bytes
+SECONDS = 240.0
+TRAINING = ["--submaps", "1", "--steps", "900", "--image-size", "320"]
+
+
+_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 9, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_ALL_FILTERS]
+
+
+class Camera:
+    """Brings the window to what is to be seen, and takes pictures of it."""
+
+    def __init__(self, session: Session, out: Path) -> None:
+        self.session, self.window, self.out = session, session.window, out
+        self.table = session.window.actions_table
+
+    def until(self, what: Callable[[], object], seconds: float = SECONDS) -> None:
+        end = time.monotonic() + seconds
+        while not what() and time.monotonic() < end:
+            QApplication.processEvents()
+            time.sleep(0.005)
+
+    def rest(self) -> None:
+        scene = self.window.scene
+        self.until(lambda: False, 0.6)
+        self.until(lambda: scene.picture is not None and not scene.drawing)
+        self.until(lambda: False, 0.3)
+
+    def take(self, name: str) -> None:
+        self.rest()
+        image = self.window.grab().toImage().convertToFormat(QImage.Format.Format_BGR888)
+        lines = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.bytesPerLine())
+        pixels = lines[:, : 3 * image.width()].reshape(image.height(), image.width(), 3)
+        pixels = np.clip((pixels.astype(np.int16) + STEP // 2) // STEP * STEP, 0, 255).astype(np.uint8)
+        path = self.out / f"{name}.png"
+        cv2.imwrite(str(path), pixels, _PNG)
+        print(path, path.stat().st_size // 1024, "KiB")
+
+    def docks(self, **heights: int) -> None:
+        """Gives panels, by name, so many pixels of height."""
+        docks = [self.window.findChild(QDockWidget, f"dock_{name}") for name in heights]
+        self.window.resizeDocks(docks, list(heights.values()), Qt.Orientation.Vertical)
+        self.until(lambda: False, 0.3)
+
+
+def shoot(camera: Camera) -> None:
+    session, window, table = camera.session, camera.window, camera.table
+    document = session.document
+    camera.until(lambda: document.graph is not None and window.scene.picture is not None)
+    ids = document.graph_arrays.ids
+
+    camera.docks(jobs=120)
+    table["overview"].trigger()
+    camera.take("window")
+    table["dark"].trigger()
+    camera.take("window-light")
+
+    document.select(frame=60)
+    table["open_frame"].trigger()
+    page = next(p for p in window.parts if isinstance(p, FramePart)).browser.page
+    camera.until(lambda: page.canvas._render is not None)
+    camera.take("window-frame")
+    table["leave_frame"].trigger()
+    table["dark"].trigger()
+
+    document.select(viewpoint=ids[len(ids) // 3])
+    table["focus"].trigger()
+    camera.rest()
+    table["show_trajectory"].trigger()
+    table["inspect"].trigger()
+    camera.docks(map=230, details=470)
+    inspector = next(p for p in window.parts if isinstance(p, InspectorPart))
+    camera.until(lambda: inspector.panoramas.current is not None and not inspector.panoramas.drawing)
+    inspector.panel.list.setCurrentItem(inspector.panel.list.topLevelItem(1))
+    camera.take("window-inspector")
+
+    table["home"].trigger()
+    table["thresholds"].trigger()
+    panel = window.panels["thresholds"]
+    panel.rows["tau_alpha"].figure.setValue(0.05)
+    camera.until(lambda: panel.apply.isEnabled())
+    camera.take("window-thresholds")
+    panel.reset.click()
+
+    document.select()
+    camera.docks(jobs=250)
+    part = next(p for p in window.parts if isinstance(p, JobsPart))
+    handle = part.run_stage("evaluate views")
+    assert handle is not None
+    camera.until(lambda: handle.state in ("done", "failed"))
+    window.show_dock("results")
+    results = window.panels["results"]
+    assert isinstance(results, ResultPanel)
+    camera.until(lambda: results.tables.count() > 1)
+    results.tables.setCurrentIndex(results.tables.count() - 1)
+    camera.until(lambda: not window.notice_area.texts, 30)
+    camera.take("window-results")
+
+    jobs = window.panels["jobs"]
+    assert isinstance(jobs, JobPanel)
+    project = document.project
+    handle = session.window.jobs.start("train", ["--project", str(project), *TRAINING], project, "Train submap 1")
+    window.show_dock("jobs")
+    jobs.splitter.setSizes([520, 480])
+    table["home"].trigger()
+    camera.until(lambda: handle.history.share > 0.7 or handle.state in ("done", "failed"))
+    camera.take("window-training")
+    window.jobs.cancel(handle)
+    camera.until(lambda: handle.state not in ("running", "queued"))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("project", type=Path)
+    parser.add_argument("--out", type=Path, default=Path("resources/docs"))
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        project = Path(shutil.copytree(given.project, Path(folder) / "demo.nvsim"))
+        settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
+        application = make_application("dark", settings)
+        theme.apply(application, "dark")
+        session = Session(settings)
+        session.window.resize(*SIZE)
+        session.window.show()
+        session.open(project)
+        try:
+            shoot(Camera(session, given.out))
+        finally:
+            session.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
