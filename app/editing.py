@@ -20,7 +20,7 @@ from app.graph_files import GraphFile
 from app.keeping import Keeping
 from app.proposals import Proposals
 from nvsim.graph.difference import difference
-from nvsim.graph.edits import EditError
+from nvsim.graph.edits import EditError, Visible
 from nvsim.graph.findings import Finding
 from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.operations import Surroundings, apply, describe, record
@@ -211,7 +211,11 @@ class Editing(QObject):
 
     def set_surroundings(self, occupancy: OccupancyMap | None, trajectory: NDArray[np.float64] | None) -> None:
         """What edits may need: a map, and (N, 3) the places of the frames."""
-        visible = None if occupancy is None else partial(_see_each_other, occupancy)
+        visible: Visible | None = None
+        if occupancy is not None:
+            visible = partial(_see_each_other, occupancy)
+        elif self.file is not None:
+            visible = self.file.sight()
         self._surroundings = Surroundings(visible, trajectory)
 
     def set_thresholds(self, config: MappingConfig) -> None:

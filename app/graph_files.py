@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, connectivity_files
 from nvsim.graph.journal import sidecar
@@ -34,6 +35,10 @@ class GraphFile(Protocol):
     def journal(self) -> Path | None: ...
     def save(self, graph: NavGraph) -> None:
         """Raises InputError when it cannot be written."""
+        ...
+
+    def sight(self) -> Visible | None:
+        """Who sees whom, as far as the file knows."""
         ...
 
     def context(self, known: Context) -> Context:
@@ -65,6 +70,9 @@ class ProjectGraph:
         with Project.open(self._project, writable=True) as project:
             project.set_graph(graph)
 
+    def sight(self) -> Visible | None:
+        return None
+
     def context(self, known: Context) -> Context:
         return known
 
@@ -87,6 +95,9 @@ class ForeignGraph:
 
     def save(self, graph: NavGraph) -> None:
         self._file.save(graph)
+
+    def sight(self) -> Visible | None:
+        return self._file.sight()
 
     @property
     def pictured(self) -> bool:

@@ -150,7 +150,8 @@ class EditPart(Part):
     def _connect_visible(self) -> None:
         self._ask(
             "connect_visible", "Connect visible",
-            "Joins every two of the selected viewpoints that are near enough and see each other on the map.",
+            "Joins every two of the selected viewpoints that are near enough and see each other: on the map, or "
+            "without one by the lists of the file.",
             (Number("distance", "At most apart", 3.0, 0.1, 50.0),
              Number("steep", "At most steep", 45.0, 1.0, 90.0, "°", 0, "Keeps floors apart")),
             "connect_visible", "viewpoints",

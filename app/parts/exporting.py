@@ -20,8 +20,8 @@ KINDS = {
     "r2r": "R2R connectivity and scans.txt, for agents",
     "graphml": "GraphML, for Gephi, yEd and networkx",
     "geojson": "GeoJSON, for maps",
-    "png": "PNG picture of the map",
-    "svg": "SVG picture of the map",
+    "png": "PNG picture of the map, of the storey that is shown",
+    "svg": "SVG picture of the map, of the storey that is shown",
 }
 _INSIST = {False: "refuse and say why", True: "write it all the same"}
 
@@ -89,6 +89,15 @@ class ExportPart(Part):
         self.workspace.notices.info(f"Wrote {written}.")
         return True
 
+    def _shown(self, graph: NavGraph) -> NavGraph:
+        """The storey that is shown."""
+        index = self.workspace.document.shown_arrays.index
+        if len(index) == len(graph.viewpoints):
+            return graph
+        viewpoints = {id: v for id, v in graph.viewpoints.items() if id in index}
+        edges = {key: edge for key, edge in graph.edges.items() if key[0] in index and key[1] in index}
+        return NavGraph(graph.scan, viewpoints, edges)
+
     def _write(self, kind: str, graph: NavGraph, path: Path, force: bool) -> Path:
         from nvsim.graph import exports
 
@@ -102,5 +111,5 @@ class ExportPart(Part):
             return exports.write_graphml(graph, path)
         if kind == "geojson":
             return exports.write_geojson(graph, path)
-        picture = exports.draw(graph, self.workspace.document.contents.occupancy)
+        picture = exports.draw(self._shown(graph), self.workspace.document.contents.occupancy)
         return exports.write_png(picture, path) if kind == "png" else exports.write_svg(picture, path)

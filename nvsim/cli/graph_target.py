@@ -63,7 +63,9 @@ class GraphTarget:
             with Project.open(self.path) as project:
                 capture = project.capture()
                 walk = None if capture is None else capture.positions
-        return Surroundings(None if occupancy is None else sight_on(occupancy), walk)
+        if occupancy is not None:
+            return Surroundings(sight_on(occupancy), walk)
+        return Surroundings(None if self.is_project else self._foreign.sight(), walk)
 
     def journal(self) -> Journal:
         """Of its edits. Raises InputError when its folder cannot be written."""

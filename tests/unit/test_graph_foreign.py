@@ -282,3 +282,20 @@ def test_lists_of_flags_are_read_as_json_reads_them(style: FlagStyle, values: li
     else:
         with pytest.raises(ValueError):
             read_flags(damaged)
+
+
+def test_connecting_what_is_visible_asks_the_file_where_there_is_no_map(tmp_path: Path) -> None:
+    listed = entries(4, set())
+    for i, entry in enumerate(listed):
+        entry["included"], entry["visible"] = True, [i == 0 and j in (1, 2) for j in range(4)]
+    file = opened(tmp_path, json.dumps(listed))
+    ids = list(file.graph.viewpoints)
+    joined = edits.connect_visible(file.graph, ids, 100.0, file.sight())
+    assert set(joined.edges) == {(ids[0], ids[1]), (ids[0], ids[2])}
+    more = edits.place_viewpoint(file.graph, (1.0, 1.0, 1.5), id="new")
+    assert len(edits.connect_visible(more, more.viewpoints, 100.0, file.sight()).edges) == 2 + 4, (
+        "of it nothing is known"
+    )
+    for entry in listed:
+        del entry["visible"]
+    assert opened(tmp_path, json.dumps(listed), "other").sight() is None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX, list_scan
+from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.foreign.beside import Beside, look_beside
 from nvsim.graph.foreign.document import Document
@@ -63,6 +64,20 @@ class ForeignFile:
     def beside(self) -> Beside:
         """Pictures, map and cloud near the file."""
         return look_beside(self.path, self.scan)
+
+    def sight(self) -> Visible | None:
+        """Who sees whom by the file's own lists: two viewpoints of which either lists the other as `visible`. What the
+        file does not know, because it was added or moved since, is taken to be seen. None where there are no lists."""
+        entries, seen = self._document.entries, self._document.flags["visible"]
+        if not any(entry.text("visible") is not None for entry in entries):
+            return None
+        row = {entry.viewpoint.position: i for i, entry in enumerate(entries)}
+
+        def visible(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+            i, j = (np.array([row.get((x, y, z), -1) for x, y, z in places.tolist()], np.int64) for places in (a, b))
+            return np.where((i >= 0) & (j >= 0), seen[i, j] | seen[j, i], True)
+
+        return visible
 
     def panorama(self, id: str, width: int) -> NDArray[np.uint8] | None:
         """(W / 2, W, 3) uint8, blue, green, red: what the pictures beside the file show around a viewpoint, north in
