@@ -149,6 +149,7 @@ class FramePage(QWidget):
 
 def _bar(parent: QWidget) -> QToolBar:
     bar = QToolBar(parent)
+    bar.setObjectName("frameTools")
     bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
