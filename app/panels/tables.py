@@ -12,6 +12,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QLineEdit,
+    QPushButton,
     QTableView,
     QTabWidget,
     QVBoxLayout,
@@ -51,12 +52,17 @@ class TablePanel(QWidget):
         self.filter = QLineEdit(self)
         self.filter.setPlaceholderText('degree > 4 and origin == "person"')
         self.filter.setToolTip(
-            "Shows the rows for which this holds. Words: degree, height, included (of viewpoints), length, slope, "
-            "alpha (of edges), component, evidence, validity, submap, reviewed, locked, origin, x, y, z (of both); "
-            "and, or, not, comparisons, arithmetic. Or a piece of an id."
+            "Shows the rows for which this holds; Enter selects them. Words: degree, height, included (of viewpoints), "
+            "length, slope, alpha (of edges), component, storey, evidence, validity, submap, reviewed, locked, origin, x, "
+            "y, z (of both); and, or, not, comparisons, arithmetic. Or a piece of an id."
         )
         self.filter.setClearButtonEnabled(True)
         self.filter.textChanged.connect(self._on_change)
+        self.filter.returnPressed.connect(self.select_filtered)
+        self.select = QPushButton("Select", self)
+        self.select.setToolTip("Selects in the graph what the expression holds for (Enter)")
+        self.select.clicked.connect(self.select_filtered)
+        self.select.setEnabled(False)
         self.trouble = QLabel(self)
         self.trouble.setWordWrap(True)
         self.trouble.hide()
@@ -75,6 +81,7 @@ class TablePanel(QWidget):
         document.editing.selectionChanged.connect(self._show_selection)
         row = QHBoxLayout()
         row.addWidget(self.filter, 1)
+        row.addWidget(self.select)
         row.addWidget(self.count)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(4, 4, 4, 0)
@@ -98,6 +105,7 @@ class TablePanel(QWidget):
         return view
 
     def _on_change(self, _: object) -> None:
+        self.select.setEnabled(bool(self.filter.text().strip()))
         self._soon.mark()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
@@ -161,12 +169,10 @@ class TablePanel(QWidget):
         )
 
     def select_filtered(self) -> None:
-        """Selects every row that passes the filter, in the tab that is shown."""
-        model = self.views[self.tabs.currentIndex()].model()
-        keys = frozenset(model.key(row) for row in range(model.rowCount()))
-        self._document.editing.select(
-            GraphSelection(keys) if model is self.viewpoints else GraphSelection(frozenset(), keys)
-        )
+        """Selects what the expression holds for."""
+        found = self._filtered()
+        if found is not None:
+            self._document.editing.select(found)
 
     def _activate(self, index: QModelIndex) -> None:
         model = self.viewpoints if index.model() is self.viewpoints else self.edges

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QLabel
 
@@ -177,9 +178,20 @@ class EditPart(Part):
     def _copy(self) -> None:
         self._ask(
             "copy_to_floor", "Copy to another floor", "Makes the selected viewpoints and the edges among them again.",
-            (Number("dz", "Higher by", 3.0, -100.0, 100.0),),
+            (Number("dz", "Higher by", self._storey_height(), -100.0, 100.0),),
             "copy_by",
         )  # fmt: skip
+
+    def _storey_height(self) -> float:
+        """Metres from the storey of what is selected to the one above, or else to the one below."""
+        document = self.workspace.document
+        found, arrays = document.storeys.found, document.graph_arrays
+        rows = arrays.viewpoint_rows(self._chosen())
+        if len(found) < 2 or not len(rows):
+            return 3.0
+        here = min(range(len(found)), key=lambda i: abs(found[i].floor - float(np.median(arrays.feet[rows, 2]))))
+        other = here + 1 if here + 1 < len(found) else here - 1
+        return round(found[other].floor - found[here].floor, 2)
 
     def _set_height(self) -> None:
         self._ask(

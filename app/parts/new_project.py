@@ -11,12 +11,14 @@ from PySide6.QtWidgets import QFileDialog, QMenu
 
 from app.actions import Action
 from app.document import Document
+from app.graph_files import holds_graph
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.parts.jobs import JobsPart
 from app.parts.part import Part
 from app.reasons import Reason
 from nvsim.capture.several import SUFFIX, write_list
 from nvsim.errors import InputError
+from nvsim.graph.connectivity import SUFFIX as GRAPH
 from nvsim.splats.formats.choice import READABLE
 
 MOST_RECENT = 10
@@ -217,9 +219,10 @@ class NewProjectPart(Part):
         return super().eventFilter(watched, event)
 
     def take(self, paths: Sequence[Path]) -> None:
-        """Opens what was dropped: a project, a splat file, or else captures."""
+        """Opens what was dropped: a project, a graph, a splat file, or else captures."""
         path = paths[0]
-        if (path / "project.db").is_file() or (path.is_file() and path.suffix.lower() in READABLE):
+        graph = holds_graph(path) if path.is_dir() else path.name.endswith(GRAPH)  # captures come as JSON too
+        if graph or (path / "project.db").is_file() or (path.is_file() and path.suffix.lower() in READABLE):
             self.workspace.window.projectChosen.emit(path)
         else:
             self.open_dialog(paths)

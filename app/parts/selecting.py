@@ -30,6 +30,10 @@ class SelectPart(Part):
                "Ctrl+Shift+K", enabled=selected),
         Action("path", "Select pat&h between", "The shortest way between two viewpoints", "&Edit", 5, "Ctrl+Shift+P",
                enabled=viewpoints(2, 2, changes=False)),
+        Action("select_expression", "Select by e&xpression…", "As in: degree > 4 and not reviewed", "&Edit", 5,
+               "Ctrl+F", enabled=with_editing),
+        Action("select_range", "Select by &range…", "A range in the histogram of lengths, degrees, evidence…", "&Edit",
+               5, enabled=with_editing),
         Action("zoom_to", "&Zoom to selection", "Bring what is selected in the graph before the camera and the map",
                "&Edit", 6, "Z", enabled=selected),
     )  # fmt: skip
@@ -58,6 +62,8 @@ class SelectPart(Part):
             "grow": lambda: self._select(selecting.grown),
             "component": lambda: self._select(self._component),
             "path": self._path,
+            "select_expression": self._ask_expression,
+            "select_range": lambda: self.workspace.window.show_dock("histogram"),
             "zoom_to": lambda: self.show_selection(self._editing.selection),
         }
 
@@ -69,6 +75,11 @@ class SelectPart(Part):
             self._editing.select(how(graph, self._editing.selection))
         except EditError as error:
             self._editing.refuse(str(error))
+
+    def _ask_expression(self) -> None:
+        self.workspace.window.show_dock("tables")
+        self.tables.filter.setFocus()
+        self.tables.filter.selectAll()
 
     def _shown(self, chosen: GraphSelection) -> GraphSelection:
         """Without what stands on storeys that are not shown: nobody sees what would happen to it."""

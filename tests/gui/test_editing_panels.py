@@ -400,3 +400,18 @@ def test_f8_goes_from_finding_to_finding_and_del_removes_the_edge(window: MainWi
     assert "F8" in window.statusBar().currentMessage()
     window.actions_table["remove"].trigger()
     assert not document.editing.findings and "F8" not in window.statusBar().currentMessage()
+
+
+def test_enter_selects_what_an_expression_holds_for(window: MainWindow, document: Document, qtbot: QtBot) -> None:
+    panel = window.panels["tables"]
+    window.actions_table["select_expression"].trigger()
+    panel.filter.setText("length > 2")
+    qtbot.keyClick(panel.filter, Qt.Key.Key_Return)
+    chosen, graph = document.editing.selection, document.graph
+    assert chosen.edges and not chosen.viewpoints and chosen.edges < set(graph.edges)
+    panel.filter.setText("degree >")
+    qtbot.keyClick(panel.filter, Qt.Key.Key_Return)
+    assert document.editing.selection == chosen, "what is no expression selects nothing else"
+    panel.filter.setText("degree == 2")
+    panel.select.click()
+    assert document.editing.selection.viewpoints == {id for id in graph.viewpoints if len(graph.neighbours(id)) == 2}

@@ -15,6 +15,7 @@ from pytestqt.qtbot import QtBot
 from app.main import check_project
 from app.parts.foreign import ForeignPart
 from app.parts.inspector import InspectorPart
+from app.parts.new_project import NewProjectPart
 from app.session import Session
 from app.window import MainWindow
 from nvsim.errors import InputError
@@ -172,3 +173,11 @@ def test_what_came_back_after_a_crash_is_said_over_the_view(session: Session, fo
     assert editing.dirty and any("1 edit" in text for text in area.texts)
     children = [child for child in centre.children() if child in (area, centre.currentWidget())]
     assert children[-1] is area, "the view does not cover it"
+
+
+def test_a_graph_that_is_dropped_on_the_window_opens(session: Session, folder: Path, qtbot: QtBot) -> None:
+    (part,) = (part for part in session.window.parts if isinstance(part, NewProjectPart))
+    for what in (folder, folder / "second_connectivity.json"):
+        with qtbot.waitSignal(session.window.projectChosen) as chosen:
+            part.take([what])
+        assert chosen.args == [what]
