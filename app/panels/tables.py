@@ -53,8 +53,8 @@ class TablePanel(QWidget):
         self.filter.setPlaceholderText('degree > 4 and origin == "person"')
         self.filter.setToolTip(
             "Shows the rows for which this holds; Enter selects them. Words: degree, height, included (of viewpoints), "
-            "length, slope, alpha (of edges), component, storey, evidence, validity, submap, reviewed, locked, origin, x, "
-            "y, z (of both); and, or, not, comparisons, arithmetic. Or a piece of an id."
+            "length, slope, alpha (of edges), component, storey, evidence, validity, submap, reviewed, locked, origin, "
+            "x, y, z (of both); and, or, not, comparisons, arithmetic. Or a piece of an id."
         )
         self.filter.setClearButtonEnabled(True)
         self.filter.textChanged.connect(self._on_change)
