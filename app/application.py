@@ -86,7 +86,7 @@ def _run(
     # after every call of Qt, dozens of times in one painting.
     sys.setswitchinterval(TURN)
     collecting = Collecting(lambda: session.window.scene.drawing)
-    session.document.projectChanged.connect(collecting.begin_anew)
+    session.document.projectLeft.connect(collecting.begin_anew)
     code = 0
     try:
         session.window.show()

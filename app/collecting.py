@@ -29,7 +29,6 @@ class Collecting(QObject):
         super().__init__(parent)
         self._moving = moving
         self._looks = 0
-        self._full = False  # something large was put aside
         gc.disable()
         gc.freeze()
         self._timer = QTimer(self, interval=PERIOD)
@@ -39,16 +38,14 @@ class Collecting(QObject):
         self._anew.timeout.connect(self._clear)
 
     def begin_anew(self) -> None:
-        """What was put aside is of no use any more: to be called when a project is closed, before one is read."""
-        if self._full:
-            self._anew.start()  # once everybody has let go of it
+        """What was put aside is of no use any more: to be called when a project is left, before one is read."""
+        self._anew.start()  # once everybody has let go of it
 
     def look(self) -> None:
         """Frees what is young and hangs in a circle; now and then all that is not aside, where nothing moves."""
         made = gc.get_count()[0]
         self._looks += 1
         if made > MANY:
-            self._full = True
             gc.freeze()
         elif self._looks >= THOROUGH and not self._moving():
             self._looks = 0
@@ -57,7 +54,6 @@ class Collecting(QObject):
             gc.collect(1)
 
     def _clear(self) -> None:
-        self._full = False
         gc.unfreeze()
         gc.collect()
         gc.freeze()  # the window itself

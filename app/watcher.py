@@ -71,6 +71,7 @@ class ProjectWatcher(QObject):
                     self.failed.emit(trouble)
             self._soon.wait(PERIOD)
             self._soon.clear()
+        self._reader = None
         if reader is not None:
             reader.close()
 
