@@ -37,8 +37,8 @@ class GraphFile(Protocol):
         """Raises InputError when it cannot be written."""
         ...
 
-    def sight(self) -> Visible | None:
-        """Who sees whom, as far as the file knows."""
+    def sight(self, unknown: bool = True) -> Visible | None:
+        """Who sees whom by the file's lists, and `unknown` where they say nothing; None where there are none."""
         ...
 
     def context(self, known: Context) -> Context:
@@ -70,7 +70,7 @@ class ProjectGraph:
         with Project.open(self._project, writable=True) as project:
             project.set_graph(graph)
 
-    def sight(self) -> Visible | None:
+    def sight(self, unknown: bool = True) -> Visible | None:
         return None
 
     def context(self, known: Context) -> Context:
@@ -96,8 +96,8 @@ class ForeignGraph:
     def save(self, graph: NavGraph) -> None:
         self._file.save(graph)
 
-    def sight(self) -> Visible | None:
-        return self._file.sight()
+    def sight(self, unknown: bool = True) -> Visible | None:
+        return self._file.sight(unknown)
 
     @property
     def pictured(self) -> bool:

@@ -50,9 +50,11 @@ class Keeping(QObject):
             if self._journal.notice:
                 self.told.emit(self._journal.notice)
             if self._journal.recovered:
-                edits = counted(self._journal.recovered, "edit")
+                count = self._journal.recovered
+                were, them = ("was", "it") if count == 1 else ("were", "them")
                 self.told.emit(
-                    f"{edits} that were not saved came back; the history shows them, and undo takes them back."
+                    f"{counted(count, 'edit')} that {were} not saved came back; the history shows {them}, and undo "
+                    f"takes {them} back."
                 )
         return self._history, locked
 

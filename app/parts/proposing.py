@@ -48,7 +48,7 @@ class ProposePart(Part):
         ),
         Action(
             "propose_edges", "Propose &edges", "Edges that evidence and map allow, where they save a way round",
-            "&Graph", 3, enabled=writable,
+            "&Graph", 3, enabled=lambda document: _with_grounds(document),
         ),
         Action(
             "propose_viewpoints", "Propose v&iewpoints", "Where one could stand on the map and no viewpoint is near",
@@ -150,7 +150,9 @@ class ProposePart(Part):
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None:
             slack = margin(document.contents.thresholds)
-            self._think(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack)), ()))
+            file = document.contents.graph_file
+            seen = None if file is None or occupancy is not None else file.sight(unknown=False)
+            self._think(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack, visible=seen)), ()))
 
     def propose_viewpoints(self) -> None:
         """Looks at the whole map, in a thread."""
@@ -264,6 +266,15 @@ class ProposePart(Part):
         self.child.stop()
         if self._thread is not None:
             self._thread.join()
+
+
+def _with_grounds(document: Document) -> Reason:
+    if (first := with_map(document)) is None or document.graph is None or not document.editing.writable:
+        return first
+    file = document.contents.graph_file
+    if document.graph.evidence or (file is not None and file.sight() is not None):
+        return None
+    return "there is neither evidence nor a map to propose from"
 
 
 def _with_proposals(document: Document) -> Reason:

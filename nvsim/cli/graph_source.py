@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
+    from nvsim.graph.edits import Visible
     from nvsim.graph.findings import Context, Limits
     from nvsim.graph.types import EdgeKey, NavGraph
     from nvsim.occupancy.types import OccupancyMap
@@ -20,6 +21,7 @@ class Source:
     """path, name   where the graph lies, and what to call it
     margin        how certain an edge is by its evidence; None where there is none
     occupancy     the map that belongs to it, None where there is none
+    visible       who sees whom by the lists of a connectivity file, None where there are none
     """
 
     path: Path
@@ -27,6 +29,7 @@ class Source:
     graph: NavGraph
     context: Context
     margin: Callable[[NavGraph, EdgeKey], float] | None = None
+    visible: Visible | None = None
 
     @property
     def occupancy(self) -> OccupancyMap | None:
@@ -66,7 +69,7 @@ def sources(path: Path, limits: Limits | None = None, occupancy: Path | None = N
     for file in connectivity_files(path):
         foreign = ForeignFile.open(file)
         context = foreign.context(limits, foreign.beside.occupancy() if map is None else map)
-        yield Source(file, foreign.scan, foreign.graph, context)
+        yield Source(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
 
 
 def one_source(path: Path, occupancy: Path | None = None) -> Source:

@@ -299,3 +299,6 @@ def test_connecting_what_is_visible_asks_the_file_where_there_is_no_map(tmp_path
     for entry in listed:
         del entry["visible"]
     assert opened(tmp_path, json.dumps(listed), "other").sight() is None
+    for entry in listed:
+        entry["visible"] = entry["unobstructed"]
+    assert opened(tmp_path, json.dumps(listed), "copied").sight() is None, "that says nothing but which edges there are"

@@ -171,3 +171,16 @@ def test_without_a_map_or_evidence_the_command_says_what_it_needs(
     path = write_connectivity(graph_of({"a": (2, 3), "b": (4.5, 3)}), tmp_path)
     assert main(["graph", "propose", str(path)]) == 2
     assert "--occupancy" in capsys.readouterr().err
+
+
+def test_a_file_s_lists_of_who_sees_whom_propose_edges_where_nothing_else_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_connectivity(graph_of({"a": (2, 3), "b": (4.5, 3), "c": (2, 5.5)}), tmp_path)
+    data = json.loads(path.read_text())
+    index = {entry["image_id"]: i for i, entry in enumerate(data)}
+    data[index["b"]]["visible"][index["a"]] = True
+    path.write_text(json.dumps(data))
+    assert main(["graph", "propose", str(path), "--json"]) == 0
+    (edge,) = json.loads(capsys.readouterr().out)["edges"]
+    assert sorted(edge["edge"]) == ["a", "b"] and edge["score"] < 0.5 and "lists of the file" in edge["words"]

@@ -50,12 +50,15 @@ def run(arguments: Arguments) -> int:
         if not 0 < getattr(arguments, name) < 100:
             raise InputError(f"--{name} is {getattr(arguments, name)}; it must be between 0 and 100 metres.")
     source = one_source(arguments.graph, arguments.occupancy)
-    if source.occupancy is None and source.margin is None:
+    if source.occupancy is None and source.margin is None and source.visible is None:
         raise InputError(
             f"{arguments.graph} has neither evidence nor a map to propose from; name a map with --occupancy."
         )
+    seen = source.visible if source.occupancy is None else None
     count, radius = max(0, arguments.count), max(0.0, arguments.robot_radius)
-    edges = propose_edges(source.graph, source.occupancy, source.margin, reach=arguments.reach, radius=radius)[:count]
+    edges = propose_edges(
+        source.graph, source.occupancy, source.margin, visible=seen, reach=arguments.reach, radius=radius
+    )[:count]
     places: tuple[PlaceProposal, ...] = ()
     if source.occupancy is not None:
         places = propose_viewpoints(

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,11 @@ class Document:
     flags: Mapping[str, NDArray[np.bool_]] = field(
         default_factory=lambda: {key: np.zeros((0, 0), np.bool_) for key in FLAGS}
     )
+
+    @cached_property
+    def tells_sight(self) -> bool:
+        """Whether the lists of who sees whom name anything but edges."""
+        return bool((self.flags["visible"] & ~self.flags["unobstructed"]).any())
 
     def pieces(self) -> Iterator[str]:
         """The text of the file, one entry after another."""

@@ -65,17 +65,18 @@ class ForeignFile:
         """Pictures, map and cloud near the file."""
         return look_beside(self.path, self.scan)
 
-    def sight(self) -> Visible | None:
+    def sight(self, unknown: bool = True) -> Visible | None:
         """Who sees whom by the file's own lists: two viewpoints of which either lists the other as `visible`. What the
-        file does not know, because it was added or moved since, is taken to be seen. None where there are no lists."""
-        entries, seen = self._document.entries, self._document.flags["visible"]
-        if not any(entry.text("visible") is not None for entry in entries):
+        file does not know, because it was added or moved since, is `unknown`. None where no list names anything but
+        edges, as those of many exporters do."""
+        document = self._document
+        if not document.tells_sight:
             return None
-        row = {entry.viewpoint.position: i for i, entry in enumerate(entries)}
 
         def visible(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+            row, seen = {e.viewpoint.position: i for i, e in enumerate(document.entries)}, document.flags["visible"]
             i, j = (np.array([row.get((x, y, z), -1) for x, y, z in places.tolist()], np.int64) for places in (a, b))
-            return np.where((i >= 0) & (j >= 0), seen[i, j] | seen[j, i], True)
+            return np.where((i >= 0) & (j >= 0), seen[i, j] | seen[j, i], unknown)
 
         return visible
 

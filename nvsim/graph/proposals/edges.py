@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.components import components
 from nvsim.graph.edits.change import key_of
+from nvsim.graph.edits.edges import Visible
 from nvsim.graph.quantities import Margin
 from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
@@ -22,6 +23,7 @@ _LEVEL = 0.5  # metres between the floors of two viewpoints: the map knows one f
 _FAR = 20.0  # metres: ways beyond are all the same
 _SURE = 0.3  # margin of evidence that leaves no doubt
 _MAP_ALONE = 0.6  # confidence where only the map speaks; the least of evidence is below
+_LISTED = 0.3  # what sees another need not be able to walk there
 
 
 @dataclass(frozen=True)
@@ -45,19 +47,22 @@ def propose_edges(
     occupancy: OccupancyMap | None = None,
     margin: Margin | None = None,
     *,
+    visible: Visible | None = None,
     reach: float = 3.5,
     radius: float = 0.25,
 ) -> tuple[EdgeProposal, ...]:
     """The best first. Pairs of included viewpoints within `reach` metres are proposed when their stored evidence is
     open (`margin` above 0) and no occupied cell lies between them, or, where nothing was measured, when a disc of
     `radius` metres can go straight from one to the other on the map. Evidence that speaks against an edge outweighs
-    the map.
+    the map. Where neither is known, `visible` may say who sees whom, of which less follows.
 
     Of the pairs that pass, the shortest come first, and who is reached by less than DETOUR times the straight way is
     not proposed any more: a greedy spanner (Althoefer et al. 1993, On Sparse Spanners of Weighted Graphs).
     """
     pairs = _pairs(graph, reach)
     confidence = _confidence(graph, pairs, occupancy, margin, radius)
+    if visible is not None:
+        confidence = _listed(graph, [key for key in pairs if key not in confidence], visible) | confidence
     length = {key: _apart(graph, key) for key in pairs}
     ways = {id: dict[str, float]() for id in graph.viewpoints}
     for a, b in graph.edges:
@@ -114,6 +119,15 @@ def _confidence(
             sure = 0.5 + 0.3 * min(1.0, slack / _SURE) + (0.2 if is_clear else 0.0)
             found[key] = (sure, "the corridor between them passes" + (" and the map agrees" if is_clear else ""))
     return found
+
+
+def _listed(graph: NavGraph, pairs: list[EdgeKey], visible: Visible) -> dict[EdgeKey, tuple[float, str]]:
+    """The pairs that see each other."""
+    if not pairs:
+        return {}
+    a, b = (np.array([graph.viewpoints[key[end]].position for key in pairs]) for end in (0, 1))
+    seen = zip(pairs, visible(a, b).tolist(), strict=True)
+    return {key: (_LISTED, "see each other by the lists of the file") for key, there in seen if there}
 
 
 def _on_map(
