@@ -14,7 +14,7 @@ from PySide6.QtGui import QPainter
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 from app.document import Document
-from app.graph_arrays import GraphArrays
+from app.graph_arrays import GraphArrays, extremes
 from app.graph_ink import LARGE, GraphInk
 from app.kept_drawing import KeptDrawing
 
@@ -44,7 +44,8 @@ class GraphItem(pg.GraphicsObject):
         positions = self._document.graph_arrays.positions
         bounds = QRectF()
         if len(positions):
-            low, high = positions[:, :2].min(axis=0) - 1, positions[:, :2].max(axis=0) + 1
+            low, high = extremes(positions[:, :2])
+            low, high = low - 1, high + 1
             bounds = QRectF(*low, *(high - low))
             spacing = (float(np.prod(high - low)) / len(positions)) ** 0.5
             if not 0.9 < spacing / self._spacing < 1.1:  # an edit must not change the size of every disc
@@ -82,7 +83,7 @@ class GraphItem(pg.GraphicsObject):
             def touched(drawn: object) -> QRectF | None:
                 return _outline(self._document.graph_changes.since(drawn), origin, axes, (width, height))
 
-            view = (radius, place, manner, self._document.storeys.storey)
+            view = (radius, place, manner, self._document.storeys.between)
             self._kept.paint(painter, width, height, view, draw, self._document.graph_arrays, touched)
         else:
             self._draw(painter, arrays, pixels, radius, self._seen(arrays, pixels, (width, height)))

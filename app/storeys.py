@@ -39,6 +39,12 @@ class Storeys(QObject):
     def storey(self) -> Storey | None:
         return None if self.chosen is None else self.found[self.chosen]
 
+    @property
+    def between(self) -> tuple[float, float] | None:
+        """The heights between which what is shown stands; None where everything is."""
+        storey = self.storey
+        return None if storey is None else (storey.low, storey.high)
+
     def choose(self, index: int | None) -> None:
         """Shows one storey, or all."""
         if index != self.chosen and (index is None or 0 <= index < len(self.found)):

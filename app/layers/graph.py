@@ -120,7 +120,7 @@ class GraphLayer(Layer):
             def touched(drawn: object) -> QRectF | None:
                 return _outline(camera, self._document.graph_changes.since(drawn))
 
-            whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.storey)
+            whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.between)
             self._kept.paint(painter, k.width, k.height, key, draw, whole, touched)
         else:
             self._paint_all(painter, view)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.document import Document
+from app.graph_arrays import extremes
 from app.kept_drawing import KeptDrawing
 from app.layers.layer import Layer
 from app.picking import projected_segments
@@ -36,7 +37,8 @@ class GridLayer(Layer):
         extent = self._document.extent
         if not self.bare or len(extent) == 0:
             return
-        low, high = np.floor(extent.min(axis=0) - 2), np.ceil(extent.max(axis=0) + 2)
+        low, high = extremes(extent)
+        low, high = np.floor(low - 2), np.ceil(high + 2)
         height = round(float(np.median(extent[:, 2])), 1) - 1.5  # an edit of one viewpoint does not move it
         k = camera.intrinsics
         key = (camera, *low[:2].tolist(), *high[:2].tolist(), height)

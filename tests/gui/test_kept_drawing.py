@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -123,3 +124,29 @@ def test_a_patch_of_most_of_the_picture_is_none(qtbot: QtBot) -> None:
     for content, where in (("a", None), ("a", None), ("b", QRectF(0, 0, 10, 10)), ("c", QRectF(0, 0, *SIZE))):
         pixels(lambda p, c=content, w=where: kept.paint(p, *SIZE, "view", draw, c, lambda _: w))
     assert calls == [None, None, QRectF(0, 0, 10, 10), None]
+
+
+def test_an_edit_on_a_chosen_storey_is_patched_too(document: Document, qtbot: QtBot) -> None:
+    graph = random_graph(900, seed=3)
+    above = {id: replace(v, position=(v.position[0], v.position[1], v.position[2] + 3.0)) for id, v in
+             list(graph.viewpoints.items())[:120]}  # fmt: skip
+    document.set_contents(Contents(Path("house.nvsim"), graph=replace(graph, viewpoints={**graph.viewpoints, **above})))
+    assert len(document.storeys.found) == 2
+    document.storeys.choose(0)
+    camera = cameras.overview(document.extent).camera(*SIZE)
+    layer = GraphLayer(document)
+
+    def paint(painter: QPainter) -> None:
+        layer.paint(painter, camera)
+
+    for _ in range(2):
+        pixels(paint)
+    image = layer._kept._image
+    document.editing.run("add_viewpoint", {"position": [20.0, 20.0, 1.5]})
+    document.editing.run("remove_viewpoints", {"ids": [document.shown_arrays.ids[70]]})
+    document.editing.run("remove_viewpoints", {"ids": [next(iter(above))]})
+    patched = pixels(paint)
+    assert layer._kept._image is image and image is not None
+    anew = GraphLayer(document)
+    assert nearly_equal(patched, pixels(lambda p: anew.paint(p, camera)))
+    document.editing.close()
