@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QLineEdit, QScrollAre
 from app import colors
 from app.document import Document
 from app.evidence_words import Finding, findings
+from app.graph_details import marks_of, of_edge, of_several
 from app.overlays import short_id
 
 
@@ -120,7 +121,7 @@ class DetailsPanel(QScrollArea):
     def refresh(self, _: object = None) -> None:
         selection, contents = self._document.selection, self._document.contents
         viewpoint = self._document.selected_viewpoint
-        graph = self._document.graph
+        graph, chosen = self._document.graph, self._document.editing.selection
         if viewpoint is not None and graph is not None:
             found = findings(graph, viewpoint.id)
             neighbours = graph.neighbours(viewpoint.id)
@@ -133,10 +134,17 @@ class DetailsPanel(QScrollArea):
                     "Neighbours": str(len(neighbours)),
                     "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
                     "Comes from": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
+                    **marks_of(viewpoint),
                     "Identifier": viewpoint.id,
                 },
                 found,
             )
+        elif graph is not None and len(chosen.edges) == 1 and not chosen.viewpoints:
+            (key,) = chosen.edges
+            title = f"Edge {short_id(key[0])} – {short_id(key[1])}"
+            self._show(title, of_edge(graph, key, contents.thresholds), [])
+        elif graph is not None and chosen:
+            self._show(*of_several(graph, chosen), [])
         elif selection.frame is not None and contents.capture is not None:
             frame = contents.capture.frames[selection.frame]
             x, y, z = frame.camera_to_world[:3, 3]
@@ -162,7 +170,7 @@ class DetailsPanel(QScrollArea):
                 self.words.setText("Not trained yet.")
         else:
             self._show("", {}, [])
-            self.words.setText("Select a viewpoint, a frame or a submap to see what is known about it.")
+            self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
 
     def _show(self, title: str, facts: dict[str, str], found: list[Finding]) -> None:
         self.title.setText(title)

@@ -19,6 +19,7 @@ from app.panels.empty import EmptyState
 from app.panels.jobs import JobModel, JobPanel, duration
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapModel, SubmapPanel
+from nvsim.graph.selection import GraphSelection
 
 
 @pytest.mark.parametrize("kind", [SubmapModel, JobModel])
@@ -96,3 +97,28 @@ def test_the_log_keeps_notices_with_their_details(qtbot: QtBot) -> None:
     qtbot.addWidget(log)
     notices.error("It broke <here>.", "Traceback\n  line 3")
     assert "It broke <here>." in log.toPlainText() and "line 3" in log.toPlainText()
+
+
+def test_details_tell_of_an_edge_and_of_several_things(document: Document, qtbot: QtBot) -> None:
+    panel = DetailsPanel(document)
+    qtbot.addWidget(panel)
+
+    def facts() -> dict[str, str]:
+        grid = panel._facts
+        rows = range(grid.rowCount())
+        cells = [(grid.itemAtPosition(row, 0), grid.itemAtPosition(row, 1)) for row in rows]
+        return {name.widget().text(): value.widget().text() for name, value in cells if name is not None}
+
+    key = next(iter(document.graph.edges))
+    document.editing.select(GraphSelection(frozenset(), frozenset({key})))
+    assert panel.title.text().startswith("Edge ")
+    assert facts()["Reviewed"] == "no" and facts()["Length"].endswith(" m") and facts()["From"] == key[0]
+    document.editing.run("mark_reviewed", {"edges": [list(key)]})
+    assert facts()["Reviewed"] == "yes"
+    ids = frozenset(document.graph_arrays.ids[:3])
+    document.editing.select(GraphSelection(ids, frozenset({key})))
+    assert panel.title.text() == "3 viewpoints and 1 edge"
+    assert facts()["Reviewed"] == "1 of 4" and facts()["In navigation"] == "3 of 3"
+    document.editing.run("lock", {"viewpoints": [min(ids)]})
+    document.editing.select(GraphSelection(frozenset({min(ids)})))
+    assert facts()["Locked"] == "yes"
