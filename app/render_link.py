@@ -38,7 +38,7 @@ class _Life:
             )
             process.start()
             self.process = process
-        except OSError as error:
+        except (OSError, RuntimeError) as error:
             self._heard(
                 Trouble(f"The renderer cannot be started: {error}; close other programs and open again.", "", True)
             )

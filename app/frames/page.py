@@ -55,7 +55,7 @@ class FramePage(QWidget):
             bar.setContentsMargins(8, 4, 8, 0)
             bar.setSpacing(2)
         # Bars, as they put what has no room into a menu: the page must not make the window wider.
-        self._back, self._modes, self._tools = _bar(self), _bar(self), _bar(self)
+        self._back, self._modes, self._tools = (_bar(self, name) for name in ("back", "modes", "tools"))
         self._first.addWidget(self._back)
         self._first.addSpacing(10)
         self._first.addWidget(self.title, 1)
@@ -147,9 +147,9 @@ class FramePage(QWidget):
             super().keyPressEvent(event)
 
 
-def _bar(parent: QWidget) -> QToolBar:
+def _bar(parent: QWidget, name: str) -> QToolBar:
     bar = QToolBar(parent)
-    bar.setObjectName("frameTools")
+    bar.setObjectName(f"frame_{name}")
     bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)

@@ -100,6 +100,8 @@ class EmptyState(QWidget):
         self.sentence.setText(sentence)
         self.command.setText(command)
         self.command.setCursorPosition(0)
+        for widget in (self.hint, self.command, self.copy):
+            widget.setVisible(bool(command))
         stage = TITLES.get(verb, "")
         self.stage.setText(f"{stage} only")
         for button in (self.new, self.open, self.demo):

@@ -165,7 +165,7 @@ class JobModel(QAbstractTableModel):
             row.state,
             f"{100 * row.share:.0f} %",
             "" if row.left is None else duration(row.left),
-            "" if row.rate is None else f"{row.rate:.1f} /s",
+            "" if row.rate is None else f"{row.rate:.{1 if row.rate < 100 else 0}f} /s",
             "–" if row.took is None else duration(row.took),
             clock(row.started),
             row.note,

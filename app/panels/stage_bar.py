@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QPainter, QPaintEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QSizePolicy, QWidget
+from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QLabel, QProgressBar, QPushButton, QSizePolicy, QWidget
 
 from app.jobs.queue import JobQueue
 from app.panels.job_table import duration
@@ -34,10 +34,12 @@ class StageBar(QWidget):
         self.everything.clicked.connect(self.runWanted)
         self.stage.clicked.connect(lambda: self.stageWanted.emit(self._verb))
         self.settings.clicked.connect(lambda: self.settingsWanted.emit(self._verb))
-        row = QHBoxLayout(self)
-        row.setContentsMargins(14, 7, 8, 7)
-        row.addWidget(self.sentence)
-        row.addSpacing(8)
+        self._halves = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
+        self._halves.setContentsMargins(14, 7, 8, 7)
+        self._halves.setSpacing(8)
+        self._halves.addWidget(self.sentence)
+        row = QHBoxLayout()
+        self._halves.addLayout(row)
         for button in (self.everything, self.stage, self.settings):
             button.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the view keeps the keys
             row.addWidget(button)
@@ -54,9 +56,13 @@ class StageBar(QWidget):
         self._place()
 
     def _place(self) -> None:
-        self.adjustSize()
         parent = self.parentWidget()
         assert parent is not None  # given at construction
+        for way in (QBoxLayout.Direction.LeftToRight, QBoxLayout.Direction.TopToBottom):
+            self._halves.setDirection(way)  # the sentence stands over the buttons where there is no room beside them
+            if self.sizeHint().width() <= parent.width():
+                break
+        self.adjustSize()
         self.move(max(0, (parent.width() - self.width()) // 2), max(0, parent.height() - self.height() - 44))
         self.raise_()
 

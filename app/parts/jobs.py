@@ -144,6 +144,20 @@ class JobsPart(Part):
         waiting = any(h.state in ("running", "queued") for h in jobs.handles)
         verb = "" if missing is None or waiting else contents.missing_verb
         self.bar.say(missing[0] if missing else "", verb, missing[1] if missing else "")
+        self._say_what_comes()
+
+    def _say_what_comes(self) -> None:
+        """A project without a capture says what makes it, while that runs."""
+        document, window = self.workspace.document, self.workspace.window
+        makers = [h for h in self.workspace.jobs.handles if h.job.order.verb in MAKERS]
+        making = next((h for h in makers if h.state in ("running", "queued")), None)
+        missing = document.contents.missing
+        if missing is None or document.contents.capture is not None or document.project is None:
+            return
+        if making is None:
+            window.empty.say(*missing, document.contents.missing_verb, True)
+        else:
+            window.empty.say(f"{making.title} …", "", "", True)
 
     def _open_again(self, handle: JobHandle) -> None:
         if handle.job.order.verb in STAGES:
@@ -178,5 +192,7 @@ class JobsPart(Part):
         self.show_panel()
 
 
+MAKERS = ("import", "demo", "run")
+"""Commands that give a project its capture."""
 OUT = {"export r2r": "connectivity", "export splats": "splats"}
 """Where a command writes when nothing else is said: beside the project rather than where the window was started."""

@@ -106,10 +106,15 @@ def test_a_dropped_capture_becomes_a_project_and_the_next_stage_is_offered(
     qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
     jobs = session.window.jobs
     assert [h.job.order.verb for h in jobs.handles] == ["import"]
+    empty = session.window.empty
+    assert empty.sentence.text() == "Import capture …" and empty.imports.isHidden() and empty.command.isHidden()
     qtbot.waitUntil(lambda: session.document.contents.capture is not None, timeout=SECONDS)
     qtbot.waitUntil(lambda: jobs.handles[0].state == "done", timeout=SECONDS)
     (bar,) = session.window.findChildren(StageBar)
     qtbot.waitUntil(bar.isVisible, timeout=SECONDS)
+    for width in (900, 420):
+        session.window.scene.resize(width, 400)
+        assert bar.geometry().right() <= width and bar.settings.geometry().right() <= bar.width()
     assert bar.stage.text() == "Cut into submaps only"
     tiny_capture.write_settings(project)
     qtbot.mouseClick(bar.stage, Qt.MouseButton.LeftButton)
