@@ -42,6 +42,8 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     assert isinstance(plan, MapView)
     views = Watch([window.scene, plan.canvas])
     turns(lambda: bool(document.editing.findings), SETTLE)
+    for layer in window.scene.overlays.layers:
+        window.scene.overlays.set_shown(layer.name, True)
     window.scene.look_over()
     plan.frame_everything()
     turns(lambda: True, SETTLE)

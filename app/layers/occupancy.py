@@ -11,7 +11,7 @@ from app.document import Document
 from app.graph_surface import floor_height
 from app.layers.layer import Layer
 from nvsim.geometry.camera import Camera
-from nvsim.occupancy.types import FREE, OCCUPIED
+from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
 _RAYS = 60_000  # at most; a picture of fewer than the pixels is enlarged
 _RAYS_MOVING = 15_000
@@ -32,6 +32,8 @@ class OccupancyLayer(Layer):
         self._document = document
         self._of: object = None
         self._tones = np.zeros((0, 0), np.uint32)
+        self._key: object = None  # of what was drawn last, which an edit of the graph does not change
+        self._image = np.zeros((1, 1), np.uint32)
 
     @property
     def missing(self) -> str:
@@ -41,26 +43,34 @@ class OccupancyLayer(Layer):
         occupancy = self._document.contents.occupancy
         if occupancy is None:
             return
+        k, (x, y, z) = camera.intrinsics, camera.position
+        floor = floor_height(self._document, float(x), float(y), below=float(z))
+        rays = _RAYS_MOVING if self.moving else _RAYS
+        key = (camera, occupancy, round(floor, 2), rays)
+        if key != self._key:
+            self._key, self._image = key, self._drawn(camera, occupancy, floor, rays)
+        height, width = self._image.shape
+        picture = QImage(self._image.data, width, height, 4 * width, QImage.Format.Format_ARGB32_Premultiplied)
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        painter.drawImage(QRectF(0, 0, k.width, k.height), picture)
+
+    def _drawn(self, camera: Camera, occupancy: OccupancyMap, floor: float, rays: int) -> NDArray[np.uint32]:
+        """(H, W) premultiplied colours, as many as there are rays."""
         if self._of is not occupancy:
             self._tones = np.zeros(occupancy.cells.shape, np.uint32)
             self._tones[occupancy.cells == FREE] = _premultiplied(*_FREE)
             self._tones[occupancy.cells == OCCUPIED] = _premultiplied(*_OCCUPIED)
             self._of = occupancy
         k = camera.intrinsics
-        rays = _RAYS_MOVING if self.moving else _RAYS
         share = min(1.0, (rays / (k.width * k.height)) ** 0.5)
         width, height = max(1, round(k.width * share)), max(1, round(k.height * share))
-        x, y, z = camera.position
-        floor = floor_height(self._document, float(x), float(y), below=float(z))
         places = floor_places(camera.scaled(width, height), floor)
         cells = np.floor((places - occupancy.origin) / occupancy.resolution)
         rows, columns = self._tones.shape
         inside = ((cells >= 0) & (cells < (columns, rows))).all(axis=-1)  # False for what is no number
         image = np.zeros((height, width), np.uint32)
         image[inside] = self._tones[cells[inside][:, 1].astype(np.intp), cells[inside][:, 0].astype(np.intp)]
-        picture = QImage(image.data, width, height, 4 * width, QImage.Format.Format_ARGB32_Premultiplied)
-        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        painter.drawImage(QRectF(0, 0, k.width, k.height), picture)
+        return image
 
 
 def floor_places(camera: Camera, floor: float) -> NDArray[np.float32]:
