@@ -11,7 +11,7 @@ import resources
 
 FOLDER = Path(resources.__file__).parent / "help"
 DOCS = FOLDER.parent / "docs"  # where pictures lie, too
-_ORDER = ("start", "window", "keys", "inspector", "thresholds", "frames")  # others follow by title
+_ORDER = ("start", "window", "keys", "view", "inspector", "thresholds", "frames")  # others follow by title
 
 
 @dataclass(frozen=True)
