@@ -6,7 +6,7 @@ import math
 
 from nvsim.graph.history import counted
 from nvsim.graph.selection import GraphSelection
-from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
+from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 from nvsim.mapping.against import against, margin
 from nvsim.mapping.config import MappingConfig
 
@@ -66,7 +66,7 @@ def of_several(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, 
     title = " and ".join(counted(number, thing) for number, thing in parts if number)
     if len(ids) + len(keys) > MOST:
         return title, {}
-    things = [*(graph.viewpoints[id] for id in ids), *(graph.edges[key] for key in keys)]
+    things: list[Viewpoint | Edge] = [*(graph.viewpoints[id] for id in ids), *(graph.edges[key] for key in keys)]
     facts = {
         "Reviewed": f"{sum(thing.reviewed for thing in things)} of {len(things)}",
         "Locked": f"{sum(thing.locked for thing in things)} of {len(things)}",
