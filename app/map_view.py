@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, Qt, Signal
+from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QVBoxLayout, QWidget
 
@@ -20,6 +20,7 @@ from app.theme import is_dark
 from nvsim.occupancy.types import FREE, OCCUPIED
 
 PICK_PIXELS = 10
+PACE = 50  # milliseconds between two places of a flying camera: the 3D view shows no more pictures than that
 
 
 class MapView(QWidget):
@@ -35,6 +36,9 @@ class MapView(QWidget):
         self.setObjectName("mapView")
         self._document = document
         self._framed = False
+        self._pose: ViewPose | None = None  # of the camera, not shown yet
+        self._pose_soon = QTimer(self, singleShot=True, interval=PACE)
+        self._pose_soon.timeout.connect(self._place_camera)
         self.plot = pg.PlotWidget(self)
         self.plot.setAspectLocked(True)
         self.plot.hideAxis("left")
@@ -95,9 +99,17 @@ class MapView(QWidget):
         return None if row is None else self._document.shown_arrays.ids[row]
 
     def show_pose(self, pose: ViewPose) -> None:
-        """Moves the camera marker."""
-        self.camera.show()
-        self.camera.show_pose(pose)
+        """Moves the camera marker: at once, while the camera flies at its own pace."""
+        self._pose = pose
+        if not self._pose_soon.isActive():
+            self._place_camera()
+
+    def _place_camera(self) -> None:
+        pose, self._pose = self._pose, None
+        if pose is not None:
+            self.camera.show()
+            self.camera.show_pose(pose)
+            self._pose_soon.start()
 
     @property
     def canvas(self) -> QWidget:
@@ -151,7 +163,7 @@ class MapView(QWidget):
         self.plot.setRange(QRectF(x - width / 2, y - height / 2, width, height), padding=0)
 
     def _on_project(self) -> None:
-        self._framed = False
+        self._framed, self._pose = False, None
         self._scale.hide()
         self.camera.hide()
 

@@ -14,6 +14,7 @@ from pytestqt.qtbot import QtBot
 from app import colors, theme
 from app.cameras import ViewPose
 from app.document import Document
+from app.loading import Contents
 from app.map_view import MapView
 from app.window import MainWindow
 from nvsim.occupancy.types import OCCUPIED
@@ -46,9 +47,36 @@ def test_a_double_click_moves_the_camera_there(plan: MapView, window: MainWindow
     assert window.scene.pose.position[2] == pytest.approx(1.5)
 
 
-def test_the_marker_follows_the_3d_camera(plan: MapView, window: MainWindow) -> None:
+def _marker(plan: MapView) -> tuple[float, float]:
+    return plan.camera.pos().x(), plan.camera.pos().y()
+
+
+def test_the_marker_follows_the_3d_camera(plan: MapView, window: MainWindow, qtbot: QtBot) -> None:
     window.scene.navigation.set_pose(ViewPose((3.0, 2.0, 1.5), 1.0))
-    assert (plan.camera.pos().x(), plan.camera.pos().y()) == (3.0, 2.0) and plan.camera.isVisible()
+    qtbot.waitUntil(lambda: _marker(plan) == (3.0, 2.0), timeout=20_000)
+    assert plan.camera.isVisible()
+
+
+def test_of_many_poses_at_once_the_map_shows_the_last(plan: MapView, window: MainWindow, qtbot: QtBot) -> None:
+    shown: list[float] = []
+
+    def note() -> None:
+        shown.append(plan.camera.pos().x())
+
+    plan.camera.xChanged.connect(note)
+    for step in range(200):
+        window.scene.navigation.set_pose(ViewPose((1.0 + 0.01 * step, 2.0, 1.5), 1.0))
+    qtbot.waitUntil(lambda: shown[-1:] == [pytest.approx(2.99)], timeout=20_000)
+    plan.camera.xChanged.disconnect(note)
+    assert len(shown) < 100
+
+
+def test_a_pose_of_the_project_before_does_not_come_late(plan: MapView, window: MainWindow, qtbot: QtBot) -> None:
+    for step in range(3):
+        window.scene.navigation.set_pose(ViewPose((1.0 + step, 2.0, 1.5), 1.0))
+    window.document.set_contents(Contents())
+    qtbot.waitUntil(lambda: not plan._pose_soon.isActive(), timeout=20_000)
+    assert not plan.camera.isVisible()
 
 
 def test_dragging_the_marker_moves_the_camera_and_keeps_its_height(plan: MapView, window: MainWindow) -> None:
