@@ -19,6 +19,7 @@ from app.layers.labels import short_ids
 from app.modes import MODES
 from app.modes.ink import label
 from app.modes.mode import Desk, Mode, Pointer
+from app.modes.review_marks import ReviewMarks
 from app.modes.selection_marks import SelectionMarks
 from app.navigation import CLICK_TOLERANCE
 
@@ -45,6 +46,7 @@ class Stage(QObject):
         self.current: Mode = self.modes["select"]
         self._inputs: list[_Input] = []
         self._marks = SelectionMarks(document)
+        self._reviewed = ReviewMarks(document)
         self._refusal = ""
         self._fade = QTimer(self, singleShot=True, interval=REFUSAL)
         self._fade.timeout.connect(self._forget)
@@ -101,6 +103,7 @@ class Stage(QObject):
 
     def paint(self, painter: QPainter, surface: GraphSurface, cursor: QPointF | None) -> None:
         self._marks.paint(painter, surface)
+        self._reviewed.paint(painter, surface)
         for layer in self.layers:
             layer(painter, surface)
         self.current.paint(painter, surface)

@@ -304,3 +304,23 @@ def test_a_drag_with_the_right_button_opens_no_menu(hand: Hand) -> None:
     QTest.mouseMove(hand.surface.widget, b)
     QTest.mouseRelease(hand.surface.widget, Qt.MouseButton.RightButton, pos=b)
     assert not wanted
+
+
+def test_what_was_reviewed_and_locked_is_marked_where_it_stands(hand: Hand) -> None:
+    marks, document = hand.window.modes._reviewed, hand.document
+    arrays, key = document.graph_arrays, document.graph_arrays.edge_key(11)
+
+    def ticks() -> np.ndarray:
+        hand.surface.widget.grab()
+        return marks._drawn[1]
+
+    assert len(ticks()) == 0
+    document.editing.run("mark_reviewed", {"viewpoints": [arrays.ids[4]], "edges": [list(key)]})
+    middle = arrays.feet[arrays.edges[11]].mean(axis=0)
+    assert sorted(map(tuple, ticks())) == sorted(map(tuple, (arrays.feet[4], middle)))
+    document.editing.run("lock", {"viewpoints": [arrays.ids[7]]})
+    hand.surface.widget.grab()
+    assert marks._drawn[2].tolist() == [arrays.feet[7].tolist()]
+    document.editing.undo()
+    document.editing.undo()
+    assert len(ticks()) == 0 and len(marks._drawn[2]) == 0
