@@ -12,12 +12,14 @@ from PySide6.QtWidgets import (
     QSizePolicy,
     QSlider,
     QToolBar,
+    QToolButton,
     QVBoxLayout,
     QWidget,
 )
 
 from app.frames.canvas import Canvas
 from app.frames.layers import FrameLayer, LayerList
+from app.icons import icon
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -63,8 +65,8 @@ class FramePage(QWidget):
             self._first.addSpacing(8)
             self._first.addWidget(words)
             self._first.addWidget(slider)
-        self._second.addWidget(self._modes, 3)
-        self._second.addWidget(self._tools, 2)
+        self._second.addWidget(self._modes, 10)
+        self._second.addWidget(self._tools, 9)
         side = QVBoxLayout()
         side.setContentsMargins(10, 8, 8, 8)
         side.setSpacing(8)
@@ -86,6 +88,7 @@ class FramePage(QWidget):
         layout.addLayout(low)
         self.show_mode("wipe")
         self.show_brush(None)
+        self._dress()
 
     def fill(self, back: Iterable[QAction], modes: Iterable[QAction], tools: Iterable[QAction | None]) -> None:
         """Makes buttons of the window's commands; None leaves a gap."""
@@ -111,6 +114,19 @@ class FramePage(QWidget):
             blocked = self.size.blockSignals(True)
             self.size.setValue(round(share * _BRUSH))
             self.size.blockSignals(blocked)
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.PaletteChange:
+            self._dress()
+        super().changeEvent(event)
+
+    def _dress(self) -> None:
+        """The style draws the buttons of what has no room in black, which a dark window hides."""
+        for bar in self.findChildren(QToolBar):
+            more = bar.findChild(QToolButton, "qt_toolbar_ext_button")
+            if more is not None:
+                more.setIcon(icon("next", self.palette()))
+                more.setToolTip("More")
 
     # Keys of the page: heard before the window's shortcuts, which mean other things in the 3D view ----------------
 
@@ -152,6 +168,8 @@ def _bar(parent: QWidget, name: str) -> QToolBar:
     bar.setObjectName(f"frame_{name}")
     bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    bar.layout().setSpacing(0)
+    bar.layout().setContentsMargins(0, 0, 0, 0)
     bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
     return bar
 

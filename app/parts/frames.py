@@ -30,6 +30,7 @@ _MODES = {
 }
 _SHORT = {
     "leave_frame": "‹ 3D view",
+    "frame_beside": "Beside",
     "mask_brush": "Brush",
     "mask_points": "Points",
     "mask_undo": "Undo",
