@@ -135,6 +135,7 @@ class EditPart(Part):
     def _ask(self, key: str, title: str, words: str, fields: tuple[Number | Choice, ...], name: str,
              ids: str = "ids") -> None:  # fmt: skip
         if self.form is not None:
+            self.form.destroyed.disconnect(self._forget)  # it goes later, and must not take the next one's place
             self.form.close()
         workspace = self.workspace
         run = partial(self._run_on, name, ids)

@@ -41,6 +41,7 @@ class ExportPart(Part):
 
     def show_form(self) -> None:
         if self.form is not None:
+            self.form.destroyed.disconnect(self._forget)  # it goes later, and must not take the next one's place
             self.form.close()
         self.form = Form(
             "export_graph",

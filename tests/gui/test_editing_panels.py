@@ -415,3 +415,17 @@ def test_enter_selects_what_an_expression_holds_for(window: MainWindow, document
     panel.filter.setText("degree == 2")
     panel.select.click()
     assert document.editing.selection.viewpoints == {id for id in graph.viewpoints if len(graph.neighbours(id)) == 2}
+
+
+def test_a_form_takes_the_place_of_the_one_before(window: MainWindow, document: Document) -> None:
+    from PySide6.QtCore import QCoreApplication, QEvent
+
+    part = next(p for p in window.parts if type(p).__name__ == "EditPart")
+    document.editing.select(selection(document.graph_arrays.ids[:3]))
+    window.actions_table["set_height"].trigger()
+    part.form.close()
+    window.actions_table["copy_to_floor"].trigger()
+    second = part.form
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    assert part.form is second and second.isVisible()
+    second.close()
