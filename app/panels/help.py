@@ -24,9 +24,9 @@ _SECTION = Qt.ItemDataRole.UserRole
 class _Text(QTextBrowser):
     """Shows pictures as wide as there is room, not wider than they are."""
 
-    def loadResource(self, type: int, name: QUrl) -> object:
+    def loadResource(self, type: int, name: QUrl | str) -> object:
         if type == QTextDocument.ResourceType.ImageResource.value:
-            image = QImage(str(DOCS / name.fileName()))
+            image = QImage(str(DOCS / QUrl(name).fileName()))
             ratio = self.devicePixelRatioF()
             room = round(ratio * max(200, self.viewport().width() - 60))
             if image.width() > room:

@@ -18,6 +18,7 @@ class Hint(QLabel):
 
     def __init__(self, area: QAbstractScrollArea, words: Callable[[], str]) -> None:
         super().__init__(area.viewport())
+        self._under = area.viewport()
         self._words = words
         self.setObjectName("hint")
         self.setWordWrap(True)
@@ -41,7 +42,7 @@ class Hint(QLabel):
         self._fit()
 
     def _fit(self) -> None:
-        self.setGeometry(self.parentWidget().rect().adjusted(_MARGIN, 4, -_MARGIN, -4))
+        self.setGeometry(self._under.rect().adjusted(_MARGIN, 4, -_MARGIN, -4))
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Resize:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +26,7 @@ from app.forms.editors import LineEditor
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
 from app.panels.check_result import FindingTree
+from app.project_place import place_for, problem_with
 from nvsim.capture.several import SUFFIX, write_list
 from nvsim.project.config import CaptureConfig
 
@@ -184,11 +184,7 @@ class NewProjectDialog(QDialog):
     def _on_capture(self, text: str) -> None:
         captures = self.captures()
         if not self._named and captures:
-            path = captures[0]
-            base = path.parent if path.is_file() else path
-            name = "".join(c if c.isalnum() or c in "-_." else "-" for c in base.name) or "building"
-            place = base.parent if os.access(base.parent, os.W_OK) else Path.home()
-            self.project.setText(str(place / f"{name}.nvsim"))
+            self.project.setText(str(place_for(captures[0])))
         self.result_shown = None
         self._due.start()
         self._show_state()
@@ -258,17 +254,7 @@ class NewProjectDialog(QDialog):
         except ValueError as error:
             return str(error)
         text = self.project.text().strip()
-        if not text or self._fixed is not None:
-            return ""
-        path = Path(text).expanduser()
-        if (path / "project.db").is_file():
-            return f"{path.name} is a project already; open it, or give the new one another name."
-        above = next((p for p in path.parents if p.exists()), path)
-        if not path.exists() and not os.access(above, os.W_OK):
-            return f"{above} cannot be written; choose another place for the project."
-        if path.is_file() or (path.is_dir() and any(path.iterdir())):
-            return f"{path} holds other files; choose a new folder for the project."
-        return ""
+        return problem_with(Path(text).expanduser()) if text and self._fixed is None else ""
 
     # Choosing ---------------------------------------------------------------------------------------------------
 
