@@ -16,7 +16,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.against import against
 from nvsim.mapping.config import MappingConfig
 
-LARGE = 4000  # edges, from which on the window goes on while they are looked at
+LARGE = 1000  # edges, from which on the window goes on while they are looked at
 SLICE = 0.008  # seconds of that at a time
 AT_ONCE = 1e9
 

@@ -110,7 +110,7 @@ class Document(QObject):
             self._following = True  # what is shown as selected is settled below
             self.editing.open(contents.graph, contents.graph_file)
             self._following = False
-            ready = contents.arrays if self.graph is contents.graph else None
+            ready = contents.arrays if self.graph is contents.arrays_of else None
             self.graph_arrays = GraphArrays.of(self.graph) if ready is None else ready
             self.graph_changes.forget()
             self.storeys.look(self.graph_arrays, anew=before.path != contents.path)

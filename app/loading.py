@@ -55,7 +55,7 @@ class Contents:
     outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
     cloud         beside a graph of its own
-    arrays, dots  of the graph and of the cloud, where whoever read them worked them out
+    arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
     """
 
     path: Path | None = None
@@ -75,6 +75,7 @@ class Contents:
     graph_file: GraphFile | None = None
     cloud: Cloud | None = None
     arrays: GraphArrays | None = None
+    arrays_of: NavGraph | None = None
     dots: Dots | None = None
     context: Context | None = None
 
@@ -130,12 +131,17 @@ class Contents:
 def prepared(contents: Contents) -> Contents:
     """With what views would work out of the graph and of the cloud, in the thread of the window, when they come."""
     graph, cloud = contents.graph, contents.scan_cloud
+    if contents.occupancy is not None:
+        _ = contents.occupancy.room  # it is kept, as is the graph's
     if graph is not None:
-        _ = graph.adjacency  # it is kept
+        _ = graph.adjacency
     dots = contents.dots
     if cloud is None or dots is None or dots.cloud is not cloud:
         dots = None if cloud is None else Dots.of(cloud)
-    return replace(contents, arrays=None if graph is None else GraphArrays.of(graph), dots=dots)
+    arrays = contents.arrays
+    if graph is not contents.arrays_of:
+        arrays = None if graph is None else GraphArrays.of(graph)
+    return replace(contents, arrays=arrays, arrays_of=graph, dots=dots)
 
 
 def _outdated(rows: tuple[tuple[Any, ...], ...]) -> frozenset[str]:
@@ -229,7 +235,7 @@ class ProjectReader:
             if value is None and before is None:
                 continue
             self._contents = replace(self._contents, **{part: value})
-            if part == "capture":
+            if part in ("capture", "occupancy"):
                 self._contents = prepared(self._contents)
             if part == "stages":
                 self._contents = replace(self._contents, outdated=_outdated(stages))

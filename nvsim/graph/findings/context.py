@@ -7,11 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from nvsim.graph.types import EdgeKey, NavGraph
-from nvsim.occupancy.types import OCCUPIED, OccupancyMap
+from nvsim.occupancy.types import OccupancyMap
 
 
 @dataclass(frozen=True)
@@ -51,18 +48,6 @@ class Context:
     one_way: frozenset[EdgeKey] = frozenset()
     entries: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
-    @cached_property
-    def _room(self) -> NDArray[np.float32]:
-        """(rows, columns) at least so many cells lie open in every direction; 0 in an occupied one. By steps along rows
-        and columns, of which the straight way is at least 0.7."""
-        assert self.occupancy is not None
-        steps = np.where(self.occupancy.cells == OCCUPIED, 0, 10**6).astype(np.int32)
-        for lines in (steps, steps.T):
-            for run in (lines, lines[::-1]):
-                for before, line in zip(run[:-1], run[1:], strict=True):
-                    np.minimum(line, before + 1, out=line)
-        return (steps * np.float32(0.7)).astype(np.float32)
-
     def in_obstacle(self, x: float, y: float) -> bool:
         """Whether the place lies in an occupied cell."""
         return self.occupancy is not None and self._room_at(*self._cell(x, y)) == 0.0
@@ -94,7 +79,8 @@ class Context:
         if not (0 <= row < rows and 0 <= column < columns):
             # Nothing is known outside, and it is at least as far to the map.
             return max(1.0, math.hypot(max(-column, column - columns, 0.0), max(-row, row - rows, 0.0)))
-        return float(self._room.item(int(row), int(column)))
+        assert self.occupancy is not None
+        return float(self.occupancy.room.item(int(row), int(column)))
 
     @cached_property
     def _shape(self) -> tuple[int, int]:
