@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -12,7 +12,10 @@ from nvsim.graph.edits.change import EditError
 from nvsim.graph.retained import Retained
 from nvsim.graph.selection import NOTHING, GraphSelection, present
 from nvsim.graph.trace import shorten
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import EdgeKey, NavGraph
+
+SHOWN = 8
+"""Characters of an id in the name of a step."""
 
 
 @dataclass(frozen=True)
@@ -262,12 +265,20 @@ class History:
 
 
 def words(chosen: GraphSelection) -> str:
-    """ "Select 3 viewpoints and 1 edge"."""
-    if not chosen:
-        return "Select nothing"
-    parts = [counted(len(chosen.viewpoints), "viewpoint"), counted(len(chosen.edges), "edge")]
-    kept: Iterable[str] = (p for p in parts if not p.startswith("0 "))
-    return "Select " + " and ".join(kept)
+    """ "Select 3 viewpoints and edge 1a6a21cd – 2e24da71"."""
+    kept = [
+        named(things, thing) for things, thing in ((chosen.viewpoints, "viewpoint"), (chosen.edges, "edge")) if things
+    ]
+    return "Select " + (" and ".join(kept) or "nothing")
+
+
+def named(things: Collection[str | EdgeKey], thing: str) -> str:
+    """ "viewpoint 1a6a21cd", "edge 1a6a21cd – 2e24da71", "3 edges"."""
+    if len(things) != 1:
+        return counted(len(things), thing)
+    (only,) = things
+    ids = (only,) if isinstance(only, str) else only
+    return f"{thing} {' – '.join(id[:SHOWN] for id in ids)}"
 
 
 def counted(number: int, thing: str) -> str:

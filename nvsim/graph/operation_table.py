@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.graph import edits
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError, Visible
-from nvsim.graph.history import counted
+from nvsim.graph.history import counted, named
 from nvsim.graph.types import NavGraph
 
 
@@ -80,12 +80,12 @@ def _together(graph: NavGraph, surroundings: Surroundings, edits: tuple[dict[str
 
 
 def _viewpoints(arguments: Mapping[str, Any]) -> str:
-    return counted(len(arguments["ids"]), "viewpoint")
+    return named(arguments["ids"], "viewpoint")
 
 
 def _marked(arguments: Mapping[str, Any]) -> str:
-    parts = [(len(arguments["viewpoints"]), "viewpoint"), (len(arguments["edges"]), "edge")]
-    return " and ".join(counted(n, thing) for n, thing in parts if n) or "nothing"
+    parts = [(arguments["viewpoints"], "viewpoint"), (arguments["edges"], "edge")]
+    return " and ".join(named(things, thing) for things, thing in parts if things) or "nothing"
 
 
 _IDS = Argument("ids", "viewpoints", "ids of viewpoints")
@@ -135,7 +135,7 @@ OPERATIONS: dict[str, Operation] = _table(
         "Move viewpoints each to its place",
         _pure(edits.move_viewpoints),
         (Argument("positions", "places", "id -> x, y, z metres"),),
-        lambda a: f"Move {counted(len(a['positions']), 'viewpoint')}",
+        lambda a: f"Move {named(a['positions'], 'viewpoint')}",
     ),
     Operation(
         "shift_viewpoints",
@@ -219,14 +219,14 @@ OPERATIONS: dict[str, Operation] = _table(
         "Join pairs of viewpoints",
         _pure(edits.add_edges),
         (_PAIRS,),
-        lambda a: f"Add {counted(len(a['pairs']), 'edge')}",
+        lambda a: f"Add {named(a['pairs'], 'edge')}",
     ),
     Operation(
         "remove_edges",
         "Remove edges",
         _pure(edits.remove_edges),
         (_PAIRS,),
-        lambda a: f"Remove {counted(len(a['pairs']), 'edge')}",
+        lambda a: f"Remove {named(a['pairs'], 'edge')}",
     ),
     Operation(
         "connect_visible",

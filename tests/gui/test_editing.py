@@ -105,12 +105,13 @@ def test_a_second_window_only_looks_and_says_so(opened: Opened, make_window: Cal
 
 def test_the_title_marks_unsaved_edits(window: MainWindow, document: Document) -> None:
     assert not window.isWindowModified()
-    document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
+    a, b = next(iter(document.graph.edges))
+    document.editing.run("remove_edges", {"pairs": [[a, b]]})
     assert window.isWindowModified()
-    assert window.actions_table["undo"].text() == "&Undo remove 1 edge"
+    assert window.actions_table["undo"].text() == f"&Undo remove edge {a[:8]} – {b[:8]}"
     document.editing.undo()
     assert not window.isWindowModified()
-    assert window.actions_table["redo"].text() == "&Redo remove 1 edge"
+    assert window.actions_table["redo"].text() == f"&Redo remove edge {a[:8]} – {b[:8]}"
 
 
 def test_views_and_panels_follow_the_edited_graph(window: MainWindow, document: Document) -> None:

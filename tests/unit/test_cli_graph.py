@@ -47,7 +47,7 @@ def test_select_prints_what_the_expression_holds_for(file: Path, capsys: pytest.
 def test_edit_changes_a_file_and_leaves_nothing_beside_it(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["graph", "edit", str(file), "remove_edges", "--where", "length > 2.5", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert printed["text"] == "Remove 1 edge" and printed["changed"]["removed_edges"] == 1
+    assert printed["text"] == "Remove edge v4 – v5" and printed["changed"]["removed_edges"] == 1
     assert ("v4", "v5") not in read_connectivity(file).edges
     assert sorted(p.name for p in file.parent.iterdir()) == ["row_connectivity.json", "scans.txt"]
 

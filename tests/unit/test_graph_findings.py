@@ -62,6 +62,9 @@ def test_what_the_map_the_floor_the_pictures_and_the_evidence_say() -> None:
     assert keys(LINE, Context(occupancy=occupancy)) == {"obstacle/b", "occupied/a/b", "occupied/b/c"}
     assert keys(LINE, Context(floor=lambda x, y, z: 1.0 if x < 1 else math.nan)) == {"floor/a"}
     assert keys(LINE, Context(images=frozenset("ab"))) == {"panorama/c"}
+    pictured = Context(images=frozenset("abc"), taken={"a": (0.0, 0.0, 1.5), "b": LINE.viewpoints["b"].position})
+    assert keys(edits.move_viewpoint(LINE, "b", (2.0, 0.4, 1.5)), pictured) >= {"moved/b"}
+    assert keys(LINE, pictured) <= {"moved/a"}
     context = Context(against=lambda graph, key: "mean alpha 0.97" if key == ("a", "b") else "")
     assert keys(LINE, context) == {"evidence/a/b"}
     assert keys(edits.mark_reviewed(LINE, edges=[("a", "b")]), context) == set()
@@ -100,13 +103,14 @@ def test_every_fix_can_be_done_by_name() -> None:
         occupancy=OccupancyMap(cells, 0.1, (-1.0, -1.0)),
         floor=lambda x, y, z: 0.0,
         images=frozenset("ab"),
+        taken={"b": (2.0, 1.0, 1.0)},
         against=lambda graph, key: "something stands there",
         one_way=frozenset({("b", "c")}),
         entries={"b": (("self", "names itself"),)},
     )
     found = check_graph(graph, context)
     assert {f.kind for f in found} >= {"id", "isolated", "island", "duplicate", "obstacle", "floor", "panorama",
-                                      "occupied", "evidence", "short", "steep", "one_way", "self"}  # fmt: skip
+                                      "moved", "occupied", "evidence", "short", "steep", "one_way", "self"}  # fmt: skip
     for finding in found:
         for fix in finding.fixes:
             after = operations.apply(graph, fix.operation, fix.arguments)

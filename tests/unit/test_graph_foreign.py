@@ -200,6 +200,10 @@ def test_pictures_beside_the_file_are_found(tmp_path: Path) -> None:
     (folder / f"{ids[0]}_skybox_small.jpg").touch()
     found = [f for f in check_graph(file.graph, file.context()) if f.kind == "panorama"]
     assert [f.viewpoints for f in found] == [(ids[1],), (ids[2],)]
+    x, y, z = file.graph.viewpoints[ids[0]].position
+    file.save(edits.move_viewpoint(file.graph, ids[0], (x + 0.5, y, z)))
+    (moved,) = [f for f in check_graph(file.graph, file.context()) if f.kind == "moved"]
+    assert moved.viewpoints == (ids[0],) and "0.50 m" in moved.message
 
 
 def agents_matrix(path: Path) -> dict[tuple[str, str], bool]:

@@ -31,7 +31,7 @@ def test_undo_gives_the_very_graph_and_selection_of_before() -> None:
     history = History(first)
     history.select(selection(["v2"]))
     perform(history, "remove_viewpoints", {"ids": ["v2"]})
-    assert history.undo_text == "Remove 1 viewpoint" and history.selection == NOTHING
+    assert history.undo_text == "Remove viewpoint v2" and history.selection == NOTHING
     removed = history.graph
     assert history.undo() and history.graph is first and history.selection == selection(["v2"])
     assert history.redo() and history.graph is removed
@@ -46,7 +46,7 @@ def test_a_drag_is_one_step_and_selections_in_a_row_are_one() -> None:
         perform(history, "move_viewpoints", move, merge="drag 1")
     for id in ("v1", "v3", "v4"):
         history.select(selection([id]))
-    assert [s.text for s in history.steps] == ["Opened", "Move 1 viewpoint", "Select 1 viewpoint"]
+    assert [s.text for s in history.steps] == ["Opened", "Move viewpoint v1", "Select viewpoint v4"]
     assert difference(history.graph_at(0), history.graph).changed_viewpoints == ("v1",)
     assert history.steps[1].operation == {"edit": "move_viewpoints", "positions": {"v1": [2.0, 19.0, 1.5]}}
 
@@ -82,7 +82,7 @@ def test_a_click_does_not_cost_what_was_undone() -> None:
     perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     history.undo()
     history.select(selection(["v4"]))
-    assert history.selection == selection(["v4"]) and history.redo_text == "Remove 1 edge"
+    assert history.selection == selection(["v4"]) and history.redo_text == "Remove edge v0 – v1"
     assert history.redo() and len(history.graph.edges) == 4
 
 
@@ -197,5 +197,5 @@ def test_operations_refuse_arguments_in_a_sentence(name: str, arguments: dict[st
 
 def test_operations_say_what_they_do() -> None:
     assert describe("remove_edges", {"pairs": [["a", "b"], ["b", "c"]]}) == "Remove 2 edges"
-    assert describe("include", {"ids": ["a"], "included": False}) == "Exclude 1 viewpoint"
-    assert describe("lock", {"viewpoints": ["a"], "edges": [["a", "b"]]}) == "Lock 1 viewpoint and 1 edge"
+    assert describe("include", {"ids": ["a"], "included": False}) == "Exclude viewpoint a"
+    assert describe("lock", {"viewpoints": ["a"], "edges": [["a", "b"]]}) == "Lock viewpoint a and edge a – b"

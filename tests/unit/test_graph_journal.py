@@ -122,7 +122,7 @@ def test_edits_after_a_save_that_was_not_heard_of_come_back_as_unsaved(tmp_path:
         perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     with Journal.open(path) as journal:
         again = journal.history(saved)
-        assert journal.recovered == 1 and not again.clean and again.undo_text == "Remove 1 edge"
+        assert journal.recovered == 1 and not again.clean and again.undo_text == "Remove edge v0 – v1"
         again.undo()
         assert again.clean
 

@@ -23,6 +23,8 @@ class Limits:
     """Degrees between an edge and the horizontal; stairs have about 32."""
     off_floor: float = 0.3
     """How far a viewpoint may be from its height above the floor."""
+    moved: float = 0.05
+    """How far a viewpoint may be from where its picture was taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,7 @@ class Context:
                 it does not
     floor       (x, y, near z) -> height of the floor there, metres, NaN where it is unknown
     images      ids of the viewpoints that have a panorama
+    taken       id -> x, y, z metres where those panoramas were taken; where they are drawn as needed there are none
     untrained   submaps without a model, whose viewpoints cannot be drawn; -1 among them where there is no model at all
     one_way     edges that a foreign file lists in one direction only
     entries     id -> what is wrong with its entry in a foreign file: (kind, words that end a sentence)
@@ -44,6 +47,7 @@ class Context:
     against: Callable[[NavGraph, EdgeKey], str] | None = None
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None
+    taken: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     untrained: frozenset[int] = frozenset()
     one_way: frozenset[EdgeKey] = frozenset()
     entries: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)

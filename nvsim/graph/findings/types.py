@@ -29,7 +29,8 @@ class Fix:
 @dataclass(frozen=True)
 class Finding:
     """kind        "scan", "empty", "id", "isolated", "island", "duplicate", "obstacle", "floor", "panorama",
-                "occupied", "evidence", "long", "short", "steep"; of a foreign file "one_way", "self" and "length"
+                "occupied", "evidence", "long", "short", "steep"; of a foreign file "moved", "one_way", "self" and
+                "length"
     severity    one of SEVERITIES
     message     one sentence
     viewpoints  ids concerned

@@ -51,6 +51,11 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
             why = ": nothing is trained" if viewpoint.submap < 0 else f": submap {viewpoint.submap} is not trained"
         message = f"Viewpoint {name} has no panorama{why}."
         found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
+    taken = context.taken.get(id) if context.images is not None and id in context.images else None
+    if taken is not None and (away := math.dist(taken, viewpoint.position)) > context.limits.moved:
+        message = f"Viewpoint {name} was moved {away:.2f} m away from where its picture was taken."
+        back = Fix("Put it back", "move_viewpoints", {"positions": {id: list(taken)}})
+        found.append(Finding("moved", "warning", message, (id,), fixes=(back,)))
     return found
 
 

@@ -42,6 +42,7 @@ class ForeignFile:
         viewpoints = {e.viewpoint.id: e.viewpoint for e in document.entries}
         self.graph = read_notes(NavGraph(self.scan, viewpoints, edges), notes_path(path))
         self._kept = self.graph
+        self._taken = {id: v.position for id, v in viewpoints.items()}
 
     @staticmethod
     def open(path: Path) -> ForeignFile:
@@ -101,7 +102,13 @@ class ForeignFile:
         entries, and what the caller adds."""
         entries = {e.viewpoint.id: e.faults for e in self._document.entries if e.faults}
         return Context(
-            limits or Limits(), occupancy, against, images=self.beside.images, one_way=self.one_way, entries=entries
+            limits or Limits(),
+            occupancy,
+            against,
+            images=self.beside.images,
+            taken=self._taken,
+            one_way=self.one_way,
+            entries=entries,
         )
 
     def text(self, graph: NavGraph | None = None) -> str:
