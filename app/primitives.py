@@ -44,7 +44,8 @@ class Primitives:
         data[:, 4], data[:, 5] = sprite.width(), sprite.height()
         data[:, 6:8] = scales / sprite.devicePixelRatio()
         data[:, 8], data[:, 9] = 0, 1
-        painter.drawPixmapFragments(*self._fragments.drawargs(), sprite)
+        fragments, count = self._fragments.drawargs()
+        painter.drawPixmapFragments(fragments, count, sprite)
 
 
 def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:

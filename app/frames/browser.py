@@ -10,6 +10,7 @@ from app.document import Document
 from app.frames import pictures
 from app.frames.brush import Box
 from app.frames.candidates import Candidates
+from app.frames.canvas import Tool
 from app.frames.corrector import Corrector
 from app.frames.layers import CANDIDATES, FrameLayer, standard_layers
 from app.frames.matter import Failure, Matter, Reader
@@ -106,7 +107,8 @@ class FrameBrowser(QObject):
         """One of TOOLS, or "" to look only."""
         self.tool = tool
         canvas = self.page.canvas
-        canvas.tool = {"brush": self.corrector.brush, "points": self.corrector.points}.get(tool)
+        tools: dict[str, Tool] = {"brush": self.corrector.brush, "points": self.corrector.points}
+        canvas.tool = tools.get(tool)
         canvas.unsetCursor()
         self.page.show_brush(self.corrector.brush_share if tool == "brush" else None)
         self._say_hint()

@@ -49,8 +49,8 @@ class FramePage(QWidget):
         self.hint.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.gain = _slider(self, 10, 200, 30, "How much the difference is enlarged")
         self.gain.valueChanged.connect(lambda value: self.gainChanged.emit(value / 10))
-        self.size = _slider(self, 0, _BRUSH, 40, "Size of the brush ([ and ], or the wheel)")
-        self.size.valueChanged.connect(lambda value: self.sizeChanged.emit(value / _BRUSH))
+        self.brush_size = _slider(self, 0, _BRUSH, 40, "Size of the brush ([ and ], or the wheel)")
+        self.brush_size.valueChanged.connect(lambda value: self.sizeChanged.emit(value / _BRUSH))
         self._gain_words, self._size_words = QLabel("Gain", self), QLabel("Size", self)
         self._first, self._second = QHBoxLayout(), QHBoxLayout()
         for bar in (self._first, self._second):
@@ -61,7 +61,7 @@ class FramePage(QWidget):
         self._first.addWidget(self._back)
         self._first.addSpacing(10)
         self._first.addWidget(self.title, 1)
-        for words, slider in ((self._gain_words, self.gain), (self._size_words, self.size)):
+        for words, slider in ((self._gain_words, self.gain), (self._size_words, self.brush_size)):
             self._first.addSpacing(8)
             self._first.addWidget(words)
             self._first.addWidget(slider)
@@ -108,12 +108,12 @@ class FramePage(QWidget):
     def show_brush(self, share: float | None) -> None:
         """Where the size slider stands, None without a brush."""
         self.brushing = share is not None
-        for widget in (self._size_words, self.size):
+        for widget in (self._size_words, self.brush_size):
             widget.setVisible(share is not None)
         if share is not None:
-            blocked = self.size.blockSignals(True)
-            self.size.setValue(round(share * _BRUSH))
-            self.size.blockSignals(blocked)
+            blocked = self.brush_size.blockSignals(True)
+            self.brush_size.setValue(round(share * _BRUSH))
+            self.brush_size.blockSignals(blocked)
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:
@@ -168,8 +168,10 @@ def _bar(parent: QWidget, name: str) -> QToolBar:
     bar.setObjectName(f"frame_{name}")
     bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-    bar.layout().setSpacing(0)
-    bar.layout().setContentsMargins(0, 0, 0, 0)
+    layout = bar.layout()
+    assert layout is not None, "a tool bar has one"
+    layout.setSpacing(0)
+    layout.setContentsMargins(0, 0, 0, 0)
     bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
     return bar
 

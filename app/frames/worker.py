@@ -101,10 +101,10 @@ class Worker:
         # The decoder's own reduction is several times as fast as decoding everything.
         for reduced in (cv2.IMREAD_REDUCED_COLOR_8, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
             image = cv2.imread(str(image_path), reduced | cv2.IMREAD_IGNORE_ORIENTATION)
-            if image is None:
-                raise InputError(f"{image_path} cannot be read as an image; copy it again from the source.")
-            if min(image.shape[:2]) >= THUMBNAIL[1] or reduced == cv2.IMREAD_COLOR:
+            if image is None or min(image.shape[:2]) >= THUMBNAIL[1]:
                 break
+        if image is None:
+            raise InputError(f"{image_path} cannot be read as an image; copy it again from the source.")
         height, width = image.shape[:2]
         scale = min(1.0, max(THUMBNAIL[0] / width, THUMBNAIL[1] / height))
         size = max(1, round(width * scale)), max(1, round(height * scale))

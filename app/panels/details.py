@@ -176,9 +176,9 @@ class DetailsPanel(QScrollArea):
         self.title.setText(title)
         self.title.setVisible(bool(title))
         while (item := self._facts.takeAt(0)) is not None:
-            widget = item.widget()
-            widget.hide()
-            widget.deleteLater()
+            if (widget := item.widget()) is not None:
+                widget.hide()
+                widget.deleteLater()
         for row, (name, value) in enumerate(facts.items()):
             label, text = QLabel(name), _Value(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)

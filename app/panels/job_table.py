@@ -177,7 +177,7 @@ class ProgressBar(QStyledItemDelegate):
 
     def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: _Index) -> None:
         share = min(max(float(index.data(Qt.ItemDataRole.UserRole) or 0), 0.0), 1.0)
-        state = index.siblingAtColumn(STATE).data()
+        state = index.model().index(index.row(), STATE).data()
         box = option.rect.adjusted(6, 8, -6, -8)
         painter.save()
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)

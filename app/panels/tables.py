@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
 from PySide6.QtWidgets import (
@@ -47,6 +48,7 @@ class TablePanel(QWidget):
         self._linking = False
         self.viewpoints = GraphTable(VIEWPOINT_COLUMNS, lambda graph: tuple(graph.viewpoints))
         self.edges = GraphTable(EDGE_COLUMNS, lambda graph: tuple(graph.edges))
+        self._models: tuple[GraphTable[Any], GraphTable[Any]] = (self.viewpoints, self.edges)
         self.viewpoints.setParent(self)
         self.edges.setParent(self)
         self.filter = QLineEdit(self)
@@ -175,12 +177,11 @@ class TablePanel(QWidget):
             self._document.editing.select(found)
 
     def _activate(self, index: QModelIndex) -> None:
-        model = self.viewpoints if index.model() is self.viewpoints else self.edges
-        key = model.key(index.row())
+        row = index.row()
         self.activated.emit(
-            GraphSelection(frozenset({key}))
-            if model is self.viewpoints
-            else GraphSelection(frozenset(), frozenset({key}))
+            GraphSelection(frozenset({self.viewpoints.key(row)}))
+            if index.model() is self.viewpoints
+            else GraphSelection(frozenset(), frozenset({self.edges.key(row)}))
         )
 
     def _on_rows(self) -> None:
@@ -189,9 +190,7 @@ class TablePanel(QWidget):
         chosen = self._document.editing.selection
         active = self.sender()
         parts: list[frozenset] = []
-        for view, model, now in zip(
-            self.views, (self.viewpoints, self.edges), (chosen.viewpoints, chosen.edges), strict=True
-        ):
+        for view, model, now in zip(self.views, self._models, (chosen.viewpoints, chosen.edges), strict=True):
             if view.selectionModel() is not active:
                 parts.append(now)
                 continue
@@ -213,9 +212,7 @@ class TablePanel(QWidget):
             self._soon.mark()
             return
         self._linking = True
-        for view, model, keys in zip(
-            self.views, (self.viewpoints, self.edges), (chosen.viewpoints, chosen.edges), strict=True
-        ):
+        for view, model, keys in zip(self.views, self._models, (chosen.viewpoints, chosen.edges), strict=True):
             rows = model.rows_of(keys)
             view.selectionModel().select(_ranges(model, rows), QItemSelectionModel.SelectionFlag.ClearAndSelect | _ROWS)
             if len(rows) == 1:

@@ -4,6 +4,7 @@ with a reason."""
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -254,7 +255,7 @@ class ValidationPanel(QWidget):
         self.fix.setToolTip(fixes[0].text if fixes else nothing)
         menu = QMenu(self.fix)
         for fix in fixes:
-            menu.addAction(fix.text, lambda chosen=fix: self._apply(chosen))
+            menu.addAction(fix.text, partial(self._apply, fix))
         old = self.fix.menu()
         self.fix.setMenu(menu if len(fixes) > 1 else None)  # type: ignore[arg-type]
         if old is not None:

@@ -329,7 +329,7 @@ def test_brackets_and_wheel_set_the_size_of_the_brush(opened, qtbot: QtBot) -> N
         )  # fmt: skip
         QApplication.sendEvent(canvas, event)
     assert browser.corrector.brush.radius > radius and canvas.zoom.scale > 0
-    browser.page.size.setValue(0)
+    browser.page.brush_size.setValue(0)
     assert browser.corrector.brush.radius == pytest.approx(0.7)
 
 
