@@ -91,10 +91,8 @@ class Session(QObject):
 
     def _stop_watching(self) -> None:
         if self._watcher is not None:
-            # A reading that was on its way must not arrive in the next project.
-            self._watcher.read.disconnect(self._on_read)
-            self._arrived.clear()
             self._watcher.stop()
+            self._arrived.clear()
             self._watcher.deleteLater()
             self._watcher = None
 

@@ -22,16 +22,34 @@ class Readable(Protocol):
         ...
 
 
-class ProjectWatcher(QObject):
-    """read(Contents) from the thread after every change; failed(str) once per different trouble."""
+class _Reading(QObject):
+    """Hands on what a thread read, in the window's own; what is on its way when the reading is stopped is dropped, as
+    to disconnect does not take back what was posted already."""
 
     read = Signal(object)
     failed = Signal(str)
+    _posted = Signal(object)
+
+    def __init__(self, parent: QObject | None) -> None:
+        super().__init__(parent)
+        self._stop = threading.Event()
+        self._posted.connect(self._hand_on)
+
+    def _hand_on(self, found: Contents | str) -> None:
+        if self._stop.is_set():
+            return
+        if isinstance(found, str):
+            self.failed.emit(found)
+        else:
+            self.read.emit(found)
+
+
+class ProjectWatcher(_Reading):
+    """read(Contents) after every change; failed(str) once per different trouble."""
 
     def __init__(self, path: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._path = path
-        self._stop = threading.Event()
         self._soon = threading.Event()
         self._reader: ProjectReader | None = None
         self._thread = threading.Thread(target=self._run, name="project watcher", daemon=True)
@@ -63,12 +81,12 @@ class ProjectWatcher(QObject):
                 for contents in reader.updates():
                     if self._stop.is_set():
                         break
-                    self.read.emit(contents)
+                    self._posted.emit(contents)
                 trouble = ""
             except InputError as error:
                 if str(error) != trouble:
                     trouble = str(error)
-                    self.failed.emit(trouble)
+                    self._posted.emit(trouble)
             self._soon.wait(PERIOD)
             self._soon.clear()
         self._reader = None
@@ -76,16 +94,12 @@ class ProjectWatcher(QObject):
             reader.close()
 
 
-class FileReader(QObject):
-    """read(Contents) once from a thread, or failed(str)."""
-
-    read = Signal(object)
-    failed = Signal(str)
+class FileReader(_Reading):
+    """read(Contents) once, or failed(str)."""
 
     def __init__(self, file: Readable, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._file = file
-        self._stopped = False
         self._thread = threading.Thread(target=self._run, name="file reader", daemon=True)
 
     def start(self) -> None:
@@ -93,14 +107,12 @@ class FileReader(QObject):
 
     def stop(self) -> None:
         """Returns when the thread has ended."""
-        self._stopped = True
+        self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def _run(self) -> None:
         try:
-            contents = self._file.contents()
-            if not self._stopped:
-                self.read.emit(contents)
+            self._posted.emit(self._file.contents())
         except InputError as error:
-            self.failed.emit(str(error))
+            self._posted.emit(str(error))

@@ -11,11 +11,12 @@ import demo_room
 import numpy as np
 import pytest
 from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.loading import Contents, ProjectReader
 from app.session import Session
-from app.watcher import ProjectWatcher
+from app.watcher import FileReader, ProjectWatcher
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.operations import apply
@@ -88,6 +89,22 @@ def test_the_watcher_tells_the_window_what_another_process_commits(project: Path
         qtbot.waitUntil(lambda: len(read[-1].jobs) == 1, timeout=5000)
     finally:
         watcher.stop()
+
+
+def test_what_was_read_before_a_stop_is_not_handed_on_after_it(qtbot: QtBot) -> None:
+    class Read:
+        def contents(self) -> Contents:
+            return Contents(Path("house.nvsim"))
+
+    for stopped in (True, False):
+        reader, read = FileReader(Read()), []
+        reader.read.connect(read.append)
+        reader.start()
+        reader._thread.join()
+        if stopped:
+            reader.stop()
+        QApplication.processEvents()
+        assert [c.path for c in read] == ([] if stopped else [Path("house.nvsim")])
 
 
 def test_a_damaged_project_is_said_once(project: Path, qtbot: QtBot) -> None:
