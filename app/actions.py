@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
 
 from app.document import Document
 from app.icons import icon
+from app.plain_text import plain, tip
 from app.reasons import Reason, always
 
 MENUS = (
@@ -103,9 +104,9 @@ class ActionTable(QObject):
             action.setEnabled(reason is None)
             shortcut = f" ({entry.shortcut})" if entry.shortcut else ""
             reason_words = (reason or "").rstrip(".")
-            tip = f"{entry.tip}{shortcut}" if reason is None else f"{entry.tip}{shortcut}\nNot now: {reason_words}."
-            action.setToolTip(tip)
-            action.setStatusTip(entry.tip if reason is None else f"{entry.tip}. Not now: {reason_words}.")
+            not_now = "" if reason is None else f"Not now: {reason_words}."
+            action.setToolTip(tip(f"{entry.tip}{shortcut}\n{not_now}".rstrip()))
+            action.setStatusTip(plain(f"{entry.tip}. {not_now}" if not_now else entry.tip))
 
     def dress(self, palette: QPalette) -> None:
         """Draws the icons in the colours of `palette`."""

@@ -12,9 +12,10 @@ from types import TracebackType
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QVBoxLayout, QWidget
 
 from app import colors
+from app.plain_text import Label
 from nvsim.errors import InputError
 
 SECONDS = {"info": 6.0, "warning": 12.0, "error": None}
@@ -64,7 +65,7 @@ class _Card(QFrame):
         if seconds is not None:
             self._timer.setInterval(int(1000 * seconds))
             self._timer.start()
-        self._label = QLabel(notice.text, self)
+        self._label = Label(notice.text, self)
         self._label.setWordWrap(True)
         self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         button = QToolButton(self)

@@ -12,6 +12,8 @@ from pyqtgraph.Qt.internals import PrimitiveArray
 from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
 
+from app.plain_text import plain
+
 _LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the picture by far
 
 
@@ -65,7 +67,7 @@ def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:
 
 def chip(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
     """A small rounded label whose lower left corner is at `anchor`; returns its rectangle."""
-    metrics = painter.fontMetrics()
+    text, metrics = plain(text), painter.fontMetrics()
     width, height = metrics.horizontalAdvance(text) + 12, metrics.height() + 4
     box = QRectF(anchor.x(), anchor.y() - height, width, height)
     painter.setPen(Qt.PenStyle.NoPen)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, QTimer, Signal
 from PySide6.QtGui import QCloseEvent
-from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QStackedWidget, QTabBar, QTabWidget, QToolBar, QWidget
+from PySide6.QtWidgets import QDockWidget, QMainWindow, QStackedWidget, QTabBar, QTabWidget, QToolBar, QWidget
 
 from app.actions import ActionTable
 from app.document import Document
@@ -18,6 +18,7 @@ from app.painter import Remark
 from app.panels.empty import EmptyState
 from app.parts import ACTIONS, PARTS
 from app.parts.part import Dock, Workspace
+from app.plain_text import Label, title
 from app.render_child import RenderSource, Trouble
 from app.scene_view import SceneView
 from app.splat_file import SplatFile
@@ -113,7 +114,7 @@ class MainWindow(QMainWindow):
         bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
         self.actions_table.fill_toolbar(bar)
         self.addToolBar(bar)
-        self._summary = QLabel(self)
+        self._summary = Label(self)
         self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
         self.statusBar().addPermanentWidget(self._summary)
 
@@ -166,7 +167,7 @@ class MainWindow(QMainWindow):
         if missing is not None:
             self.empty.say(*missing, contents.missing_verb, contents.path is not None)
         name = contents.path.name if contents.path else ""
-        self.setWindowTitle(f"{name}[*] – NVSim" if name else "NVSim")  # Qt puts * there while edits are unsaved
+        self.setWindowTitle(f"{title(name)}[*] – NVSim" if name else "NVSim")  # Qt puts * there while edits are unsaved
         self._summarise()
 
     def _summarise(self, _: object = None) -> None:

@@ -8,9 +8,10 @@ from typing import Any
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent, QWheelEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QFileDialog, QHBoxLayout, QLabel, QLineEdit, QToolButton, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFileDialog, QHBoxLayout, QLineEdit, QToolButton, QWidget
 
 from app.forms.fields import Field
+from app.plain_text import Label, tip
 
 
 class Editor(QWidget):
@@ -97,7 +98,9 @@ class LineEditor(Editor):
             self.line.setPlaceholderText("automatic" if field.kind in ("count", "number") else "left out")
         if field.kind == "several":
             self.line.setPlaceholderText("all")
-            self.line.setToolTip(f"Several of {', '.join(field.choices)}" if field.choices else "Several, with spaces")
+            self.line.setToolTip(
+                tip(f"Several of {', '.join(field.choices)}" if field.choices else "Several, with spaces")
+            )
         if field.kind in self.WIDE:
             self.line.setMinimumWidth(180)
             self._row.addWidget(self.line, 1)
@@ -112,7 +115,7 @@ class LineEditor(Editor):
             button.clicked.connect(self._browse)
             self._row.addWidget(button)
         elif field.kind not in self.WIDE:
-            unit = QLabel(field.unit, self)
+            unit = Label(field.unit, self)
             unit.setForegroundRole(unit.palette().ColorRole.PlaceholderText)
             self._row.addWidget(unit)
             self._row.addStretch(1)

@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QDialogButtonBox,
     QFrame,
     QHBoxLayout,
-    QLabel,
     QLineEdit,
     QListWidget,
     QPushButton,
@@ -27,6 +26,7 @@ from app import colors
 from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
 from app.forms.rows import Row
+from app.plain_text import Label
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key until the values are tried
@@ -57,7 +57,7 @@ class CommandForm(QDialog):
         self._begin_with = {**(preset_values or {}), **settings.changed(verb)}
         self._paper = paper_values(verb)
         self.rows: dict[str, Row] = {}
-        self._headings: dict[str, QLabel] = {}
+        self._headings: dict[str, Label] = {}
         self._build(title, start_text)
         self._waiting = self._sections()
         self._try = QTimer(self, singleShot=True, interval=TYPING)
@@ -73,7 +73,7 @@ class CommandForm(QDialog):
 
     def _build(self, title: str, start_text: str) -> None:
         about = (command_of(self.verb).__doc__ or "").split("\n\n")[0]
-        intro = QLabel(" ".join(about.split()), self)
+        intro = Label(" ".join(about.split()), self)
         intro.setWordWrap(True)
         self.presets = QComboBox(self)
         self.presets.addItems(presets_of(self.verb))
@@ -86,7 +86,7 @@ class CommandForm(QDialog):
         self.presets.setVisible(self.presets.count() > 0)
         above = QHBoxLayout()
         if self.presets.count():
-            above.addWidget(QLabel("Preset", self))
+            above.addWidget(Label("Preset", self))
             above.addWidget(self.presets)
             above.addSpacing(12)
         above.addWidget(self.search, 1)
@@ -107,7 +107,7 @@ class CommandForm(QDialog):
         middle = QHBoxLayout()
         middle.addWidget(self.list)
         middle.addWidget(self.area, 1)
-        self.problem = QLabel(self)
+        self.problem = Label(self)
         self.problem.setWordWrap(True)
         self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
         self.problem.hide()
@@ -155,7 +155,7 @@ class CommandForm(QDialog):
         title = next(iter(self._waiting))
         fields = self._waiting.pop(title)
         if self.list.isVisibleTo(self):
-            heading = QLabel(title, self._page)
+            heading = Label(title, self._page)
             font = QFont(heading.font())
             font.setPointSizeF(font.pointSizeF() + 2)
             heading.setFont(font)

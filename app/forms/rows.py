@@ -6,10 +6,11 @@ from typing import Any
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QFont
-from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QToolButton, QWidget
+from PySide6.QtWidgets import QGridLayout, QSizePolicy, QToolButton, QWidget
 
 from app.forms.editors import editor_of, value_text
 from app.forms.fields import Field
+from app.plain_text import Label, tip
 
 _NOWHERE = object()
 
@@ -24,11 +25,11 @@ class Row(QWidget):
         self.field = field
         self.editor = editor_of(field, self)
         self.editor.show_value(field.default)
-        self._name = QLabel(field.name, self)
+        self._name = Label(field.name, self)
         self._name.setBuddy(self.editor)
-        self._name.setToolTip(field.flag)
+        self._name.setToolTip(tip(field.flag))
         self._name.setMinimumWidth(150)
-        self._origin = QLabel(self)
+        self._origin = Label(self)
         quiet = self._origin.palette().ColorRole.PlaceholderText
         self._origin.setForegroundRole(quiet)
         self._origin.setMinimumWidth(190)
@@ -49,7 +50,7 @@ class Row(QWidget):
         grid.addWidget(self.reset_button, 0, 3)
         grid.setColumnStretch(1, 1)
         if field.help:
-            help = QLabel(field.help, self)
+            help = Label(field.help, self)
             help.setWordWrap(True)
             help.setForegroundRole(quiet)
             help.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -97,7 +98,7 @@ class Row(QWidget):
         self._name.setFont(font)
         default = value_text(self.field.default)
         self.reset_button.setVisible(changed)
-        self.reset_button.setToolTip(f"Back to {default}")
+        self.reset_button.setToolTip(tip(f"Back to {default}"))
         words = [f"default {default}"] if changed else []
         if self._paper and self._paper != f"paper {default}" or (changed and self._paper):
             words.append(self._paper)

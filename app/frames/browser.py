@@ -20,6 +20,7 @@ from app.frames.rendering import FrameRender
 from app.frames.state import FrameState
 from app.layers.frame_mask import FrameMaskLayer
 from app.notices import Notices
+from app.plain_text import marked, plain
 from app.scene_view import SceneView
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project.layout import Layout
@@ -287,7 +288,9 @@ class FrameBrowser(QObject):
             return
         name = capture.frames[self.index].name
         where = f"frame {self.index + 1:,} of {len(capture.frames):,}"
-        self.page.title.setText(f"<b>{name}</b>&nbsp;&nbsp; {where}, {coverage_words(self._state, self.index)}")
+        self.page.title.setText(
+            f"<b>{marked(plain(name))}</b>&nbsp;&nbsp; {where}, {coverage_words(self._state, self.index)}"
+        )
 
     def _say_hint(self) -> None:
         words = _HINTS[self.tool]

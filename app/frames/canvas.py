@@ -13,6 +13,7 @@ from app.frames.brush import Box
 from app.frames.layers import FrameLayer
 from app.frames.panes import Pane, Zoom, panes
 from app.frames.pictures import Painted, difference
+from app.plain_text import lines
 from app.primitives import chip
 
 MODES = ("photo", "render", "wipe", "blink", "difference", "beside")
@@ -127,7 +128,7 @@ class Canvas(QWidget):
         found = self.panes()
         if not found:
             painter.setPen(self.palette().color(self.palette().ColorRole.PlaceholderText))
-            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, self.note)
+            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, lines(self.note))
             painter.end()
             return
         for number, pane in enumerate(found):

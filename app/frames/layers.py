@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QSlider, QWidget
 
 from app.frames.pictures import Painted
 from app.icons import swatch
+from app.plain_text import tip
 
 FLOOR_COLOR = "#2ec4b6"
 
@@ -68,11 +69,11 @@ class LayerList(QWidget):
             if layer.color:
                 box.setIcon(swatch(layer.color, 10))
             box.setChecked(layer.shown)
-            box.setToolTip(layer.tip)
+            box.setToolTip(tip(layer.tip))
             slider = QSlider(Qt.Orientation.Horizontal, self)
             slider.setRange(5, 100)
             slider.setValue(round(100 * layer.opacity))
-            slider.setToolTip(f"How strongly “{layer.title}” covers the image")
+            slider.setToolTip(tip(f"How strongly “{layer.title}” covers the image"))
             slider.setMinimumWidth(60)
             slider.setFocusPolicy(Qt.FocusPolicy.NoFocus)
             box.toggled.connect(lambda on, layer=layer: self._show(layer, on))

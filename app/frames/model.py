@@ -9,6 +9,7 @@ from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistent
 from app.document import Document
 from app.frames.state import FrameState
 from app.frames.thumbnails import Thumbnails
+from app.plain_text import plain, tip
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
@@ -65,7 +66,7 @@ class FrameModel(QAbstractListModel):
             return None
         row = index.row()
         if role == Qt.ItemDataRole.DisplayRole:
-            return capture.frames[row].name
+            return plain(capture.frames[row].name)
         if role == Qt.ItemDataRole.DecorationRole:
             return self._thumbnails.pixmap(row)
         if role == COVERAGE_ROLE:
@@ -75,7 +76,7 @@ class FrameModel(QAbstractListModel):
         if role == SUBMAP_ROLE:
             return int(self._document.trajectory.submaps[row])
         if role == Qt.ItemDataRole.ToolTipRole:
-            return f"{capture.frames[row].image_path}\n{coverage_words(self._state, row)}"
+            return tip(f"{plain(capture.frames[row].image_path)}\n{coverage_words(self._state, row)}")
         return None
 
 
@@ -135,4 +136,5 @@ class FrameFilter(QSortFilterProxyModel):
         above, up_to = self._coverage
         if (above, up_to) != COVERAGES[0][1:] and not above < float(index.data(COVERAGE_ROLE)) <= up_to:
             return False
-        return self._text in str(index.data()).casefold()
+        capture = self._document.contents.capture
+        return capture is not None and self._text in capture.frames[row].name.casefold()

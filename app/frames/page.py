@@ -8,7 +8,6 @@ from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import (
     QHBoxLayout,
-    QLabel,
     QSizePolicy,
     QSlider,
     QToolBar,
@@ -20,6 +19,7 @@ from PySide6.QtWidgets import (
 from app.frames.canvas import Canvas
 from app.frames.layers import FrameLayer, LayerList
 from app.icons import icon
+from app.plain_text import Label, MarkedLabel, tip
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -40,10 +40,9 @@ class FramePage(QWidget):
         self.canvas = Canvas(layers, self)
         self.layers = LayerList(layers, self)
         self.layers.changed.connect(lambda _: self.canvas.update())
-        self.title = QLabel(self)
-        self.title.setTextFormat(Qt.TextFormat.RichText)
+        self.title = MarkedLabel(self)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.hint = QLabel(self)
+        self.hint = Label(self)
         self.hint.setWordWrap(True)
         self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
         self.hint.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
@@ -51,7 +50,7 @@ class FramePage(QWidget):
         self.gain.valueChanged.connect(lambda value: self.gainChanged.emit(value / 10))
         self.brush_size = _slider(self, 0, _BRUSH, 40, "Size of the brush ([ and ], or the wheel)")
         self.brush_size.valueChanged.connect(lambda value: self.sizeChanged.emit(value / _BRUSH))
-        self._gain_words, self._size_words = QLabel("Gain", self), QLabel("Size", self)
+        self._gain_words, self._size_words = Label("Gain", self), Label("Size", self)
         self._first, self._second = QHBoxLayout(), QHBoxLayout()
         for bar in (self._first, self._second):
             bar.setContentsMargins(8, 4, 8, 0)
@@ -70,7 +69,7 @@ class FramePage(QWidget):
         side = QVBoxLayout()
         side.setContentsMargins(10, 8, 8, 8)
         side.setSpacing(8)
-        side.addWidget(QLabel("<b>Layers</b>", self))
+        side.addWidget(MarkedLabel("<b>Layers</b>", self))
         side.addWidget(self.layers, 1)
         middle = QHBoxLayout()
         middle.setSpacing(0)
@@ -176,11 +175,11 @@ def _bar(parent: QWidget, name: str) -> QToolBar:
     return bar
 
 
-def _slider(parent: QWidget, low: int, high: int, value: int, tip: str) -> QSlider:
+def _slider(parent: QWidget, low: int, high: int, value: int, words: str) -> QSlider:
     slider = QSlider(Qt.Orientation.Horizontal, parent)
     slider.setRange(low, high)
     slider.setValue(value)
-    slider.setToolTip(tip)
+    slider.setToolTip(tip(words))
     slider.setFixedWidth(110)
     slider.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     return slider

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.evidence_words import compass
 from app.graph_arrays import GraphArrays
+from app.plain_text import plain
 from nvsim.graph.types import Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
@@ -119,7 +120,7 @@ def figure(value: float) -> str:
 
 
 def short(id: str) -> str:
-    return id if len(id) <= 10 else id[:6]
+    return plain(id if len(id) <= 10 else id[:6])
 
 
 def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: MappingConfig) -> tuple[Direction, ...]:

@@ -12,7 +12,6 @@ from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
     QHeaderView,
-    QLabel,
     QScrollArea,
     QSizePolicy,
     QToolButton,
@@ -29,6 +28,7 @@ from app.inspector.measures import MeasureBars
 from app.inspector.panorama_view import PanoramaView
 from app.inspector.panoramas import Panoramas
 from app.inspector.state import Inspection
+from app.plain_text import Label, plain, tip
 
 CHANNELS = {"rgb": "Colour", "alpha": "Alpha", "normal": "Normals"}
 _WIDE = 1.7  # times as wide as high: the list stands beside the panorama
@@ -48,7 +48,7 @@ class InspectorPanel(QScrollArea):
         content = QWidget(self)
         self.view = PanoramaView(inspection, panoramas, content)
         self.view.chosen.connect(self.chosen)
-        self.sentence = QLabel(content)
+        self.sentence = Label(content)
         self.sentence.setWordWrap(True)
         self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.sentence.setMinimumHeight(2 * self.sentence.fontMetrics().lineSpacing())
@@ -77,7 +77,7 @@ class InspectorPanel(QScrollArea):
     def _head(self, parent: QWidget) -> QHBoxLayout:
         row = QHBoxLayout()
         row.setSpacing(2)
-        self.title = QLabel(parent)
+        self.title = Label(parent)
         font = self.title.font()
         font.setBold(True)
         self.title.setFont(font)
@@ -91,7 +91,7 @@ class InspectorPanel(QScrollArea):
             button.setCheckable(True)
             button.setAutoRaise(True)
             button.setChecked(channel == "rgb")
-            button.setToolTip(f"Show {text.lower()} in the panorama")
+            button.setToolTip(tip(f"Show {text.lower()} in the panorama"))
             button.setObjectName(f"panorama_{channel}")
             button.setProperty("channel", channel)
             self.channels.addButton(button, i)
@@ -142,9 +142,8 @@ class InspectorPanel(QScrollArea):
         for button in self.channels.buttons():
             channel = str(button.property("channel"))
             button.setEnabled(drawn or channel == "rgb")
-            button.setToolTip(
-                f"Show {CHANNELS[channel].lower()} in the panorama" if button.isEnabled() else "Photographs have none"
-            )
+            shown = f"Show {CHANNELS[channel].lower()} in the panorama"
+            button.setToolTip(tip(shown) if button.isEnabled() else "Photographs have none")
 
     def _on_current(self, item: QTreeWidgetItem | None) -> None:
         if item is not None:
@@ -159,20 +158,21 @@ class InspectorPanel(QScrollArea):
         found = self._inspection.directions
         id = self._inspection.viewpoint
         self.title.setText(short(id) if id else "")
-        self.title.setToolTip(f"Viewpoint {id}" if id else "")
+        self.title.setToolTip(tip(f"Viewpoint {id}" if id else ""))
         self.list.blockSignals(True)
         self.list.clear()
         open_mark, blocked_mark = swatch(colors.OPEN), swatch(colors.BLOCKED)
         for direction in found:
             way = direction.place if direction.lattice else f"{direction.place} ↝"
-            item = QTreeWidgetItem([way, direction.fate, short(direction.neighbour)])
+            item = QTreeWidgetItem([plain(way), plain(direction.fate), short(direction.neighbour)])
             item.setData(0, Qt.ItemDataRole.UserRole, direction.key)
             item.setData(0, Qt.ItemDataRole.DecorationRole, open_mark if direction.open else blocked_mark)
             passed = colors.OPEN_TEXT if direction.joined else colors.WARNING_TEXT
             item.setForeground(1, QColor(passed if direction.open else colors.BLOCKED_TEXT))
-            item.setToolTip(0, direction.sentence)
-            item.setToolTip(1, direction.sentence)
-            item.setToolTip(2, f"Double-click to stand there: {direction.neighbour}" if direction.neighbour else "")
+            item.setToolTip(0, tip(direction.sentence))
+            item.setToolTip(1, tip(direction.sentence))
+            there = f"Double-click to stand there: {direction.neighbour}" if direction.neighbour else ""
+            item.setToolTip(2, tip(there))
             self.list.addTopLevelItem(item)
         self.list.blockSignals(False)
         self._show_pointed()

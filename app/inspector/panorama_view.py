@@ -27,6 +27,7 @@ from app.inspector.neighbours import NeighbourMarks
 from app.inspector.panoramas import Panoramas
 from app.inspector.sphere import angles, fine, met
 from app.inspector.state import Inspection
+from app.plain_text import lines, tip
 from app.primitives import chip
 
 _TURN = 2 * math.pi
@@ -209,7 +210,7 @@ class PanoramaView(QWidget):
             return
         painter.setPen(QColor("#9aa5b1"))
         flags = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop | Qt.TextFlag.TextWordWrap
-        painter.drawText(self.rect().adjusted(20, 34, -20, -10), flags, text)
+        painter.drawText(self.rect().adjusted(20, 34, -20, -10), flags, lines(text))
 
     # Events ----------------------------------------------------------------------------------------------------
 
@@ -235,7 +236,7 @@ class PanoramaView(QWidget):
             under = self._under(event.position())
             self._inspection.point(under)
             self.setCursor(_cursor(under))
-            self.setToolTip("" if under is None else under.sentence)
+            self.setToolTip("" if under is None else tip(under.sentence))
             return
         step = event.position() - self._pressed
         if self._dragged or step.manhattanLength() > _CLICK:

@@ -11,6 +11,7 @@ from app import colors
 from app.document import Document
 from app.layers.graph import GraphLayer
 from app.layers.layer import Layer
+from app.plain_text import plain
 from app.primitives import chip
 from nvsim.geometry.camera import Camera
 
@@ -58,4 +59,4 @@ def short_ids(sentence: str) -> str:
 
 def short_id(id: str) -> str:
     """Enough of a viewpoint id to tell it from its neighbours."""
-    return id if len(id) <= 10 else id[:6]
+    return plain(id if len(id) <= 10 else id[:6])

@@ -9,6 +9,7 @@ from functools import partial
 from app.actions import ActionTable
 from app.document import Document
 from app.palette.fuzzy import fit
+from app.plain_text import plain
 
 MOST_PLACES = 6
 _LETTERS = 3  # typed, until viewpoints and frames are looked through
@@ -73,7 +74,8 @@ def places(
     found: list[Entry] = []
     for id in document.graph_arrays.ids:
         if id.casefold().startswith(wanted):
-            found.append(Entry(id, "Go to viewpoint", "", "", partial(go_to_viewpoint, id), tuple(range(len(wanted)))))
+            marks = tuple(range(len(wanted)))
+            found.append(Entry(plain(id), "Go to viewpoint", "", "", partial(go_to_viewpoint, id), marks))
             if len(found) == MOST_PLACES:
                 break
     capture = document.contents.capture
@@ -82,7 +84,7 @@ def places(
         at = frame.name.casefold().find(wanted)
         if at >= 0:
             marks = tuple(range(at, at + len(wanted)))
-            frames.append(Entry(frame.name, "Go to frame", "", "", partial(go_to_frame, i), marks))
+            frames.append(Entry(plain(frame.name), "Go to frame", "", "", partial(go_to_frame, i), marks))
             if len(frames) == MOST_PLACES:
                 break
     return [*found, *frames]

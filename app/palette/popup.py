@@ -8,7 +8,6 @@ from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, 
 from PySide6.QtGui import QFont, QKeyEvent, QPainter, QPaintEvent, QPalette
 from PySide6.QtWidgets import (
     QFrame,
-    QLabel,
     QLineEdit,
     QListWidget,
     QListWidgetItem,
@@ -20,6 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.palette.entries import Entry
+from app.plain_text import Label, plain, tip
 
 _WIDTH, _ROWS = 560, 11
 _ENTRY = Qt.ItemDataRole.UserRole
@@ -56,7 +56,7 @@ class _Rows(QStyledItemDelegate):
         painter.setFont(option.font)
         rest = QRect(box.left() + used + 12, box.top(), max(0, box.width() - used - 12), box.height())
         words = f"not now: {entry.reason}" if entry.reason else entry.place
-        elided = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, rest.width())
+        elided = painter.fontMetrics().elidedText(plain(words), Qt.TextElideMode.ElideRight, rest.width())
         painter.drawText(rest, middle | Qt.AlignmentFlag.AlignLeft, elided)
         painter.restore()
 
@@ -100,7 +100,7 @@ class PaletteView(QFrame):
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.itemClicked.connect(self._run)
-        self.nothing = QLabel("Nothing fits.", self)
+        self.nothing = Label("Nothing fits.", self)
         self.nothing.setContentsMargins(12, 6, 12, 6)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(2, 2, 2, 2)
@@ -136,7 +136,7 @@ class PaletteView(QFrame):
         for entry in self._offer(typed):
             item = QListWidgetItem()
             item.setData(_ENTRY, entry)
-            item.setToolTip(f"Not now: {entry.reason}." if entry.reason else "")
+            item.setToolTip(tip(f"Not now: {entry.reason}.") if entry.reason else "")
             item.setData(Qt.ItemDataRole.AccessibleTextRole, entry.title)
             self.list.addItem(item)
         self.list.setCurrentRow(0)

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QIcon
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHBoxLayout, QLabel, QPlainTextEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
 
 from app.icons import FOLDER
+from app.plain_text import Label, MarkedLabel
 from app.system_report import report, version_of
 
 _WHAT = (
@@ -25,10 +26,10 @@ class AboutWindow(QDialog):
         self.setWindowTitle("About NVSim")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.resize(620, 480)
-        picture = QLabel(self)
+        picture = Label(self)
         picture.setPixmap(QIcon(str(FOLDER / "app.svg")).pixmap(64, 64))
-        name = QLabel(f"<b style='font-size:15pt'>NVSim</b> &nbsp; {version_of('nvsim')}", self)
-        what = QLabel(_WHAT, self)
+        name = MarkedLabel(f"<b style='font-size:15pt'>NVSim</b> &nbsp; {version_of('nvsim')}", self)
+        what = Label(_WHAT, self)
         what.setWordWrap(True)
         words = QVBoxLayout()
         words.addWidget(name)

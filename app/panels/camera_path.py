@@ -8,7 +8,6 @@ from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QGridLayout,
     QHBoxLayout,
-    QLabel,
     QListWidget,
     QPushButton,
     QSpinBox,
@@ -18,6 +17,7 @@ from PySide6.QtWidgets import (
 
 from app.cameras import ViewPose, heading_degrees
 from app.panels.hint import Hint
+from app.plain_text import Label, tip
 
 
 class CameraPathPanel(QWidget):
@@ -84,17 +84,20 @@ class CameraPathPanel(QWidget):
         self.keys.setCurrentRow(min(row, len(poses) - 1))
         enough = len(poses) >= 2
         self.remove.setEnabled(bool(poses))
-        for button, tip in ((self.play, "Fly along the path"), (self.video, "Draw the path as PNG frames and an MP4")):
+        for button, words in (
+            (self.play, "Fly along the path"),
+            (self.video, "Draw the path as PNG frames and an MP4"),
+        ):
             button.setEnabled(enough)
-            button.setToolTip(tip if enough else f"{tip}\nNot now: a path needs two key poses.")
+            button.setToolTip(tip(words if enough else f"{words}\nNot now: a path needs two key poses."))
 
     def _lay_out(self) -> None:
         column = QVBoxLayout(self)
         column.setContentsMargins(8, 8, 8, 8)
         size = QGridLayout()
-        size.addWidget(QLabel("Size"), 0, 0)
+        size.addWidget(Label("Size"), 0, 0)
         size.addWidget(self.width_box, 0, 1)
-        size.addWidget(QLabel("×"), 0, 2)
+        size.addWidget(Label("×"), 0, 2)
         size.addWidget(self.height_box, 0, 3)
         size.addWidget(self.layers, 1, 0, 1, 3)
         size.addWidget(self.picture, 1, 3)

@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
 
 from app import colors
 from app.jobs.check import CheckResult
+from app.plain_text import lines, plain, tip
 
 _COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
 _WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
@@ -56,11 +57,11 @@ class FindingTree(QTreeWidget):
             many = len(group.places) > 1
             message = group.message[:1].upper() + group.message[1:]
             where = f"{len(group.places)} places" if many else group.places[0]
-            item = QTreeWidgetItem([message, where, group.consequence])
+            item = QTreeWidgetItem([lines(message), plain(where), lines(group.consequence)])
             item.setForeground(0, QColor(_COLORS.get(group.severity, colors.QUIET_TEXT)))
             tips = (f"{message} ({_WORDS[group.severity]})", "\n".join(group.places[:20]), group.consequence)
             for column, words in enumerate(tips):
-                item.setToolTip(column, words)
+                item.setToolTip(column, tip(words))
             for place in group.places[:_MOST_PLACES] if many else ():
-                item.addChild(QTreeWidgetItem(["", place, ""]))
+                item.addChild(QTreeWidgetItem(["", plain(place), ""]))
             self.addTopLevelItem(item)

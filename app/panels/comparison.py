@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QHBoxLayout,
     QHeaderView,
-    QLabel,
     QPushButton,
     QStyledItemDelegate,
     QStyleOptionViewItem,
@@ -22,6 +21,7 @@ from app import colors
 from app.comparing import Compared
 from app.layers.labels import short_ids
 from app.panels.submaps import table
+from app.plain_text import SENTENCE, Label, plain, tip
 from nvsim.graph.compare import Deviation
 from nvsim.graph.selection import GraphSelection
 
@@ -81,9 +81,9 @@ class DeviationModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.ForegroundRole and index.column() == 0:
             return QColor(INKS[found.kind])
         if role == Qt.ItemDataRole.ToolTipRole:
-            return found.words
+            return tip(found.words)
         if role == Qt.ItemDataRole.DisplayRole:
-            return (found.kind, short_ids(found.words))[index.column()]
+            return (found.kind, plain(short_ids(found.words), SENTENCE))[index.column()]
         return None
 
     def setData(self, index: _Index, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
@@ -127,7 +127,7 @@ class ComparePanel(QWidget):
         self.close_button = QPushButton("Close", self)
         self.close_button.setToolTip("Compare no more")
         self.close_button.clicked.connect(self.closed)
-        self.words = QLabel("Choose another graph, or a step of the history, to compare with.", self)
+        self.words = Label("Choose another graph, or a step of the history, to compare with.", self)
         self.words.setWordWrap(True)
         self.table = table(self.model, self)
         self.table.setWordWrap(False)
@@ -164,7 +164,7 @@ class ComparePanel(QWidget):
         self.steps.addItem("With a step of the history…", -1)
         for i, text in enumerate(texts):
             if i != current:
-                self.steps.addItem(f"{i}: {text}", i)
+                self.steps.addItem(f"{i}: {plain(text)}", i)
 
     def show_compared(self, compared: Compared | None) -> None:
         """Lists the differences; None: nothing is compared."""
@@ -176,7 +176,7 @@ class ComparePanel(QWidget):
             counts = {kind: n for kind, n in compared.comparison.counts().items() if n}
             told = ", ".join(f"{n:,} {kind.split()[0]}{'s' if n > 1 else ''} {kind.split()[1]}"
                              for kind, n in counts.items())  # fmt: skip
-            self.words.setText(f"{compared.name}: {told or 'nothing is different'}.")
+            self.words.setText(f"{plain(compared.name)}: {told or 'nothing is different'}.")
         self._enable()
 
     def _enable(self, *_: object) -> None:

@@ -6,13 +6,14 @@ import math
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QLineEdit, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from app import colors
 from app.document import Document
 from app.evidence_words import Finding, findings
 from app.graph_details import marks_of, of_edge, of_several
 from app.overlays import short_id
+from app.plain_text import Label, MarkedLabel, marked, plain, tip
 
 
 class DirectionRose(QWidget):
@@ -64,11 +65,11 @@ class _Value(QLineEdit):
     """A value to be selected and copied whole, also where it is longer than its place."""
 
     def __init__(self, value: str) -> None:
-        super().__init__(value)
+        super().__init__(plain(value))
         self.setReadOnly(True)
         self.setFrame(False)
         self.setTextMargins(-2, 0, 0, 0)
-        self.setToolTip(value)
+        self.setToolTip(tip(value))
         self.setCursorPosition(0)
         palette = self.palette()
         palette.setColor(palette.ColorRole.Base, Qt.GlobalColor.transparent)
@@ -85,7 +86,7 @@ class DetailsPanel(QScrollArea):
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         content = QWidget(self)
-        self.title = QLabel(content)
+        self.title = Label(content)
         font = self.title.font()
         font.setPointSizeF(font.pointSizeF() + 2)
         font.setBold(True)
@@ -96,9 +97,8 @@ class DetailsPanel(QScrollArea):
         self._facts.setColumnStretch(1, 1)
         self._facts.setHorizontalSpacing(14)
         self.rose = DirectionRose(content)
-        self.words = QLabel(content)
+        self.words = MarkedLabel(content)
         self.words.setWordWrap(True)
-        self.words.setTextFormat(Qt.TextFormat.RichText)
         self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         layout = QVBoxLayout(content)
         layout.setContentsMargins(12, 10, 12, 10)
@@ -173,21 +173,21 @@ class DetailsPanel(QScrollArea):
             self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
 
     def _show(self, title: str, facts: dict[str, str], found: list[Finding]) -> None:
-        self.title.setText(title)
+        self.title.setText(plain(title))
         self.title.setVisible(bool(title))
         while (item := self._facts.takeAt(0)) is not None:
             if (widget := item.widget()) is not None:
                 widget.hide()
                 widget.deleteLater()
         for row, (name, value) in enumerate(facts.items()):
-            label, text = QLabel(name), _Value(value)
+            label, text = Label(plain(name)), _Value(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)
         self.rose.show_findings(found)
         rows = (
             f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN_TEXT if f.open else colors.BLOCKED_TEXT}">'
-            f"{f.direction}</td><td style='padding:2px 0'>{f.words}</td></tr>"
+            f"{marked(f.direction)}</td><td style='padding:2px 0'>{marked(f.words)}</td></tr>"
             for f in found
         )
         self.words.setText(f"<table>{''.join(rows)}</table>" if found else "")

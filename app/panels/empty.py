@@ -7,10 +7,11 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QFont, QFontDatabase, QGuiApplication
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
 from app.icons import icon
 from app.panels.stage_bar import TITLES
+from app.plain_text import Label, caption, tip
 
 MOST_RECENT = 4
 
@@ -35,8 +36,8 @@ class EmptyState(QWidget):
         super().__init__(parent)
         self.setAutoFillBackground(True)
         self._verb = ""
-        self._mark = QLabel(self, alignment=Qt.AlignmentFlag.AlignCenter)
-        self.sentence = QLabel(self, alignment=Qt.AlignmentFlag.AlignCenter)
+        self._mark = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
+        self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.sentence.setWordWrap(True)
         font = QFont(self.sentence.font())
         font.setPointSizeF(font.pointSizeF() + 3)
@@ -56,7 +57,7 @@ class EmptyState(QWidget):
         self._recent = QVBoxLayout()
         self._recent.setSpacing(2)
         self.recent_buttons: list[QPushButton] = []
-        self.hint = QLabel("Or in a terminal; the window follows by itself:", self)
+        self.hint = Label("Or in a terminal; the window follows by itself:", self)
         self.hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
         self.command = QLineEdit(self)
@@ -119,7 +120,8 @@ class EmptyState(QWidget):
             button.deleteLater()
         self.recent_buttons = []
         for path in paths[:MOST_RECENT]:
-            button = QPushButton(f"{path.name}   in {path.parent}", self)
+            button = QPushButton(caption(f"{path.name}   in {path.parent}"), self)
+            button.setToolTip(tip(path))
             button.setFlat(True)
             button.setCursor(Qt.CursorShape.PointingHandCursor)
             button.clicked.connect(lambda _=False, p=path: self.recentWanted.emit(p))

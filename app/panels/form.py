@@ -14,10 +14,11 @@ from PySide6.QtWidgets import (
     QDialogButtonBox,
     QDoubleSpinBox,
     QFormLayout,
-    QLabel,
     QVBoxLayout,
     QWidget,
 )
+
+from app.plain_text import Label, tip
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Form(QDialog):
         self._key, self._settings, self._run = key, settings, run
         self._fields = fields
         self.inputs: dict[str, QDoubleSpinBox | QComboBox] = {}
-        label = QLabel(words, self)
+        label = Label(words, self)
         label.setWordWrap(True)
         label.setMinimumWidth(300)
         rows = QFormLayout()
@@ -90,7 +91,7 @@ class Form(QDialog):
                 choice.addItem(words, value)
             words_of = [str(value) for value in field.answers]
             choice.setCurrentIndex(words_of.index(str(stored)) if str(stored) in words_of else 0)
-            choice.setToolTip(field.tip)
+            choice.setToolTip(tip(field.tip))
             self.inputs[field.name] = choice
             return choice
         number = QDoubleSpinBox(self)
@@ -98,7 +99,7 @@ class Form(QDialog):
         number.setRange(field.low, field.high)
         number.setSingleStep(1 if field.decimals == 0 else 0.1)
         number.setSuffix(field.unit)
-        number.setToolTip(field.tip)
+        number.setToolTip(tip(field.tip))
         try:
             number.setValue(field.default if stored is None else float(str(stored)))
         except ValueError:

@@ -8,7 +8,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QHBoxLayout,
-    QLabel,
     QLineEdit,
     QListView,
     QSizePolicy,
@@ -25,6 +24,7 @@ from app.frames.state import FrameState
 from app.frames.thumbnails import Thumbnails
 from app.icons import swatch
 from app.panels.hint import Hint
+from app.plain_text import Label, tip
 
 
 class _List(QListView):
@@ -81,7 +81,7 @@ class FramePanel(QWidget):
         self.corrected = QCheckBox("Corrected", self)
         self.corrected.setToolTip("Only frames whose floor mask was corrected by hand")
         self.corrected.toggled.connect(self.filter.show_corrected_only)
-        self.count = QLabel(self)
+        self.count = Label(self)
         self.count.setForegroundRole(self.count.palette().ColorRole.PlaceholderText)
         self.list = _List(self)
         self.list.setModel(self.filter)
@@ -158,8 +158,8 @@ class FramePanel(QWidget):
         self.list.setCurrentIndex(self.filter.mapFromSource(self.model.index(frame)))
 
 
-def _choice(parent: QWidget, tip: str) -> QComboBox:
+def _choice(parent: QWidget, words: str) -> QComboBox:
     box = QComboBox(parent)
-    box.setToolTip(tip)
+    box.setToolTip(tip(words))
     box.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
     return box

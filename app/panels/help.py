@@ -22,18 +22,19 @@ _SECTION = Qt.ItemDataRole.UserRole
 
 
 class _Text(QTextBrowser):
-    """Shows pictures as wide as there is room, not wider than they are."""
+    """Shows pictures as wide as there is room, not wider than they are. Of files it reads those pictures alone."""
 
     def loadResource(self, type: int, name: QUrl | str) -> object:
-        if type == QTextDocument.ResourceType.ImageResource.value:
-            image = QImage(str(DOCS / QUrl(name).fileName()))
+        picture = DOCS / QUrl(name).fileName()
+        if type == QTextDocument.ResourceType.ImageResource.value and picture.is_file():
+            image = QImage(str(picture))
             ratio = self.devicePixelRatioF()
             room = round(ratio * max(200, self.viewport().width() - 60))
             if image.width() > room:
                 image = image.scaledToWidth(room, Qt.TransformationMode.SmoothTransformation)
             image.setDevicePixelRatio(ratio)
             return image
-        return super().loadResource(type, name)
+        return None
 
 
 class HelpWindow(QDialog):

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtWidgets import QAbstractItemView, QAbstractScrollArea, QLabel
+from PySide6.QtWidgets import QAbstractItemView, QAbstractScrollArea
+
+from app.plain_text import Label
 
 _MARGIN = 14  # pixels
 
 
-class Hint(QLabel):
+class Hint(Label):
     """Lies over the viewport of `area` and lets the mouse through.
 
     words  what to say now, "" where there is something to see

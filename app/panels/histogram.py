@@ -9,11 +9,12 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from app import colors
 from app.document import Document
 from app.panels.afterwards import Afterwards
+from app.plain_text import Label
 from nvsim.graph.edits import EditError
 from nvsim.graph.quantities import Kind, Known, quantity
 from nvsim.graph.selection import GraphSelection
@@ -51,7 +52,7 @@ class HistogramPanel(QWidget):
         self.choice = QComboBox(self)
         self.choice.addItems(list(QUANTITIES))
         self.choice.currentIndexChanged.connect(self.renew)
-        self.words = QLabel(self)
+        self.words = Label(self)
         self.words.setForegroundRole(self.words.palette().ColorRole.PlaceholderText)
         self.plot = pg.PlotWidget(self)
         self.plot.setMenuEnabled(False)

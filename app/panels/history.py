@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
 from app import colors
 from app.document import Document
+from app.plain_text import plain
 from nvsim.graph.history import Step
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -64,7 +65,7 @@ class HistoryModel(QAbstractListModel):
         row = index.row()
         step = self._shown[row]
         if role == Qt.ItemDataRole.DisplayRole:
-            return step.text
+            return plain(step.text)
         if role == Qt.ItemDataRole.ToolTipRole:
             return time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
         if role == Qt.ItemDataRole.ForegroundRole and row > history.index:

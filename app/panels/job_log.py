@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import time
 
 from PySide6.QtWidgets import QPlainTextEdit, QWidget
@@ -10,6 +9,7 @@ from PySide6.QtWidgets import QPlainTextEdit, QWidget
 from app import colors
 from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle
+from app.plain_text import lines, marked
 
 MOST_PRINTED = 4000  # characters of the end of what it printed
 _COLORS = {
@@ -39,7 +39,7 @@ class JobLog(QPlainTextEdit):
         if handle is not None:
             self._state = handle.state
             order = handle.job.order
-            self.appendPlainText(command_line(order.verb, order.arguments))
+            self.appendPlainText(lines(command_line(order.verb, order.arguments), MOST_PRINTED))
             self.refresh()
             self._append_printed()
 
@@ -54,7 +54,7 @@ class JobLog(QPlainTextEdit):
             for line in list(handle.history.lines)[-new:]:
                 stamp = time.strftime("%H:%M:%S", time.localtime(line.at))
                 self.appendHtml(
-                    f'<span style="color:{_COLORS[line.kind]}">{stamp}</span>&nbsp;&nbsp;{html.escape(line.text)}'
+                    f'<span style="color:{_COLORS[line.kind]}">{stamp}</span>&nbsp;&nbsp;{marked(line.text)}'
                 )
         if handle.state != self._state:
             self._state = handle.state
@@ -67,7 +67,7 @@ class JobLog(QPlainTextEdit):
             return
         said = [line.text for line in handle.history.lines if line.kind == "error"]
         if handle.message and not any(handle.message in text for text in said):
-            self.appendHtml(f'<span style="color:{colors.BLOCKED_TEXT}">{html.escape(handle.message)}</span>')
+            self.appendHtml(f'<span style="color:{colors.BLOCKED_TEXT}">{marked(handle.message)}</span>')
         try:
             with open(handle.job.messages, "rb") as file:
                 file.seek(max(0, handle.job.messages.stat().st_size - MOST_PRINTED))
@@ -76,4 +76,4 @@ class JobLog(QPlainTextEdit):
             return
         news = [line for line in printed.splitlines() if not any(text.partition(": ")[2] in line for text in said)]
         if news:
-            self.appendPlainText("\n".join(news))
+            self.appendPlainText(lines("\n".join(news), MOST_PRINTED, MOST_PRINTED))

@@ -6,10 +6,11 @@ import numpy as np
 import pyqtgraph
 from PySide6.QtCore import QEvent, QTimer
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from app import colors
 from app.jobs.queue import JobHandle
+from app.plain_text import Label
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels
@@ -26,7 +27,7 @@ class JobPlots(QWidget):
         self._due = [name for name, _ in _PLOTS]
         self.plots: dict[str, pyqtgraph.PlotWidget] = {}
         self._curves: dict[tuple[str, int], pyqtgraph.PlotDataItem] = {}
-        self.empty = QLabel("Plots appear here while a submap trains.", self)
+        self.empty = Label("Plots appear here while a submap trains.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(12, 8, 12, 8)
         self._row = QWidget(self)

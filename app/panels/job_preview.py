@@ -9,6 +9,7 @@ from PySide6.QtGui import QPainter, QPaintEvent, QPixmap, QShowEvent
 from PySide6.QtWidgets import QWidget
 
 from app.jobs.queue import JobHandle
+from app.plain_text import plain
 
 MOST = 3  # pictures side by side; those that came last
 _GAP = 8
@@ -73,6 +74,6 @@ class JobPreview(QWidget):
             left = round(i * (width + _GAP))
             painter.drawPixmap(left, 0, size.width(), size.height(), pixmap)
             painter.setPen(self.palette().text().color())
-            words = previews[path].caption if path in previews else ""
+            words = plain(previews[path].caption) if path in previews else ""
             fitted = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, int(width))
             painter.drawText(left, size.height() + caption - 5, fitted)

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 from app import colors
 from app.document import Document
 from app.jobs.queue import JobHandle, JobQueue
+from app.plain_text import plain, tip
 from nvsim.project.jobs import JobRecord
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -153,7 +154,7 @@ class JobModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.ForegroundRole and column == STATE:
             return QColor(_STATE_TEXTS.get(row.state, colors.QUIET_TEXT))
         if role == Qt.ItemDataRole.ToolTipRole:
-            return row.note or None
+            return tip(row.note) or None
         if role == Qt.ItemDataRole.UserRole and column == PROGRESS:
             return row.share
         if role == Qt.ItemDataRole.TextAlignmentRole and column in _RIGHT:
@@ -161,14 +162,14 @@ class JobModel(QAbstractTableModel):
         if role != Qt.ItemDataRole.DisplayRole:
             return None
         return (
-            row.title,
-            row.state,
+            plain(row.title),
+            plain(row.state),
             f"{100 * row.share:.0f} %",
             "" if row.left is None else duration(row.left),
             "" if row.rate is None else f"{row.rate:.{1 if row.rate < 100 else 0}f} /s",
             "–" if row.took is None else duration(row.took),
             clock(row.started),
-            row.note,
+            plain(row.note),
         )[column]
 
 

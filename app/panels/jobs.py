@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QGuiApplication, QPalette
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSplitter, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSplitter, QTabWidget, QVBoxLayout, QWidget
 
 from app.document import Document
 from app.forms.arguments import command_line
@@ -17,6 +17,7 @@ from app.panels.job_plots import JobPlots
 from app.panels.job_preview import JobPreview
 from app.panels.job_table import PROGRESS, JobModel, ProgressBar, Row, duration
 from app.panels.submaps import table
+from app.plain_text import Label, plain, tip
 
 __all__ = ["JobModel", "JobPanel", "duration"]
 _AGAIN = ("paused", "interrupted", "failed", "cancelled")
@@ -33,7 +34,7 @@ class Offer(QWidget):
         self._handles: list[JobHandle] = []
         self.setAutoFillBackground(True)
         self.setBackgroundRole(QPalette.ColorRole.ToolTipBase)
-        self.words = QLabel(self)
+        self.words = Label(self)
         self.words.setWordWrap(True)
         self.go_on = QPushButton("Go on", self)
         self.go_on.clicked.connect(self._go_on)
@@ -69,7 +70,7 @@ class Offer(QWidget):
 def waiting_words(handles: Sequence[JobHandle]) -> str:
     """One sentence about jobs that wait for the person."""
     words = {"interrupted": "was interrupted", "paused": "is paused", "queued": "waits", "failed": "failed"}
-    named = [f"“{h.title}” {words.get(h.state, h.state)}" for h in handles[:3]]
+    named = [f"“{plain(h.title)}” {words.get(h.state, h.state)}" for h in handles[:3]]
     more = f" and {len(handles) - 3} more wait" if len(handles) > 3 else ""
     return f"{', '.join(named)}{more}. What was done is kept."
 
@@ -224,7 +225,7 @@ class JobPanel(QWidget):
         }
         for button, reason in reasons.items():
             button.setEnabled(not reason)
-            button.setToolTip(_TIPS[button.text()] + (f"\nNot now: {reason}." if reason else ""))
+            button.setToolTip(tip(_TIPS[button.text()] + (f"\nNot now: {reason}." if reason else "")))
 
     def _why_not_on(self, state: str) -> str:
         if state == "queued":

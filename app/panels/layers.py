@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlid
 
 from app.document import Document
 from app.overlays import Overlays
+from app.plain_text import caption, tip
 
 
 class LayersPanel(QScrollArea):
@@ -48,13 +49,13 @@ class LayersPanel(QScrollArea):
             missing = getattr(layer, "missing", "")
             slider.setEnabled(layer.shown)
             # The box stays free: what it says counts as soon as there is something to draw.
-            box.setText(layer.title)
-            box.setToolTip(f"Nothing to draw: {missing}." if missing else f"Draw: {layer.title}")
+            box.setText(caption(layer.title))
+            box.setToolTip(tip(f"Nothing to draw: {missing}." if missing else f"Draw: {layer.title}"))
             palette = self.palette()
             if missing:
                 palette.setColor(palette.ColorRole.WindowText, palette.placeholderText().color())
             box.setPalette(palette)
-            slider.setToolTip(f"{round(100 * layer.opacity)} %")
+            slider.setToolTip(tip(f"{round(100 * layer.opacity)} %"))
 
     def _build(self) -> None:
         inside = QWidget()

@@ -14,6 +14,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtWidgets import QWidget
 
 from app.overlays import short_id
+from app.plain_text import plain, tip
 from nvsim.graph.kept_evidence import KeptEvidence
 from nvsim.graph.types import EdgeKey, NavGraph
 
@@ -197,7 +198,7 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         if role == Qt.ItemDataRole.DisplayRole:
             return column.title
         if role == Qt.ItemDataRole.ToolTipRole:
-            return column.tip
+            return tip(column.tip)
         if role == Qt.ItemDataRole.TextAlignmentRole and column.number:
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
@@ -210,7 +211,7 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         key = self.key(index.row())
         if role == Qt.ItemDataRole.DisplayRole and self._facts is not None:
-            return column.text(column.value(self._facts, key))
+            return plain(column.text(column.value(self._facts, key)))
         if role == Qt.ItemDataRole.ToolTipRole:
-            return key if isinstance(key, str) else " – ".join(map(str, key)) if isinstance(key, tuple) else None
+            return tip(" – ".join(map(str, key)) if isinstance(key, tuple) else key)
         return None

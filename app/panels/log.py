@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 import time
 
 from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
 from app import colors
 from app.notices import Notice, Notices
+from app.plain_text import lines, marked
 
 _COLORS = {
     "log": colors.QUIET_TEXT,
@@ -17,6 +17,7 @@ _COLORS = {
     "error": colors.BLOCKED_TEXT,
 }
 MOST_LINES = 5000
+DETAIL = 50_000  # characters of a trace
 
 
 class LogPanel(QPlainTextEdit):
@@ -34,8 +35,7 @@ class LogPanel(QPlainTextEdit):
         clock = time.strftime("%H:%M:%S", time.localtime(notice.when))
         color = _COLORS[notice.severity]
         self.appendHtml(
-            f'<span style="color:{color}">{clock}&nbsp;&nbsp;{notice.severity}</span>'
-            f"&nbsp;&nbsp;{html.escape(notice.text)}"
+            f'<span style="color:{color}">{clock}&nbsp;&nbsp;{notice.severity}</span>&nbsp;&nbsp;{marked(notice.text)}'
         )
         if notice.detail:
-            self.appendPlainText(notice.detail.rstrip())
+            self.appendPlainText(lines(notice.detail.rstrip(), DETAIL, DETAIL))

@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QDialogButtonBox,
     QFileDialog,
     QGridLayout,
-    QLabel,
     QLineEdit,
     QProgressBar,
     QPushButton,
@@ -26,6 +25,7 @@ from app.forms.editors import LineEditor
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
 from app.panels.check_result import FindingTree
+from app.plain_text import Label, tip
 from app.project_place import place_for, problem_with
 from nvsim.capture.several import SUFFIX, write_list
 from nvsim.project.config import CaptureConfig
@@ -104,20 +104,20 @@ class NewProjectDialog(QDialog):
         self.scale = self._editor("scale")
         self.hold_out = self._editor("hold_out")
         grid = QGridLayout()
-        grid.addWidget(QLabel("Capture", self), 0, 0)
+        grid.addWidget(Label("Capture", self), 0, 0)
         grid.addWidget(self.capture, 0, 1)
         grid.addWidget(folder, 0, 2)
         grid.addWidget(file, 0, 3)
         grid.addWidget(another, 0, 4)
-        grid.addWidget(QLabel("Project", self), 1, 0)
+        grid.addWidget(Label("Project", self), 1, 0)
         grid.addWidget(self.project, 1, 1)
         grid.addWidget(place, 1, 2, 1, 3)
         for row, (words, editor) in enumerate(
             (("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)), start=2
         ):
-            name = QLabel(words, self)
-            name.setToolTip(editor.field.flag)
-            help = QLabel(editor.field.help, self)
+            name = Label(words, self)
+            name.setToolTip(tip(editor.field.flag))
+            help = Label(editor.field.help, self)
             help.setForegroundRole(QPalette.ColorRole.PlaceholderText)
             help.setWordWrap(True)
             inner = QGridLayout()
@@ -128,7 +128,7 @@ class NewProjectDialog(QDialog):
             grid.addWidget(name, row, 0)
             grid.addLayout(inner, row, 1, 1, 4)
         grid.setColumnStretch(1, 1)
-        self.verdict = QLabel(self)
+        self.verdict = Label(self)
         font = QFont(self.verdict.font())
         font.setBold(True)
         self.verdict.setFont(font)
@@ -141,7 +141,7 @@ class NewProjectDialog(QDialog):
         policy.setRetainSizeWhenHidden(True)
         self.busy.setSizePolicy(policy)
         self.findings = FindingTree(self)
-        self.problem = QLabel(self)
+        self.problem = Label(self)
         self.problem.setWordWrap(True)
         self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
         buttons = QDialogButtonBox(self)

@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
     QHBoxLayout,
-    QLabel,
     QListWidget,
     QListWidgetItem,
     QPushButton,
@@ -27,6 +26,7 @@ from app import colors
 from app.jobs.results import Result, Table, save_table, value_words, words_of
 from app.notices import Notices
 from app.panels.submaps import table as quiet_table
+from app.plain_text import CAPTION, Label, marked, plain, tip
 from nvsim.errors import InputError
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -54,7 +54,11 @@ class ResultModel(QAbstractTableModel):
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return words_of(self.table.columns[section]) if 0 <= section < len(self.table.columns) else None
+            return (
+                plain(words_of(self.table.columns[section]), CAPTION)
+                if 0 <= section < len(self.table.columns)
+                else None
+            )
         return None
 
     def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
@@ -62,11 +66,11 @@ class ResultModel(QAbstractTableModel):
             return None
         value = self.table.rows[index.row()][index.column()]
         if role == Qt.ItemDataRole.DisplayRole:
-            return value_words(value)
+            return plain(value_words(value))
         if role == Qt.ItemDataRole.TextAlignmentRole and isinstance(value, int | float):
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         if role == Qt.ItemDataRole.ToolTipRole and isinstance(value, float):
-            return repr(value)
+            return tip(repr(value))
         return None
 
 
@@ -104,12 +108,12 @@ class ResultPanel(QWidget):
         self.plot.hideButtons()
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
-        self.no_plot = QLabel("This table is one column of figures: there is nothing to plot.", self)
+        self.no_plot = Label("This table is one column of figures: there is nothing to plot.", self)
         self.no_plot.setWordWrap(True)
         self.no_plot.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.no_plot.setForegroundRole(self.no_plot.palette().ColorRole.PlaceholderText)
         self.no_plot.setContentsMargins(12, 0, 12, 0)
-        self.empty = QLabel("Jobs > Evaluate fills this panel.", self)
+        self.empty = Label("Jobs > Evaluate fills this panel.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(12, 8, 12, 8)
         bar = QHBoxLayout()
@@ -163,7 +167,7 @@ class ResultPanel(QWidget):
         self.list.clear()
         for result in results:
             when = time.strftime("%d %b %H:%M", time.localtime(result.at)) if result.at else ""
-            item = QListWidgetItem(f"{result.title}\n{when}" if when else result.title)
+            item = QListWidgetItem(f"{plain(result.title)}\n{when}" if when else plain(result.title))
             self.list.addItem(item)
         self.list.blockSignals(False)
         self.empty.setVisible(not results)
@@ -182,7 +186,7 @@ class ResultPanel(QWidget):
         former = self.tables.currentText()
         self.tables.blockSignals(True)
         self.tables.clear()
-        self.tables.addItems([t.title for t in tables])
+        self.tables.addItems([plain(t.title, CAPTION) for t in tables])
         self.tables.setCurrentText(former)
         self.tables.blockSignals(False)
         self._on_table(self.tables.currentIndex())
@@ -194,7 +198,7 @@ class ResultPanel(QWidget):
         former = self.columns.currentText()
         self.columns.blockSignals(True)
         self.columns.clear()
-        self.columns.addItems([words_of(self.table.columns[i]) for i in self.table.plotted])
+        self.columns.addItems([plain(words_of(self.table.columns[i]), CAPTION) for i in self.table.plotted])
         self.columns.setCurrentText(former)
         self.columns.blockSignals(False)
         self._draw()
@@ -223,10 +227,10 @@ class ResultPanel(QWidget):
             self.plot.plot(known, values[known], pen=pyqtgraph.mkPen(colors.NODE, width=1.5))
         self.plot.getPlotItem().invertY(few)  # in the order of the table
         step = 1 if few else max(1, len(names) // 8)
-        ticks = [[(i, names[i][:22]) for i in range(0, len(names), step)]]
+        ticks = [[(i, plain(names[i], 22)) for i in range(0, len(names), step)]]
         self.plot.getAxis("left").setTicks(ticks if few else None)
         self.plot.getAxis("bottom").setTicks(None if few else ticks)
-        self.plot.setTitle(self.columns.currentText(), size="9pt", color=self.palette().text().color())
+        self.plot.setTitle(marked(self.columns.currentText()), size="9pt", color=self.palette().text().color())
         self.plot.autoRange()
 
     # Taking it away ---------------------------------------------------------------------------------------------

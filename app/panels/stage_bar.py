@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QPainter, QPaintEvent
-from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QLabel, QProgressBar, QPushButton, QSizePolicy, QWidget
+from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QProgressBar, QPushButton, QSizePolicy, QWidget
 
 from app.jobs.queue import JobQueue
 from app.panels.job_table import duration
+from app.plain_text import Label, plain, tip
 
 TITLES = {
     "submaps": "Cut into submaps",
@@ -27,7 +28,7 @@ class StageBar(QWidget):
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self._verb = ""
-        self.sentence = QLabel(self)
+        self.sentence = Label(self)
         self.everything = QPushButton("Run everything", self)
         self.stage = QPushButton(self)
         self.settings = QPushButton("Settings…", self)
@@ -50,7 +51,7 @@ class StageBar(QWidget):
         """Offers the stage `verb`; hides where that is none that can be started."""
         self._verb = verb
         self.sentence.setText(sentence)
-        self.sentence.setToolTip(f"In a terminal: {command}")
+        self.sentence.setToolTip(tip(f"In a terminal: {command}"))
         self.stage.setText(f"{TITLES.get(verb, '')} only")
         self.setVisible(verb in TITLES)
         self._place()
@@ -88,7 +89,7 @@ class JobStatus(QWidget):
         super().__init__(parent)
         self._queue = queue
         self.setCursor(Qt.CursorShape.PointingHandCursor)
-        self.words = QLabel(self)
+        self.words = Label(self)
         self.bar = QProgressBar(self)
         self.bar.setRange(0, 1000)
         self.bar.setTextVisible(False)
@@ -110,7 +111,7 @@ class JobStatus(QWidget):
             return
         handle = running[0]
         left = handle.history.seconds_left
-        words = f"{handle.title}  {100 * handle.history.share:.0f} %"
+        words = f"{plain(handle.title, 60)}  {100 * handle.history.share:.0f} %"
         self.words.setText(words if left is None else f"{words}, {duration(left)} left")
         self.bar.setValue(round(1000 * handle.history.share))
 

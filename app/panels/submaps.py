@@ -11,6 +11,7 @@ from app import colors
 from app.document import Document
 from app.icons import swatch
 from app.panels.hint import Hint
+from app.plain_text import tip
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
@@ -50,7 +51,7 @@ class SubmapModel(QAbstractTableModel):
             if role == Qt.ItemDataRole.DisplayRole:
                 return _COLUMNS[section]
             if role == Qt.ItemDataRole.ToolTipRole:
-                return _TIPS[section]
+                return tip(_TIPS[section])
         return None
 
     def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:

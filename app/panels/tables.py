@@ -11,7 +11,6 @@ from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt,
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHBoxLayout,
-    QLabel,
     QLineEdit,
     QPushButton,
     QTableView,
@@ -25,6 +24,7 @@ from app.document import Document
 from app.panels.afterwards import Afterwards
 from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
 from app.panels.submaps import table
+from app.plain_text import Label
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
@@ -65,10 +65,10 @@ class TablePanel(QWidget):
         self.select.setToolTip("Selects in the graph what the expression holds for (Enter)")
         self.select.clicked.connect(self.select_filtered)
         self.select.setEnabled(False)
-        self.trouble = QLabel(self)
+        self.trouble = Label(self)
         self.trouble.setWordWrap(True)
         self.trouble.hide()
-        self.count = QLabel(self)
+        self.count = Label(self)
         self.count.setForegroundRole(self.count.palette().ColorRole.PlaceholderText)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)

@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QHBoxLayout,
     QHeaderView,
-    QLabel,
     QLineEdit,
     QMenu,
     QPushButton,
@@ -27,6 +26,7 @@ from app import colors
 from app.document import Document
 from app.panels.afterwards import Afterwards
 from app.panels.submaps import table
+from app.plain_text import SENTENCE, Label, caption, plain, tip
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.selection import GraphSelection
 
@@ -95,9 +95,9 @@ class FindingModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.ToolTipRole:
             fixes = "\n".join(f"Fix: {fix.text}" for fix in finding.fixes)
             ignored = "" if reason is None else f"\nIgnored: {reason}"
-            return f"{finding.message}{ignored}\n{fixes}".strip()
+            return tip(f"{finding.message}{ignored}\n{fixes}".strip())
         if role == Qt.ItemDataRole.DisplayRole:
-            return (finding.severity, finding.message, finding.kind)[index.column()]
+            return plain((finding.severity, finding.message, finding.kind)[index.column()], SENTENCE)
         return None
 
 
@@ -133,7 +133,7 @@ class ValidationPanel(QWidget):
         header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
         header.resizeSection(0, 66)
         header.resizeSection(2, 74)
-        self.sentence = QLabel(self)
+        self.sentence = Label(self)
         self.sentence.setWordWrap(True)
         self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.sentence.hide()
@@ -153,7 +153,7 @@ class ValidationPanel(QWidget):
         bottom = QHBoxLayout()
         bottom.addWidget(self.reason, 1)
         bottom.addWidget(self.ignore_button)
-        self.clean = QLabel("Nothing is wrong that we know of.", self)
+        self.clean = Label("Nothing is wrong that we know of.", self)
         self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
         layout = QVBoxLayout(self)
@@ -250,12 +250,12 @@ class ValidationPanel(QWidget):
         self.sentence.setVisible(finding is not None)
         ignored = finding is not None and graph is not None and finding.key in graph.ignored
         self.fix.setEnabled(bool(fixes) and editing.writable)
-        self.fix.setText(f"Fix: {fixes[0].text}" if fixes else "Fix")
+        self.fix.setText(caption(f"Fix: {fixes[0].text}") if fixes else "Fix")
         nothing = "Choose a finding" if finding is None else "For this there is no fix that does not need a person"
-        self.fix.setToolTip(fixes[0].text if fixes else nothing)
+        self.fix.setToolTip(tip(fixes[0].text if fixes else nothing))
         menu = QMenu(self.fix)
         for fix in fixes:
-            menu.addAction(fix.text, partial(self._apply, fix))
+            menu.addAction(caption(fix.text), partial(self._apply, fix))
         old = self.fix.menu()
         self.fix.setMenu(menu if len(fixes) > 1 else None)  # type: ignore[arg-type]
         if old is not None:

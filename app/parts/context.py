@@ -10,6 +10,7 @@ from app import hand
 from app.modes.mode import Pointer
 from app.parts.part import Part, Workspace
 from app.parts.proposing import ProposePart
+from app.plain_text import caption
 from nvsim.graph.history import counted
 from nvsim.graph.selection import GraphSelection
 
@@ -54,7 +55,7 @@ class ContextPart(Part):
             self._fill_for_things(menu)
         if not editing.writable and editing.locked:
             menu.addSeparator()
-            menu.addAction(editing.locked).setEnabled(False)
+            menu.addAction(caption(editing.locked)).setEnabled(False)
         return menu
 
     def _add_ghost(self, menu: QMenu, pointer: Pointer) -> None:
@@ -70,7 +71,7 @@ class ContextPart(Part):
         words = " and ".join(counted(n, thing) for n, thing in parts if n)
         if len(chosen.viewpoints) + len(chosen.edges) == 1:
             words = " – ".join(id[:8] for id in (*chosen.viewpoints, *(end for key in chosen.edges for end in key)))
-        menu.addSection(words)
+        menu.addSection(caption(words))
         self._add(menu, _OF_THINGS)
 
     def _fill_for_floor(self, menu: QMenu, pointer: Pointer) -> None:
@@ -82,7 +83,7 @@ class ContextPart(Part):
                 menu.addAction("Add a viewpoint here", add)
                 if len(editing.selection.viewpoints) == 1:
                     (near,) = editing.selection.viewpoints
-                    menu.addAction(f"Add a viewpoint here and join it to {near[:8]}", partial(add, join=near))
+                    menu.addAction(f"Add a viewpoint here and join it to {caption(near[:8])}", partial(add, join=near))
         self._add(menu, _OF_THE_FLOOR)
 
     def _add(self, menu: QMenu, groups: tuple[tuple[str, ...], ...]) -> None:

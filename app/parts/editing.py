@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import QLabel
 
 from app import hand
 from app.actions import Action
 from app.graph_reasons import can_redo, can_save, can_undo, edges, viewpoints, with_things
 from app.panels.form import Choice, Form, Number
 from app.parts.part import Part, Workspace
+from app.plain_text import Label, caption, tip
 
 
 def _edit(id: str, text: str, tip: str, section: int, shortcut: str = "", **more: object) -> Action:
@@ -68,7 +68,7 @@ class EditPart(Part):
         super().__init__(workspace)
         self._editing = workspace.document.editing
         self.form: Form | None = None
-        self.looking = QLabel("read only", workspace.window)
+        self.looking = Label("read only", workspace.window)
         self.looking.hide()
         self._editing.stepsChanged.connect(self._name_steps)
         self._editing.failed.connect(workspace.notices.error)
@@ -100,10 +100,10 @@ class EditPart(Part):
         """Undo and Redo say what they would take back or do again."""
         actions, history = self.workspace.window.actions_table, self._editing.history
         back, forth = (None, None) if history is None else (history.undo_text, history.redo_text)
-        actions["undo"].setText(f"&Undo {_lower(back)}".rstrip())
-        actions["redo"].setText(f"&Redo {_lower(forth)}".rstrip())
+        actions["undo"].setText(f"&Undo {caption(_lower(back))}".rstrip())
+        actions["redo"].setText(f"&Redo {caption(_lower(forth))}".rstrip())
         self.workspace.window.setWindowModified(self._editing.dirty)
-        self.looking.setToolTip(self._editing.locked)
+        self.looking.setToolTip(tip(self._editing.locked))
         self.looking.setVisible(bool(self._editing.locked))
 
     def restore(self, settings: QSettings) -> None:

@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QComboBox
 
 from app.graph_files import ForeignGraph
 from app.parts.part import Part, Workspace
+from app.plain_text import CAPTION, plain
 from nvsim.graph.connectivity import SUFFIX
 
 _OF_A_GRAPH = ("layers", "history", "tables", "validation")
@@ -41,7 +42,7 @@ class ForeignPart(Part):
         if "graph" in parts and isinstance(file, ForeignGraph) and len(file.scans) > 1:
             self.scans.clear()
             for path in file.scans:
-                self.scans.addItem(path.name.removesuffix(SUFFIX), path)
+                self.scans.addItem(plain(path.name.removesuffix(SUFFIX), CAPTION), path)
             self.scans.setCurrentIndex(file.scans.index(contents.path) if contents.path in file.scans else -1)
             self.scans.show()
         if contents.graph is not None and alone != self._alone:

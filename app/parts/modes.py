@@ -11,6 +11,7 @@ from app.graph_reasons import with_editing, writable
 from app.graph_surface import MapSurface
 from app.map_view import MapView
 from app.parts.part import Part, Workspace
+from app.plain_text import plain
 
 _SECTION = 0
 
@@ -75,7 +76,7 @@ class ModePart(Part):
         self.workspace.window.actions_table[f"mode_{name}"].setChecked(True)
 
     def _say(self, text: str) -> None:
-        self.workspace.window.statusBar().showMessage(text)
+        self.workspace.window.statusBar().showMessage(plain(text))
 
     def _leave_when_locked(self, _: object) -> None:
         if not self.workspace.document.editing.writable and self.stage.current.name.startswith("add"):

@@ -15,6 +15,7 @@ from app.graph_files import holds_graph
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.parts.jobs import JobsPart
 from app.parts.part import Part
+from app.plain_text import caption, tip
 from app.reasons import Reason
 from nvsim.capture.several import SUFFIX, write_list
 from nvsim.errors import InputError
@@ -198,7 +199,8 @@ class NewProjectPart(Part):
         self._menu.clear()
         paths = self.recent()
         for path in paths:
-            action = QAction(f"{path.name}   {path.parent}", self._menu)
+            action = QAction(caption(f"{path.name}   {path.parent}"), self._menu)
+            action.setToolTip(tip(path))
             action.triggered.connect(lambda _=False, p=path: self.workspace.window.projectChosen.emit(p))
             self._menu.addAction(action)
         if not paths:

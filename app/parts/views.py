@@ -12,6 +12,7 @@ from app.document import Document
 from app.parts.frames import FramePart
 from app.parts.part import Part, Workspace
 from app.parts.view import BUDGETS
+from app.plain_text import caption
 from app.reasons import Reason, with_positions
 from app.renderer_choice import PREFERENCES
 from app.tones import CHANNELS
@@ -177,7 +178,7 @@ class ViewsPart(Part):
         ):
             words = [] if None in way else list(changes(*way, self._title).values())  # type: ignore[arg-type]
             undone = words[0] + (f" and {len(words) - 1} more" if len(words) > 2 else "") if words else ""
-            table[id].setText(f"{title}: {undone}" if undone else title)
+            table[id].setText(f"{title}: {caption(undone)}" if undone else title)
         table.refresh()
 
     def _title(self, name: str) -> str:

@@ -8,7 +8,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFrame,
     QHBoxLayout,
-    QLabel,
     QPushButton,
     QScrollArea,
     QVBoxLayout,
@@ -18,6 +17,7 @@ from PySide6.QtWidgets import (
 from app import colors
 from app.document import Document
 from app.forms.fields import field_docs
+from app.plain_text import Label, MarkedLabel, tip
 from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import THRESHOLDS, changed, preset
 from app.thresholds.trial import Trial
@@ -43,8 +43,7 @@ class ThresholdPanel(QScrollArea):
         layout = QVBoxLayout(content)
         layout.setContentsMargins(10, 8, 10, 8)
         layout.setSpacing(5)
-        self.outcome, self.notes = QLabel(content), QLabel(content)
-        self.outcome.setTextFormat(Qt.TextFormat.RichText)
+        self.outcome, self.notes = MarkedLabel(content), Label(content)
         font = self.outcome.font()
         font.setPointSizeF(font.pointSizeF() + 1.5)
         self.outcome.setFont(font)
@@ -92,10 +91,10 @@ class ThresholdPanel(QScrollArea):
         self.rule = QComboBox(parent)
         for key, text in _RULES.items():
             self.rule.addItem(text, key)
-        self.rule.setToolTip(f"<p>{docs.get('rule', '')}</p>")
+        self.rule.setToolTip(tip(docs.get("rule", "")))
         self.rule.setAccessibleName("Rule")
         self.both_ways = QCheckBox("Both ways", parent)
-        self.both_ways.setToolTip(f"<p>{docs.get('both_ways', '')}</p>")
+        self.both_ways.setToolTip(tip(docs.get("both_ways", "")))
         self.rule.currentIndexChanged.connect(lambda _: self._choose("rule", self.rule.currentData()))
         self.both_ways.toggled.connect(lambda on: self._choose("both_ways", on))
         row.addWidget(self.rule, 1)
@@ -105,16 +104,16 @@ class ThresholdPanel(QScrollArea):
     def _presets(self, parent: QWidget) -> QHBoxLayout:
         row = QHBoxLayout()
         row.setSpacing(4)
-        for key, text, tip in (
+        for key, text, words in (
             ("project", "Project's", "The thresholds that the project's graph was built with"),
             ("default", "Defaults", "The defaults of NVSim"),
             ("paper", "Paper's", "The decision of the paper: the means over the corridor, one way"),
         ):
-            mark = QLabel(f'<span style="color:{MARKS[key]}">▲</span>', parent)
+            mark = MarkedLabel(f'<span style="color:{MARKS[key]}">▲</span>', parent)
             button = QPushButton(text, parent)
             button.setFlat(True)
             button.setObjectName(f"preset_{key}")
-            button.setToolTip(f"{tip}; the mark of this colour under each slider")
+            button.setToolTip(tip(f"{words}; the mark of this colour under each slider"))
             button.clicked.connect(lambda _=False, k=key: self.take_preset(k))
             row.addWidget(mark)
             row.addWidget(button)
@@ -150,7 +149,7 @@ class ThresholdPanel(QScrollArea):
         self.apply.setToolTip(
             "Change the edges of the graph as shown: one step of the history, which can be undone"
             if reason is None
-            else f"Not now: {reason}."
+            else tip(f"Not now: {reason}.")
         )
         self.reset.setEnabled(self._trial.differs)
         self.build.setEnabled(self._document.project is not None and self._document.graph is not None)

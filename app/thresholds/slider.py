@@ -9,7 +9,6 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPolygonF, QW
 from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QHBoxLayout,
-    QLabel,
     QSizePolicy,
     QSlider,
     QStyle,
@@ -18,6 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from app import colors
+from app.plain_text import Label, tip
 from app.thresholds.table import Threshold
 
 MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.WARNING_TEXT}
@@ -77,8 +77,8 @@ class ThresholdRow(QWidget):
         super().__init__(parent)
         self.threshold = threshold
         self.setObjectName(f"threshold_{threshold.field}")
-        self.setToolTip(f"<p>{help} ({threshold.field})</p>")
-        self.name = QLabel(threshold.name, self)
+        self.setToolTip(tip(f"{help} ({threshold.field})"))
+        self.name = Label(threshold.name, self)
         self.slider = MarkedSlider(self)
         self.slider.setRange(0, threshold.steps)
         self.slider.setPageStep(max(1, threshold.steps // 20))

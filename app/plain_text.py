@@ -1,0 +1,119 @@
+"""What comes from outside (a file's name, a frame, an identifier, a job, an error) is shown as plain text.
+
+Qt takes a text for HTML as soon as it looks like it, and then opens the files that the text names: an image in a tool
+tip reads /dev/zero. So every label is a `Label`, every tool tip goes through `tip`, and our own markup holds what comes
+from outside only through `marked`. What would mislead or break the layout is made visible or cut: control characters,
+changes of the direction of writing, line breaks in a name, a name of a megabyte.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from typing import Any
+
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtWidgets import QLabel, QWidget
+
+NAME, SENTENCE, ROWS = 200, 2000, 40  # characters of a name, of a text of several lines, and its lines
+CAPTION = 100  # characters on a button or in a menu: it is as wide as its words
+_TIP_LINE = 120  # characters of a plain tool tip in one line; Qt folds rich text alone
+_WIDEST = 400  # pixels that the words of a label may claim
+_LONGEST_WORD = 60  # characters without a place to fold
+
+# Control characters, line and paragraph separators, directions of writing, the byte order mark, halves of a character.
+_UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
+_WORD = re.compile(f"[^\\s\u200b]{{{_LONGEST_WORD},}}")
+_TAG = re.compile(r"<\s*/?\s*([^\s/>]*)")
+_OUR_TAGS = frozenset({"b", "br", "span", "table", "td", "tr"})
+
+
+def plain(text: object, most: int = NAME) -> str:
+    """One line that shows every character of `text`, cut in the middle to `most` characters."""
+    words = str(text)
+    if len(words) <= most and words.isprintable():
+        return words
+    return _cut(_UNSEEN.sub(_seen, _cut(words, most).replace("\u200b", "‹U+200B›")), most)
+
+
+def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
+    """The same with its line breaks, cut at the end to `most` characters and `rows` lines; a word that has no place to
+    fold gets some."""
+    words = str(text)
+    cut = len(words) > most
+    kept = words[:most].replace("\r\n", "\n").replace("\t", "    ").split("\n")
+    cut = cut or len(kept) > rows
+    shown = "\n".join(row if row.isprintable() else _UNSEEN.sub(_seen, row) for row in kept[:rows])
+    return _WORD.sub(_foldable, shown[:most]) + ("…" if cut or len(shown) > most else "")
+
+
+def marked(text: object) -> str:
+    """As a part of our own HTML."""
+    return html.escape(lines(text)).replace("\n", "<br>")
+
+
+def tip(text: object) -> str:
+    """As a tool tip, which has no format: what might be taken for HTML, and a long line, becomes HTML that says just
+    that."""
+    shown = lines(text)
+    if "<" not in shown and "&" not in shown and all(len(row) <= _TIP_LINE for row in shown.split("\n")):
+        return shown
+    return f'<span style="white-space:pre-wrap">{html.escape(shown)}</span>'
+
+
+def caption(text: object, most: int = CAPTION) -> str:
+    """On a button, a tab or in a menu, where & marks a letter and a tab begins the shortcut."""
+    return plain(text, most).replace("&", "&&")
+
+
+def title(text: object) -> str:
+    """In the title of a window, where [*] is the mark of unsaved changes."""
+    return plain(text, CAPTION).replace("[*]", "[*][*]")
+
+
+class Label(QLabel):
+    """Words as they are. It asks for no more room than a window can give."""
+
+    def __init__(self, words: str | QWidget | None = "", parent: QWidget | None = None, **options: Any) -> None:
+        """QLabel's own arguments: the words and the parent, or the parent alone."""
+        own = words if isinstance(words, str) else ""
+        super().__init__(parent if isinstance(words, str) else words, **options)
+        self.setTextFormat(Qt.TextFormat.PlainText)
+        if own:
+            self.setText(own)
+
+    def setText(self, words: str) -> None:
+        super().setText(lines(words))
+
+    def minimumSizeHint(self) -> QSize:
+        hint = super().minimumSizeHint()
+        return QSize(min(hint.width(), _WIDEST), hint.height())
+
+
+class MarkedLabel(Label):
+    """Words in our own HTML. What comes from outside stands in it by `marked`; where that was forgotten, and it brought
+    tags of its own, everything is shown as plain text."""
+
+    def setText(self, words: str) -> None:
+        ours = _OUR_TAGS.issuperset(_TAG.findall(words)) and "url(" not in words and "background" not in words
+        self.setTextFormat(Qt.TextFormat.RichText if ours else Qt.TextFormat.PlainText)
+        QLabel.setText(self, words if ours else lines(words))
+
+
+def _cut(words: str, most: int) -> str:
+    if len(words) <= most:
+        return words
+    end = (most - 1) // 3
+    return f"{words[: most - 1 - end]}…{words[-end:] if end else ''}"
+
+
+def _seen(found: re.Match[str]) -> str:
+    code = ord(found.group())
+    if code < 0x20:
+        return chr(0x2400 + code)  # the pictures of control characters
+    return "␡" if code == 0x7F else f"‹U+{code:04X}›"
+
+
+def _foldable(found: re.Match[str]) -> str:
+    word, step = found.group(), _LONGEST_WORD - 1
+    return "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
