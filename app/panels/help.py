@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, QUrl
+from PySide6.QtCore import QByteArray, Qt, QUrl
 from PySide6.QtGui import QImage, QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
 from PySide6.QtWidgets import (
     QDialog,
@@ -25,16 +25,15 @@ class _Text(QTextBrowser):
     """Shows pictures as wide as there is room, not wider than they are. Of files it reads those pictures alone."""
 
     def loadResource(self, type: int, name: QUrl | str) -> object:
-        picture = DOCS / QUrl(name).fileName()
-        if type == QTextDocument.ResourceType.ImageResource.value and picture.is_file():
-            image = QImage(str(picture))
+        if type == QTextDocument.ResourceType.ImageResource.value:
+            image = QImage(str(DOCS / QUrl(name).fileName()))
             ratio = self.devicePixelRatioF()
             room = round(ratio * max(200, self.viewport().width() - 60))
             if image.width() > room:
                 image = image.scaledToWidth(room, Qt.TransformationMode.SmoothTransformation)
             image.setDevicePixelRatio(ratio)
             return image
-        return None
+        return QByteArray()  # not None, for which Qt itself would read the file
 
 
 class HelpWindow(QDialog):
