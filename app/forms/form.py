@@ -26,7 +26,7 @@ from app import colors
 from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
 from app.forms.rows import Row
-from app.plain_text import Label
+from app.plain_text import SENTENCE, Label, plain
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key until the values are tried
@@ -111,13 +111,14 @@ class CommandForm(QDialog):
         self.problem.setWordWrap(True)
         self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
         self.problem.hide()
+        self._command_line = ""
         self.command = QLineEdit(self)
         self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.command.setToolTip("The same from a terminal")
         copy = QPushButton("Copy", self)
         copy.setAutoDefault(False)
-        copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self.command.text()))
+        copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self._command_line))
         line = QHBoxLayout()
         line.addWidget(self.command, 1)
         line.addWidget(copy)
@@ -212,7 +213,8 @@ class CommandForm(QDialog):
         except ValueError as error:
             problem = str(error)
         if not problem:
-            self.command.setText(command_line(self.verb, ["--project", str(self._project), *arguments]))
+            self._command_line = command_line(self.verb, ["--project", str(self._project), *arguments])
+            self.command.setText(plain(self._command_line, SENTENCE))
             self.command.setCursorPosition(0)
         self.problem.setText(problem)
         self.problem.setVisible(bool(problem))

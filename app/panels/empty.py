@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton, QVBoxLayout, 
 
 from app.icons import icon
 from app.panels.stage_bar import TITLES
-from app.plain_text import Label, caption, tip
+from app.plain_text import SENTENCE, Label, caption, plain, tip
 
 MOST_RECENT = 4
 
@@ -35,7 +35,7 @@ class EmptyState(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setAutoFillBackground(True)
-        self._verb = ""
+        self._verb = self._command = ""
         self._mark = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.sentence.setWordWrap(True)
@@ -65,7 +65,7 @@ class EmptyState(QWidget):
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.command.setMinimumWidth(300)
         self.copy = QPushButton("Copy", self)
-        self.copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self.command.text()))
+        self.copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self._command))
         row = QHBoxLayout()
         row.addStretch(1)
         row.addWidget(self.command, 4)
@@ -99,7 +99,8 @@ class EmptyState(QWidget):
         """`verb` is the stage that is missing, "" while no stage can be started."""
         self._verb = verb
         self.sentence.setText(sentence)
-        self.command.setText(command)
+        self._command = command
+        self.command.setText(plain(command, SENTENCE))
         self.command.setCursorPosition(0)
         for widget in (self.hint, self.command, self.copy):
             widget.setVisible(bool(command))

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
 from app import colors
 from app.document import Document
-from app.plain_text import plain
+from app.plain_text import plain, tip
 from nvsim.graph.history import Step
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -67,7 +67,7 @@ class HistoryModel(QAbstractListModel):
         if role == Qt.ItemDataRole.DisplayRole:
             return plain(step.text)
         if role == Qt.ItemDataRole.ToolTipRole:
-            return time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
+            return tip(time.strftime("%d %b %H:%M:%S", time.localtime(step.when)))
         if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
             return QColor(colors.QUIET_TEXT)
         if role == Qt.ItemDataRole.FontRole and row == history.index:

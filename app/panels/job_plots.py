@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from app import colors
 from app.jobs.queue import JobHandle
-from app.plain_text import Label
+from app.plain_text import Label, marked
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels
@@ -37,7 +37,7 @@ class JobPlots(QWidget):
             plot = pyqtgraph.PlotWidget(self._row)
             plot.setMenuEnabled(False)
             plot.hideButtons()
-            plot.setTitle(title, size="9pt")
+            plot.setTitle(marked(title), size="9pt")
             plot.setMinimumWidth(60)
             plot.getAxis("bottom").setTickDensity(0.5)
             plot.getAxis("left").setTickDensity(0.7)
@@ -118,7 +118,7 @@ class JobPlots(QWidget):
         palette = self.palette()
         for (_, title), plot in zip(_PLOTS, self.plots.values(), strict=True):
             plot.setBackground(palette.base().color())
-            plot.setTitle(title, size="9pt", color=palette.text().color())
+            plot.setTitle(marked(title), size="9pt", color=palette.text().color())
             for side in ("left", "bottom"):
                 plot.getAxis(side).setPen(palette.placeholderText().color())
                 plot.getAxis(side).setTextPen(palette.text().color())

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import demo_room
 import pyqtgraph
-from PySide6.QtCore import QAbstractItemModel, QModelIndex, QObject, Qt
+from PySide6.QtCore import QAbstractItemModel, QAbstractListModel, QAbstractTableModel, QModelIndex, QObject, Qt
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import (
     QAbstractButton,
@@ -164,7 +164,10 @@ def _of_label(label: QLabel) -> list[str]:
 
 def _of_model(model: QAbstractItemModel, parent: QModelIndex) -> list[str]:
     found: list[str] = []
-    for column in range(model.columnCount(parent)):
+    # Columns of a list and children of a table are private.
+    columns = 1 if isinstance(model, QAbstractListModel) else model.columnCount(parent)
+    tree = not isinstance(model, QAbstractListModel | QAbstractTableModel)
+    for column in range(columns):
         for way in (Qt.Orientation.Horizontal, Qt.Orientation.Vertical):
             found += _of_words(model.headerData(column, way, ROLE.DisplayRole))
             found += _of_tip(model.headerData(column, way, ROLE.ToolTipRole))
@@ -172,7 +175,7 @@ def _of_model(model: QAbstractItemModel, parent: QModelIndex) -> list[str]:
             index = model.index(row, column, parent)
             found += _of_words(index.data(ROLE.DisplayRole)) + _of_words(index.data(ROLE.StatusTipRole))
             found += _of_tip(index.data(ROLE.ToolTipRole)) + _of_tip(index.data(ROLE.WhatsThisRole))
-            if column == 0 and model.hasChildren(index):
+            if tree and column == 0 and model.hasChildren(index):
                 found += _of_model(model, index)
     return found
 
