@@ -15,11 +15,12 @@ from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QVBoxLayout, QWidget
 
 from app import colors
-from app.plain_text import Label
+from app.plain_text import Label, lines
 from nvsim.errors import InputError
 
 SECONDS = {"info": 6.0, "warning": 12.0, "error": None}
 MOST_SHOWN = 4
+MOST_LETTERS, MOST_ROWS = 600, 12  # of one notice on the screen
 _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKED}
 
 
@@ -58,6 +59,7 @@ class _Card(QFrame):
     def __init__(self, notice: Notice, close: Callable[[], None], explain: Callable[[], None], parent: QWidget) -> None:
         super().__init__(parent)
         self.notice = notice
+        self._words = lines(notice.text, MOST_LETTERS, MOST_ROWS)  # the log has the rest
         self.count = 1
         self._timer = QTimer(self, singleShot=True)
         self._timer.timeout.connect(close)
@@ -65,7 +67,8 @@ class _Card(QFrame):
         if seconds is not None:
             self._timer.setInterval(int(1000 * seconds))
             self._timer.start()
-        self._label = Label(notice.text, self)
+        self._label = Label(self)
+        self._label.setText(self._words)
         self._label.setWordWrap(True)
         self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         button = QToolButton(self)
@@ -104,7 +107,7 @@ class _Card(QFrame):
     def repeat(self) -> None:
         self.count += 1
         self._restart()
-        self._label.setText(f"{self.notice.text} ({self.count} times)")
+        self._label.setText(f"{self._words} ({self.count} times)")
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)

@@ -19,11 +19,11 @@ NAME, SENTENCE, ROWS = 200, 2000, 40  # characters of a name, of a text of sever
 CAPTION = 100  # characters on a button or in a menu: it is as wide as its words
 _TIP_LINE = 120  # characters of a plain tool tip in one line; Qt folds rich text alone
 _WIDEST = 400  # pixels that the words of a label may claim
-_LONGEST_WORD = 60  # characters without a place to fold
+_FOLD, _LONGEST_WORD = 40, 48  # characters without a place to fold; none of those that people copy is longer
 
 # Control characters, line and paragraph separators, directions of writing, the byte order mark, halves of a character.
 _UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
-_WORD = re.compile(f"[^\\s\u200b]{{{_LONGEST_WORD},}}")
+_WORD = re.compile(f"[^\\s/\u200b]{{{_LONGEST_WORD},}}")
 _TAG = re.compile(r"<\s*/?\s*([^\s/>]*)")
 _OUR_TAGS = frozenset({"b", "br", "span", "table", "td", "tr"})
 
@@ -37,14 +37,13 @@ def plain(text: object, most: int = NAME) -> str:
 
 
 def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
-    """The same with its line breaks, cut at the end to `most` characters and `rows` lines; a word that has no place to
-    fold gets some."""
+    """The same with its line breaks, cut at the end to `most` characters and `rows` lines."""
     words = str(text)
     cut = len(words) > most
     kept = words[:most].replace("\r\n", "\n").replace("\t", "    ").split("\n")
     cut = cut or len(kept) > rows
     shown = "\n".join(row if row.isprintable() else _UNSEEN.sub(_seen, row) for row in kept[:rows])
-    return _WORD.sub(_foldable, shown[:most]) + ("…" if cut or len(shown) > most else "")
+    return shown[:most] + ("…" if cut or len(shown) > most else "")
 
 
 def marked(text: object) -> str:
@@ -58,7 +57,7 @@ def tip(text: object) -> str:
     shown = lines(text)
     if "<" not in shown and "&" not in shown and all(len(row) <= _TIP_LINE for row in shown.split("\n")):
         return shown
-    return f'<span style="white-space:pre-wrap">{html.escape(shown)}</span>'
+    return f'<span style="white-space:pre-wrap">{html.escape(_folded(shown))}</span>'
 
 
 def caption(text: object, most: int = CAPTION) -> str:
@@ -83,7 +82,7 @@ class Label(QLabel):
             self.setText(own)
 
     def setText(self, words: str) -> None:
-        super().setText(lines(words))
+        super().setText(_folded(lines(words)))
 
     def minimumSizeHint(self) -> QSize:
         hint = super().minimumSizeHint()
@@ -97,7 +96,7 @@ class MarkedLabel(Label):
     def setText(self, words: str) -> None:
         ours = _OUR_TAGS.issuperset(_TAG.findall(words)) and "url(" not in words and "background" not in words
         self.setTextFormat(Qt.TextFormat.RichText if ours else Qt.TextFormat.PlainText)
-        QLabel.setText(self, words if ours else lines(words))
+        QLabel.setText(self, words if ours else _folded(lines(words)))
 
 
 def _cut(words: str, most: int) -> str:
@@ -108,12 +107,11 @@ def _cut(words: str, most: int) -> str:
 
 
 def _seen(found: re.Match[str]) -> str:
-    code = ord(found.group())
-    if code < 0x20:
-        return chr(0x2400 + code)  # the pictures of control characters
-    return "␡" if code == 0x7F else f"‹U+{code:04X}›"
+    letter = found.group()
+    # Fonts lack the pictures of control characters; \n is understood.
+    return ascii(letter)[1:-1] if letter < "\x80" else f"‹U+{ord(letter):04X}›"
 
 
-def _foldable(found: re.Match[str]) -> str:
-    word, step = found.group(), _LONGEST_WORD - 1
-    return "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
+def _folded(words: str) -> str:
+    """With places to fold in words that have none; a path has them already, and must be copied as it is."""
+    return _WORD.sub(lambda found: "\u200b".join(re.findall(f".{{1,{_FOLD}}}", found.group())), words)
