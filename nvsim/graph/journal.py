@@ -97,8 +97,7 @@ class Journal:
             self.recovered = history.edits_since_saved()
         elif self.refusal is None:
             self.recovered = history.edits_since_saved()
-            history.perform(OUTSIDE, graph)
-            history.mark_saved()
+            history.take_over(OUTSIDE, graph)
         elif mine != fingerprint(history.graph, plain=self._plain):
             return History(graph, self)
         return history
@@ -148,7 +147,7 @@ class Journal:
                 pending, cut, marks, base = self._pending, self._cut, self._marks, self._base
                 self._pending, self._cut, self._marks = {}, None, {}
             # Nothing is made for somebody who only looked or clicked.
-            if not self._file.exists and not any(step.edit for step, _ in pending.values()):
+            if not self._file.exists and not any(step.changes for step, _ in pending.values()):
                 self._keep(pending, cut, marks)
                 return
             if not pending and not marks:

@@ -30,6 +30,13 @@ CREATE TABLE steps (number INTEGER PRIMARY KEY, text TEXT NOT NULL, at REAL NOT 
 """
 
 
+_EDIT, _OUTSIDE = 1, 2  # in the column "edit"; 0 is a step that only selects
+
+
+def _kind(step: Step) -> int:
+    return _OUTSIDE if step.outside else int(step.edit)
+
+
 class Newer(InputError):
     """A newer program wrote the file."""
 
@@ -89,7 +96,7 @@ class JournalFile:
                 operation = None if step.operation is None else json.dumps(step.operation)
                 connection.execute(
                     "INSERT INTO steps VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                    (number, step.text, step.when, int(step.edit), step.merge, operation, selection, delta),
+                    (number, step.text, step.when, _kind(step), step.merge, operation, selection, delta),
                 )
             connection.executemany("INSERT OR REPLACE INTO marks VALUES (?, ?)", list(marks.items()))
             connection.execute("COMMIT")
@@ -122,7 +129,7 @@ class JournalFile:
                 if number != len(steps) + 1:
                     raise ValueError(f"step {len(steps) + 1} is missing")
                 found = None if operation is None else json.loads(operation)
-                step = Step(text, decode_selection(selection), at, bool(edit), merge, found)
+                step = Step(text, decode_selection(selection), at, edit == _EDIT, merge, found, edit == _OUTSIDE)
                 steps.append((step, decode_delta(delta)))
         except (zlib.error, struct.error) as error:
             raise ValueError(str(error)) from error
