@@ -81,8 +81,10 @@ class GraphTarget:
 
         Raises InputError when a window is editing it, or left edits that it did not save."""
         with self.journal() as journal:
-            if journal.refusal is not None:
+            if journal.busy:
                 raise InputError(f"{self.path} is being edited in a window; close it there first.")
+            if journal.refusal is not None:
+                raise InputError(journal.refusal)
             history = journal.history(self.read())
             if not history.clean:
                 raise InputError(

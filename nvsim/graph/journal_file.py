@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.atomic import make_folder
+from nvsim.databases import open_to_read, refuse_unless_plain_database
 from nvsim.errors import InputError
 from nvsim.graph.delta import Delta
 from nvsim.graph.history import Step
@@ -57,8 +58,9 @@ class Written:
 class JournalFile:
     """Every method raises InputError when the disk or the file refuses."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, read_only: bool = False) -> None:
         self.path = path
+        self._read_only = read_only
         self._connection: sqlite3.Connection | None = None
         self.exists = path.is_file() and path.stat().st_size > 0
 
@@ -176,6 +178,10 @@ class JournalFile:
 
     def _open(self) -> sqlite3.Connection:
         if self._connection is None:
+            if self._read_only:
+                self._connection = open_to_read(self.path)
+                return self._connection
+            refuse_unless_plain_database(self.path)
             try:
                 self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
                 self._connection.execute("PRAGMA journal_mode=WAL")
