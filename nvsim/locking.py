@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import os
 from pathlib import Path
@@ -23,6 +24,8 @@ class WriterLock:
         """Raises Held when another process (or another part of this one) holds the lock, InputError when the folder
         cannot be written or the lock is no plain file."""
         try:
+            if path.exists() and not os.access(path.parent, os.W_OK):  # what it guards has to grow beside it
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
             descriptor = plain_file(path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise as_input_error(path, error) from error

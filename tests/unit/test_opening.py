@@ -98,7 +98,7 @@ def test_a_job_writes_its_logs_into_files_of_its_own(project: Path, letter: Path
         put_link(path, letter)
     subprocess.run([sys.executable, "-P", "-m", "nvsim.cli.worker", str(project)], check=False, timeout=120)
     assert letter.read_text() == LETTER
-    assert "Started." in job.events.read_text() and "does not exist" in job.messages.read_text()
+    assert "Started." in job.events.read_text() and "does not exist" in job.output.read_text()
 
 
 @pytest.mark.parametrize("suffix", ["", "-wal", "-shm", "-journal"])
