@@ -47,7 +47,7 @@ class Keeping(QObject):
             locked = self._journal.refusal or ""
             if locked:
                 self.told.emit(locked)
-            if self._journal.notice:
+            if self._journal.notice and self._journal.notice != locked:
                 self.told.emit(self._journal.notice)
             if self._journal.recovered:
                 count = self._journal.recovered

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import fcntl
 import os
@@ -25,7 +24,8 @@ class WriterLock:
         cannot be written or the lock is no plain file."""
         try:
             if path.exists() and not os.access(path.parent, os.W_OK):  # what it guards has to grow beside it
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+                never = os.statvfs(path.parent).f_flag & os.ST_RDONLY
+                raise OSError(errno.EROFS if never else errno.EACCES, "it cannot be written")
             descriptor = plain_file(path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise as_input_error(path, error) from error
@@ -41,9 +41,12 @@ class WriterLock:
             os.close(descriptor)
             raise as_input_error(path, error) from error
         self._descriptor: int | None = descriptor
-        with contextlib.suppress(OSError):  # it is locked; on a full disk nobody learns by whom
+        try:
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, str(os.getpid()).encode(), 0)
+        except OSError as error:  # a full disk: what the lock guards could not be written either
+            self.release()
+            raise as_input_error(path, error) from error
 
     def release(self) -> None:
         if self._descriptor is not None:

@@ -153,7 +153,9 @@ def test_a_project_on_a_full_disk_can_be_looked_at(project: Path, history: bool)
     with Project.open(project) as opened:
         scan = opened.need_graph().scan
     found = looked_at(project, no_room)
-    assert found["scan"] == scan
+    assert found["scan"] == scan and found["edited"] is False
+    assert found["said"] == [found["locked"]] and "can only be looked at" in str(found["locked"])
+    assert str(found["refusal"]).startswith("Cannot write")
 
 
 def test_a_snapshot_follows_what_others_write_later(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
