@@ -114,6 +114,11 @@ class GraphTarget:
             project.set_graph(graph)
         return self.path
 
+    @property
+    def original(self) -> Path | None:
+        """Where a connectivity file is kept as it was before it was edited; None in a project."""
+        return None if self.is_project else self._foreign.original
+
     @cached_property
     def _foreign(self) -> ForeignFile:
         from nvsim.graph.foreign import ForeignFile
