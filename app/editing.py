@@ -27,6 +27,7 @@ from nvsim.graph.operations import Surroundings, apply, describe, record
 from nvsim.graph.review import Review
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.sight import sight_on
+from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.against import margin
 from nvsim.mapping.config import MappingConfig
@@ -85,9 +86,9 @@ class Editing(QObject):
 
     def open(self, graph: NavGraph | None, file: GraphFile | None) -> None:
         """Edits `graph` from now on; edits of an earlier window that were not saved come back. When the same file was
-        read again, what it now holds becomes a step."""
-        if self.history is not None and graph is not None and file is not None and file is self.file:
-            self._take_over(graph)
+        read again and holds another graph, that becomes a step which is no edit."""
+        again = self.history is not None and graph is not None and file is not None and file is self.file
+        if again and graph is not None and self._take_over(graph):
             return
         self.close()
         self.file = file
@@ -98,17 +99,23 @@ class Editing(QObject):
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 
-    def _take_over(self, graph: NavGraph) -> None:
-        """The project holds another graph: a job built it."""
+    def _take_over(self, graph: NavGraph) -> bool:
+        """The project was read again. Most often it holds what it held, as a stage that began or ended is reason enough
+        to read; otherwise a job built another graph. False where it has to be opened anew."""
         assert self.history is not None  # asked before
+        held = self.history.graph_at(self.history.saved_index) if self.history.saved_index >= 0 else None
+        if held is not None and same_graph(held, graph):
+            return True
+        if self.locked:
+            return False
         if self.history.clean:
-            self.history.perform("Take what the project holds now", graph)
-            self.history.mark_saved()
+            self.history.take_over("Map built again by a job", graph)
         else:
             self.told.emit(
                 "The graph of the project was built again while you edit; yours is kept, and saving replaces the "
                 "built one. Compare shows the two."
             )
+        return True
 
     def close(self) -> None:
         """What was edited is on the disk when this returns."""

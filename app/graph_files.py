@@ -3,6 +3,7 @@ Knows no Qt."""
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context
-from nvsim.graph.foreign import ForeignFile, connectivity_files
+from nvsim.graph.foreign import ForeignFile, connectivity_files, words_of_saving
 from nvsim.graph.journal import sidecar
 from nvsim.graph.types import NavGraph
 
@@ -33,8 +34,8 @@ class GraphFile(Protocol):
     def foreign(self) -> bool: ...
     @property
     def journal(self) -> Path | None: ...
-    def save(self, graph: NavGraph) -> None:
-        """Raises InputError when it cannot be written."""
+    def save(self, graph: NavGraph) -> str:
+        """Returns what the user should know, "" for nothing. Raises InputError when it cannot be written."""
         ...
 
     def sight(self, unknown: bool = True) -> Visible | None:
@@ -64,11 +65,12 @@ class ProjectGraph:
 
         return Layout(self._project).edits if Layout(self._project).database.is_file() else None
 
-    def save(self, graph: NavGraph) -> None:
+    def save(self, graph: NavGraph) -> str:
         from nvsim.project.project import Project
 
         with Project.open(self._project, writable=True) as project:
             project.set_graph(graph)
+        return ""
 
     def sight(self, unknown: bool = True) -> Visible | None:
         return None
@@ -93,8 +95,13 @@ class ForeignGraph:
     def journal(self) -> Path | None:
         return sidecar(self._file.path)
 
-    def save(self, graph: NavGraph) -> None:
-        self._file.save(graph)
+    def save(self, graph: NavGraph) -> str:
+        path = self._file.save(graph)
+        return words_of_saving(path, self._file.original, graph)
+
+    def save_copy(self, graph: NavGraph, path: Path) -> None:
+        """Writes `graph` to another file and leaves this one as it is. Raises InputError when it cannot be written."""
+        copy.copy(self._file).save(graph, path)
 
     def sight(self, unknown: bool = True) -> Visible | None:
         return self._file.sight(unknown)

@@ -82,6 +82,11 @@ def can_save(document: Document) -> Reason:
     return None if document.editing.dirty else "everything is saved"
 
 
+def with_file_of_its_own(document: Document) -> Reason:
+    file = document.contents.graph_file
+    return None if isinstance(file, ForeignGraph) else "the graph is not a file of its own; File > Export writes one"
+
+
 def with_scans(document: Document) -> Reason:
     file = document.contents.graph_file
     many = isinstance(file, ForeignGraph) and len(file.scans) > 1

@@ -20,7 +20,7 @@ class Keeping(QObject):
 
     told = Signal(str)
     failed = Signal(str)
-    _saved = Signal(object, str)  # from the thread that saves: the history and the graph, what went wrong
+    _saved = Signal(object, str)  # from the thread that saves: history, graph and what to tell; what went wrong
 
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)
@@ -47,9 +47,9 @@ class Keeping(QObject):
             locked = self._journal.refusal or ""
             if locked:
                 self.told.emit(locked)
-            if self._journal.notice:
+            if self._journal.notice and self._journal.notice != locked:
                 self.told.emit(self._journal.notice)
-            if self._journal.recovered:
+            if self._journal.recovered and not locked:
                 count = self._journal.recovered
                 were, them = ("was", "it") if count == 1 else ("were", "them")
                 self.told.emit(
@@ -88,26 +88,28 @@ class Keeping(QObject):
         self._saving = True
 
         def work() -> None:
-            trouble = ""
+            trouble = words = ""
             try:
                 if journal is not None:
                     journal.flush()  # so that after a crash the journal knows what the file holds
-                file.save(graph)
+                words = file.save(graph)
             except InputError as error:
                 trouble = str(error)
-            self._saved.emit((history, graph), trouble)
+            self._saved.emit((history, graph, words), trouble)
 
         self._saver = threading.Thread(target=work, name="graph saver")
         self._saver.start()
         if wait:
             self._saver.join()
 
-    def _on_saved(self, what: tuple[History, NavGraph], trouble: str) -> None:
-        history, graph = what
+    def _on_saved(self, what: tuple[History, NavGraph, str], trouble: str) -> None:
+        history, graph, words = what
         self._saving = False
         if trouble:
             self.failed.emit(trouble)
         elif history is self._history:
             history.mark_saved(graph)
+            if words:
+                self.told.emit(words)
             if not history.clean:
                 self.told.emit("Saved as it was when saving began; what came after is not saved yet.")

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from nvsim.errors import InputError
+from nvsim.opening import stay_inside
 
 _REASONS = {
     errno.ENOSPC: "the disk is full; free some space and try again",
@@ -30,6 +31,7 @@ def as_input_error(path: Path, error: OSError) -> InputError:
 
 def make_folder(path: Path) -> Path:
     """Creates `path` and its parents. Raises InputError with the reason."""
+    stay_inside(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

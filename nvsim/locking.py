@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from pathlib import Path
-from typing import IO
 
 from nvsim.atomic import as_input_error
 from nvsim.errors import InputError
+from nvsim.opening import plain_file
 
 
 class Held(InputError):
@@ -20,26 +21,34 @@ class WriterLock:
 
     def __init__(self, path: Path) -> None:
         """Raises Held when another process (or another part of this one) holds the lock, InputError when the folder
-        cannot be written."""
+        cannot be written or the lock is no plain file."""
         try:
-            self._file: IO[str] | None = open(path, "a+")  # noqa: SIM115 (held for the lock's life)
+            if path.exists() and not os.access(path.parent, os.W_OK):  # what it guards has to grow beside it
+                never = os.statvfs(path.parent).f_flag & os.ST_RDONLY
+                raise OSError(errno.EROFS if never else errno.EACCES, "it cannot be written")
+            descriptor = plain_file(path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise as_input_error(path, error) from error
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            self._file.seek(0)
-            holder = self._file.read().strip() or "unknown"
-            self._file.close()
+            holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip() or "unknown"
+            os.close(descriptor)
             raise Held(
                 f"{path.parent} is being written by another NVSim process (pid {holder}); wait for it or stop it."
             ) from error
-        self._file.seek(0)
-        self._file.truncate()
-        self._file.write(str(os.getpid()))
-        self._file.flush()
+        except OSError as error:
+            os.close(descriptor)
+            raise as_input_error(path, error) from error
+        self._descriptor: int | None = descriptor
+        try:
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, str(os.getpid()).encode(), 0)
+        except OSError as error:  # a full disk: what the lock guards could not be written either
+            self.release()
+            raise as_input_error(path, error) from error
 
     def release(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None

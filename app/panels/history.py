@@ -19,7 +19,8 @@ _ROOT = QModelIndex()
 
 
 class HistoryModel(QAbstractListModel):
-    """A row for each step, the first is the graph as it was opened; those after the current one are greyed."""
+    """A row for each step, the first is the graph as it was opened; those after the current one are greyed. What was
+    not edited here but built or written elsewhere is in italics."""
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -67,12 +68,14 @@ class HistoryModel(QAbstractListModel):
         if role == Qt.ItemDataRole.DisplayRole:
             return plain(step.text)
         if role == Qt.ItemDataRole.ToolTipRole:
-            return tip(time.strftime("%d %b %H:%M:%S", time.localtime(step.when)))
+            when = time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
+            return tip(f"{when}, not edited here" if step.outside else when)
         if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
             return QColor(colors.QUIET_TEXT)
-        if role == Qt.ItemDataRole.FontRole and row == history.index:
+        if role == Qt.ItemDataRole.FontRole and (row == history.index or step.outside):
             font = QFont()
-            font.setBold(True)
+            font.setBold(row == history.index)
+            font.setItalic(step.outside)
             return font
         return None
 

@@ -71,7 +71,7 @@ class FilePart(Part):
             "Save what the 3D view shows as a PNG file",
             "&File",
             1,
-            "Ctrl+Shift+S",
+            "Ctrl+Alt+S",
             "camera",
         ),
         Action(

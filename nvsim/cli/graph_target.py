@@ -81,8 +81,10 @@ class GraphTarget:
 
         Raises InputError when a window is editing it, or left edits that it did not save."""
         with self.journal() as journal:
-            if journal.refusal is not None:
+            if journal.busy:
                 raise InputError(f"{self.path} is being edited in a window; close it there first.")
+            if journal.refusal is not None:
+                raise InputError(journal.refusal)
             history = journal.history(self.read())
             if not history.clean:
                 raise InputError(
@@ -111,6 +113,11 @@ class GraphTarget:
         with Project.open(self.path, writable=True) as project:
             project.set_graph(graph)
         return self.path
+
+    @property
+    def original(self) -> Path | None:
+        """Where a connectivity file is kept as it was before it was edited; None in a project."""
+        return None if self.is_project else self._foreign.original
 
     @cached_property
     def _foreign(self) -> ForeignFile:

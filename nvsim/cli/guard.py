@@ -9,7 +9,6 @@ import sys
 import tempfile
 import time
 import traceback
-from pathlib import Path
 from types import FrameType, ModuleType
 
 from nvsim.cli.console import tell_failure
@@ -62,10 +61,12 @@ def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
 
 
 def _crash(verb: str, error: Exception, as_json: bool) -> int:
-    log = Path(tempfile.gettempdir()) / f"nvsim-{verb.replace(' ', '-')}-{time.strftime('%Y%m%d-%H%M%S')}.log"
     where = ""
     try:
-        log.write_text("".join(traceback.format_exception(error)))
+        # A name that nobody could foresee: the folder is everybody's.
+        handle, log = tempfile.mkstemp(f"-{time.strftime('%Y%m%d-%H%M%S')}.log", f"nvsim-{verb.replace(' ', '-')}-")
+        with os.fdopen(handle, "w", errors="backslashreplace") as file:
+            file.write("".join(traceback.format_exception(error)))
         where = f"; the traceback is in {log}"
     except OSError:
         traceback.print_exception(error)

@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 from nvsim.events import Done, Event, Failed, Log
+from nvsim.opening import own_file
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList
 
@@ -57,7 +58,7 @@ def _run(job: Job) -> tuple[int, str]:
     _redirect(2, job.messages)
     message = ""
 
-    with open(job.events, "a", buffering=1) as file:
+    with os.fdopen(own_file(job.events, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "a", buffering=1) as file:
 
         def write(event: Event) -> None:
             file.write(event_line(event, time.time()))
@@ -91,7 +92,7 @@ def _last_words(output: Path) -> str:
 
 def _redirect(descriptor: int, path: Path) -> None:
     """The process and all its children print into the file from now on."""
-    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    file = own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(file, descriptor)
     os.close(file)
 

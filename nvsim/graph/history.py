@@ -27,6 +27,7 @@ class Step:
     merge      steps with the same key in a row are one step: a drag
     operation  {"edit": name, ...arguments} of `nvsim.graph.operations` that leads here from the step before, where
                there is one
+    outside    it leads to a graph that no edit made: a job built it, another program wrote it; `edit` is False then
     """
 
     text: str
@@ -35,6 +36,12 @@ class Step:
     edit: bool = True
     merge: str | None = None
     operation: dict[str, Any] | None = None
+    outside: bool = False
+
+    @property
+    def changes(self) -> bool:
+        """Whether the graph is another one than before it."""
+        return self.edit or self.outside
 
 
 @dataclass(frozen=True)
@@ -120,7 +127,7 @@ class History:
         if self._clean < 0:
             return False
         first, last = sorted((self._clean, self._index))
-        return not any(step.edit for step in self._steps[first + 1 : last + 1])
+        return not any(step.changes for step in self._steps[first + 1 : last + 1])
 
     def edits_since_saved(self) -> int:
         """How many steps that edit lie between the saved graph and the current one; all up to the current one when the
@@ -179,6 +186,24 @@ class History:
         self._append(Step(text, chosen, time.time(), True, merge, operation), earlier, graph)
         self._announce(before, chosen != was, True)
 
+    def take_over(self, text: str, graph: NavGraph) -> None:
+        """The file holds `graph` now, which nobody made here. It becomes the current and the saved graph, as a step
+        that is no edit; undo goes back to what was there before. Of several in a row the last one stays. Raises
+        EditError where nothing may be edited."""
+        if self._journal is not None and self._journal.refusal is not None:
+            raise EditError(self._journal.refusal)
+        before, was = self.graph, self.selection
+        if self._index == len(self._steps) - 1 and self._steps[self._index].outside:
+            self._index -= 1
+        chosen = present(graph, was)
+        step = Step(text, chosen, time.time(), edit=False, outside=True)
+        self._append(step, self._graphs[self._index], graph)
+        self._clean = self._index
+        self._note()
+        if self._journal is not None:
+            self._journal.saved(graph)
+        self._announce(before, chosen != was, True)
+
     def select(self, selection: GraphSelection, text: str | None = None) -> None:
         """Something else is selected, as a step. Selections in a row are one step, unless more than one thing ceases to
         be selected: what was gathered with care must not be lost by a click beside it. While something can be redone,
@@ -194,7 +219,7 @@ class History:
                 self._journal.amend(self._index, self._steps[self._index])
         else:
             lost = len(was.viewpoints - chosen.viewpoints) + len(was.edges - chosen.edges)
-            if self._index > 0 and not current.edit and lost <= 1:
+            if self._index > 0 and not current.changes and lost <= 1:
                 self._index -= 1
             self._append(Step(text or words(chosen), chosen, time.time(), edit=False), graph, graph)
         self._announce(graph, True, True)
@@ -223,7 +248,7 @@ class History:
         at = self._index if graph is None or graph is self._graph else self._graphs.index_of(graph)
         if at is not None:
             # A step that only selects does not hold the mark: it may give way to another selection.
-            at = next(i for i in range(at, -1, -1) if self._steps[i].edit or i == 0)
+            at = next(i for i in range(at, -1, -1) if self._steps[i].changes or i == 0)
         self._clean = -1 if at is None else at
         self._note()
         if self._journal is not None:

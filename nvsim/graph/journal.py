@@ -38,19 +38,21 @@ def sidecar(path: Path) -> Path:
 
 
 class Journal:
-    """One process at a time writes; `refusal` says so to a second one, which may read. `notice` is what a person should
-    know about the opening, "" for nothing. `trouble` is the sentence of the last failed writing, "" when all is well;
-    what could not be written is kept and tried again."""
+    """One process at a time writes; `refusal` says so to a second one, which may read, or says why nobody can; `busy`
+    is whether it is another process. `notice` is what a person should know about the opening, "" for nothing. `trouble`
+    is the sentence of the last failed writing, "" when all is well; what could not be written is kept and tried
+    again."""
 
     def __init__(self, path: Path, lock: WriterLock | None, refusal: str | None, plain: bool) -> None:
         self.path = path
         self.refusal = refusal
+        self.busy = False
         self.notice = refusal or ""
         self.trouble = ""
         self.recovered = 0
         self._plain = plain
         self._lock = lock
-        self._file = JournalFile(path)
+        self._file = JournalFile(path, read_only=refusal is not None)
         self._history: History | None = None
         self._state = threading.Lock()  # guards what is pending
         self._writing = threading.Lock()  # held while the file is written
@@ -65,15 +67,18 @@ class Journal:
     @staticmethod
     def open(path: Path, *, plain: bool = False) -> Journal:
         """The journal at `path`, made with its first step. `plain`: the file it belongs to can hold only what an R2R
-        connectivity file can. Raises InputError when the folder cannot be written."""
+        connectivity file can. Where it cannot be written, or not safely, it refuses and says why."""
         lock_path = path.with_name(f"{path.name}.lock")
+        name = path.parent.name if not plain else path.name.removeprefix(".").removesuffix(".edits")
         try:
             return Journal(path, WriterLock(lock_path), None, plain)
         except Held:
-            name = path.parent.name if not plain else path.name.removeprefix(".").removesuffix(".edits")
-            return Journal(
-                path, None, f"{name} is being edited in another window; here it can only be looked at.", plain
-            )
+            why, busy = "is being edited in another window; here it", True
+        except InputError as error:
+            why, busy = f"cannot be edited ({str(error).rstrip('.')}); it", False
+        journal = Journal(path, None, f"{name} {why} can only be looked at.", plain)
+        journal.busy = busy
+        return journal
 
     def history(self, graph: NavGraph) -> History:
         """The history that was written down, going on from `graph`, which the file holds now: with `recovered` edits
@@ -97,8 +102,7 @@ class Journal:
             self.recovered = history.edits_since_saved()
         elif self.refusal is None:
             self.recovered = history.edits_since_saved()
-            history.perform(OUTSIDE, graph)
-            history.mark_saved()
+            history.take_over(OUTSIDE, graph)
         elif mine != fingerprint(history.graph, plain=self._plain):
             return History(graph, self)
         return history
@@ -148,7 +152,7 @@ class Journal:
                 pending, cut, marks, base = self._pending, self._cut, self._marks, self._base
                 self._pending, self._cut, self._marks = {}, None, {}
             # Nothing is made for somebody who only looked or clicked.
-            if not self._file.exists and not any(step.edit for step, _ in pending.values()):
+            if not self._file.exists and not any(step.changes for step, _ in pending.values()):
                 self._keep(pending, cut, marks)
                 return
             if not pending and not marks:

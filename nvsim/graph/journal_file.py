@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.atomic import make_folder
+from nvsim.databases import open_to_read, refuse_unless_plain_database
 from nvsim.errors import InputError
 from nvsim.graph.delta import Delta
 from nvsim.graph.history import Step
@@ -28,6 +29,13 @@ CREATE TABLE base (graph BLOB NOT NULL, at REAL NOT NULL);
 CREATE TABLE steps (number INTEGER PRIMARY KEY, text TEXT NOT NULL, at REAL NOT NULL, edit INTEGER NOT NULL,
     merge TEXT, operation TEXT, selection BLOB NOT NULL, delta BLOB NOT NULL);
 """
+
+
+_EDIT, _OUTSIDE = 1, 2  # in the column "edit"; 0 is a step that only selects
+
+
+def _kind(step: Step) -> int:
+    return _OUTSIDE if step.outside else int(step.edit)
 
 
 class Newer(InputError):
@@ -50,8 +58,9 @@ class Written:
 class JournalFile:
     """Every method raises InputError when the disk or the file refuses."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, read_only: bool = False) -> None:
         self.path = path
+        self._read_only = read_only
         self._connection: sqlite3.Connection | None = None
         self.exists = path.is_file() and path.stat().st_size > 0
 
@@ -89,7 +98,7 @@ class JournalFile:
                 operation = None if step.operation is None else json.dumps(step.operation)
                 connection.execute(
                     "INSERT INTO steps VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                    (number, step.text, step.when, int(step.edit), step.merge, operation, selection, delta),
+                    (number, step.text, step.when, _kind(step), step.merge, operation, selection, delta),
                 )
             connection.executemany("INSERT OR REPLACE INTO marks VALUES (?, ?)", list(marks.items()))
             connection.execute("COMMIT")
@@ -122,7 +131,7 @@ class JournalFile:
                 if number != len(steps) + 1:
                     raise ValueError(f"step {len(steps) + 1} is missing")
                 found = None if operation is None else json.loads(operation)
-                step = Step(text, decode_selection(selection), at, bool(edit), merge, found)
+                step = Step(text, decode_selection(selection), at, edit == _EDIT, merge, found, edit == _OUTSIDE)
                 steps.append((step, decode_delta(delta)))
         except (zlib.error, struct.error) as error:
             raise ValueError(str(error)) from error
@@ -169,6 +178,10 @@ class JournalFile:
 
     def _open(self) -> sqlite3.Connection:
         if self._connection is None:
+            if self._read_only:
+                self._connection = open_to_read(self.path)
+                return self._connection
+            refuse_unless_plain_database(self.path)
             try:
                 self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
                 self._connection.execute("PRAGMA journal_mode=WAL")

@@ -12,7 +12,8 @@ from nvsim.graph.history import History
 
 def script(history: History) -> list[str]:
     """JSON lines that lead from the first to the current step. A step without a named edit is written as a patch of its
-    viewpoints and edges; where that does not say it all (evidence, another order), as a comment."""
+    viewpoints and edges; where that does not say it all (evidence, another order), and where nobody edited but a job or
+    another program changed the graph, as a comment."""
     lines = []
     for index, step in enumerate(history.steps[1 : history.index + 1], 1):
         if step.operation is not None:
@@ -20,6 +21,8 @@ def script(history: History) -> list[str]:
         elif step.edit:
             found = _patch(delta_between(history.graph_at(index - 1), history.graph_at(index)), step.text)
             lines.append(f"# {step.text}" if found is None else json.dumps(found))
+        elif step.outside:
+            lines.append(f"# {step.text}")
     return lines
 
 

@@ -5,11 +5,11 @@ WAL mode with synchronous=FULL: what was committed survives a kill and a power c
 
 from __future__ import annotations
 
-import os
 import sqlite3
 from pathlib import Path
 
 from nvsim.atomic import as_input_error
+from nvsim.databases import open_to_read, refuse_unless_plain_database
 from nvsim.errors import InputError
 
 VERSION = 2
@@ -50,6 +50,7 @@ CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason 
 
 def create(path: Path) -> sqlite3.Connection:
     """A new database at `path`. Raises InputError when it cannot be written."""
+    refuse_unless_plain_database(path)
     try:
         connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
         connection.execute("PRAGMA journal_mode=WAL")
@@ -67,12 +68,9 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
         raise InputError(f"{path.parent} is not an NVSim project: it has no {path.name}; `nvsim import` makes one.")
     try:
         if read_only:
-            # Without write permission SQLite cannot keep its shared-memory file beside a WAL database.
-            flags = "mode=ro" if os.access(path.parent, os.W_OK) else "mode=ro&immutable=1"
-            connection = sqlite3.connect(
-                f"file:{_quoted(path)}?{flags}", uri=True, timeout=30, isolation_level=None, check_same_thread=False
-            )
+            connection = open_to_read(path)
         else:
+            refuse_unless_plain_database(path)
             connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
         if version == 0 and not read_only:
@@ -85,7 +83,8 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
                 connection.executescript(f"BEGIN IMMEDIATE; {_since(version)} COMMIT;")
                 version = VERSION
     except sqlite3.OperationalError as error:
-        raise InputError(f"Cannot open {path}: {error}; check that the project folder is writable.") from error
+        reason = "whether it is readable" if read_only else "that the project folder is writable and its disk has room"
+        raise InputError(f"Cannot open {path}: {error}; check {reason}.") from error
     except sqlite3.DatabaseError as error:
         raise InputError(f"{path} is damaged ({error}); restore the project from a copy or import it again.") from error
     if version > VERSION:
@@ -101,10 +100,6 @@ def _since(version: int) -> str:
     """The statements that bring a database of `version` up to date; to be run inside one transaction."""
     steps = [_MIGRATIONS[v] for v in range(version + 1, VERSION + 1)]
     return "".join([*steps, f" PRAGMA user_version={VERSION};"])
-
-
-def _quoted(path: Path) -> str:
-    return str(path.resolve()).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
 
 
 def explain(path: Path, error: sqlite3.Error) -> InputError:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from nvsim.opening import PROJECT_DATABASE
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -15,7 +17,7 @@ class Layout:
 
     @property
     def database(self) -> Path:
-        return self.root / "project.db"
+        return self.root / PROJECT_DATABASE
 
     @property
     def lock(self) -> Path:

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nvsim.atomic import make_folder
+from nvsim.databases import Snapshot, stamp
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.locking import WriterLock
+from nvsim.opening import refuse_links_out
 from nvsim.project import database, graph_table
 from nvsim.project.corrections import mask_in_use
 from nvsim.project.jobs import JobRecord, read_jobs
@@ -39,6 +41,7 @@ class Project:
         self._lock = lock
         self._capture: tuple[int, Capture] | None = None
         self._fresh = False
+        self._stamp = stamp(layout.database)
 
     # Opening ----------------------------------------------------------------------------------------------------
 
@@ -50,6 +53,7 @@ class Project:
             raise InputError(f"{layout.root} does not exist; `nvsim import CAPTURE --project {path}` makes a project.")
         lock = None
         if writable and layout.database.is_file():
+            refuse_links_out(layout.root)
             lock = WriterLock(layout.lock)
         try:
             return Project(layout, database.connect(layout.database, read_only=not writable), lock)
@@ -122,6 +126,12 @@ class Project:
 
     def revision(self) -> int:
         """A number that changes whenever another connection commits something."""
+        if isinstance(self.connection, Snapshot):
+            now = stamp(self.layout.database)
+            if now != self._stamp:
+                self.connection.close()
+                self.connection, self._stamp = database.connect(self.layout.database, read_only=True), now
+            return hash(now)
         return int(self.connection.execute("PRAGMA data_version").fetchone()[0])
 
     def capture(self) -> Capture | None:

@@ -74,7 +74,7 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
             document.select(frame=0)
         if entry.menu in ("&Edit", "&Graph") and entry.enabled(document) is not None:
             continue  # what there is to edit changes with every edit
-        if entry.id in ("save", "next_scan", "previous_scan"):  # the demo room lies in no file
+        if entry.id in ("save", "save_as", "next_scan", "previous_scan"):  # the demo room lies in no file
             continue
         assert action.isEnabled(), entry.id
         action.trigger()

@@ -75,6 +75,48 @@ def test_an_edit_is_saved_back_to_the_file(session: Session, folder: Path, qtbot
     assert not sidecar(path).exists()
 
 
+def without_an_edge(session: Session) -> int:
+    document = session.document
+    document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
+    return len(document.graph.edges)
+
+
+def test_saving_keeps_the_original_and_says_where_and_what_the_graph_fell_into(
+    session: Session, folder: Path, qtbot: QtBot
+) -> None:
+    path = folder / "first_connectivity.json"
+    before = path.read_bytes()
+    opened(session, path, qtbot)
+    editing = session.document.editing
+    lonely = next(iter(session.document.graph.viewpoints))
+    editing.run("remove_edges", {"pairs": [list(key) for key in session.document.graph.edges if lonely in key]})
+    session.window.actions_table["save"].trigger()
+    qtbot.waitUntil(lambda: not editing.dirty, timeout=5000)
+    assert path.with_name(f"{path.name}~").read_bytes() == before != path.read_bytes()
+    said = session.window.notice_area.texts[-1]
+    assert said.startswith("Saved first_connectivity.json. The file as it was is first_connectivity.json~")
+    assert "2 islands that no edge joins (21, 1 viewpoints)" in said
+
+
+def test_save_as_goes_on_in_a_copy_and_leaves_the_file_as_it_was(
+    session: Session, folder: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, copy = folder / "first_connectivity.json", folder / "mine_connectivity.json"
+    before = path.read_bytes()
+    opened(session, path, qtbot)
+    action = session.window.actions_table["save_as"]
+    assert action.isEnabled() and action.shortcut().toString() == "Ctrl+Shift+S"
+    count = without_an_edge(session)
+    monkeypatch.setattr("app.parts.foreign.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
+    action.trigger()
+    qtbot.waitUntil(lambda: session.document.path == copy and session.document.graph is not None, timeout=10_000)
+    assert len(session.document.graph.edges) == count and not session.document.editing.dirty
+    assert path.read_bytes() == before and not sidecar(path).exists()
+    assert not list(folder.glob("*~")), "nothing was written over"
+    opened(session, path, qtbot)
+    assert len(session.document.graph.edges) == count + 1
+
+
 def test_edits_of_a_file_that_were_not_saved_wait_beside_it(session: Session, folder: Path, qtbot: QtBot) -> None:
     path = folder / "first_connectivity.json"
     before = path.read_bytes()

@@ -44,12 +44,15 @@ def test_select_prints_what_the_expression_holds_for(file: Path, capsys: pytest.
     assert json.loads(capsys.readouterr().out) == {"viewpoints": [], "edges": [["v4", "v5"]]}
 
 
-def test_edit_changes_a_file_and_leaves_nothing_beside_it(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_edit_changes_a_file_and_leaves_but_the_original_beside_it(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["graph", "edit", str(file), "remove_edges", "--where", "length > 2.5", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["text"] == "Remove edge v4 – v5" and printed["changed"]["removed_edges"] == 1
     assert ("v4", "v5") not in read_connectivity(file).edges
-    assert sorted(p.name for p in file.parent.iterdir()) == ["row_connectivity.json", "scans.txt"]
+    left = ["row_connectivity.json", "row_connectivity.json~", "row_review.json", "scans.txt"]
+    assert sorted(p.name for p in file.parent.iterdir()) == left and printed["original"] == f"{file}~"
 
 
 def test_dry_run_and_out_leave_the_file_alone(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -143,7 +143,9 @@ def test_one_way_edges_self_edges_and_short_lists_are_findings_that_can_be_mende
     assert not again.one_way and not again.context().entries
     assert again.graph.edges[ids[0], ids[1]].reviewed, "marks are noted beside the file"
     again.save(edits.mark_reviewed(again.graph, ids, list(again.graph.edges), False))
-    assert [p.name for p in tmp_path.iterdir()] == [file.path.name]
+    kept = {file.path.name, f"{file.path.name}~", "house_review.json"}
+    assert {p.name for p in tmp_path.iterdir()} == kept
+    assert set(json.loads((tmp_path / "house_review.json").read_text())) == {"original"}, "no marks are left"
 
 
 @pytest.mark.parametrize(

@@ -136,8 +136,16 @@ def test_a_file_changed_outside_wins_and_what_was_unsaved_is_an_undo_away(tmp_pa
     with Journal.open(path) as journal:
         again = journal.history(other)
         assert again.graph is other and again.clean and again.undo_text == OUTSIDE and journal.recovered == 4
+        assert not again.steps[-1].edit
         again.undo()
-        assert same_graph(again.graph, history.graph)
+        assert same_graph(again.graph, history.graph) and not again.clean
+        again.redo()
+    with Journal.open(path) as journal:
+        once_more = journal.history(other)
+        assert once_more.clean and len(once_more.steps) == len(again.steps), (
+            "what was outside is outside after reopening"
+        )
+        assert once_more.steps[-1] == again.steps[-1]
 
 
 def test_nothing_is_left_of_looking_and_of_a_foreign_file_saved_and_closed(tmp_path: Path) -> None:

@@ -73,23 +73,34 @@ def run(arguments: Arguments) -> int:
                 words = describe(operation.name, values)
             after = history.graph
             written = target.path if after is not before else None
-    report(before, after, words if values is not None else "", written, arguments.json)
+    original = target.original if written == target.path else None
+    report(before, after, words if values is not None else "", written, arguments.json, original)
     return 0
 
 
-def report(before: NavGraph, after: NavGraph, words: str, written: Path | None, as_json: bool) -> None:
-    """Prints what became of the graph."""
+def report(
+    before: NavGraph, after: NavGraph, words: str, written: Path | None, as_json: bool, original: Path | None
+) -> None:
+    """Prints what became of the graph, and of the file as it was, which is kept at `original`."""
+    from nvsim.graph.components import components
     from nvsim.graph.difference import difference
+    from nvsim.graph.foreign import islands
 
     change = difference(before, after)
     if as_json:
         counts = {name: len(getattr(change, name)) for name in change.__dataclass_fields__}
         where = None if written is None else str(written)
-        print(json.dumps({"text": words, "changed": counts, "written": where}))
+        kept = None if original is None else str(original)
+        parts = len(components(after))
+        print(json.dumps({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
         return
     print(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
     if written is not None:
         print(f"Wrote {written}")
+        if original is not None:
+            print(f"The file as it was is {original}")
+        if sentence := islands(after):
+            print(sentence)
 
 
 def _sentence(change: Difference) -> str:

@@ -37,7 +37,7 @@ def run(arguments: Arguments) -> int:
         print(json.dumps({"steps": rows, "index": index, "saved": clean}))
         return 0
     for number, step in enumerate(steps):
-        if step.edit or number == 0:
+        if step.changes or number == 0:
             when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(step.when))
             marks = " (saved)" if number == clean else ""
             print(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")

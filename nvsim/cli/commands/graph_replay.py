@@ -60,5 +60,6 @@ def run(arguments: Arguments) -> int:
             before = history.graph
             words = play(history)
         written = None if history.graph is before else target.path
-    report(before, history.graph, words, written, arguments.json)
+    original = target.original if written == target.path else None
+    report(before, history.graph, words, written, arguments.json, original)
     return 0

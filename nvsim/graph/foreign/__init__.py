@@ -5,5 +5,6 @@ The format and its traps: Matterport3DSimulator, connectivity/README.md. Knows n
 
 from nvsim.graph.foreign.beside import Beside, look_beside
 from nvsim.graph.foreign.file import ForeignFile, connectivity_files
+from nvsim.graph.foreign.original import islands, words_of_saving
 
-__all__ = ["Beside", "ForeignFile", "connectivity_files", "look_beside"]
+__all__ = ["Beside", "ForeignFile", "connectivity_files", "islands", "look_beside", "words_of_saving"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +19,8 @@ from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.foreign.beside import Beside, look_beside
 from nvsim.graph.foreign.document import Document
-from nvsim.graph.foreign.notes import notes_path, read_notes, write_notes
+from nvsim.graph.foreign.notes import notes_path, read_notes, read_original, write_notes
+from nvsim.graph.foreign.original import keep
 from nvsim.graph.foreign.parsing import parse
 from nvsim.graph.foreign.rewriting import edges_in, rewritten
 from nvsim.graph.types import EdgeKey, NavGraph, edge
@@ -42,6 +44,7 @@ class ForeignFile:
         viewpoints = {e.viewpoint.id: e.viewpoint for e in document.entries}
         self.graph = read_notes(NavGraph(self.scan, viewpoints, edges), notes_path(path))
         self._kept = self.graph
+        self._original = read_original(notes_path(path))
         self._taken = {id: v.position for id, v in viewpoints.items()}
 
     @staticmethod
@@ -55,6 +58,12 @@ class ForeignFile:
             reason = error.strerror if isinstance(error, OSError) else "it is not text"
             raise InputError(f"Cannot read {path}: {reason}; name an R2R connectivity file.") from error
         return ForeignFile(path, parse(text, str(path)), stamp)
+
+    @property
+    def original(self) -> Path | None:
+        """Where the file is kept as it was before it was edited; None while it is as it was."""
+        kept = None if self._original is None else self.path.with_name(self._original.name)
+        return kept if kept is not None and kept.is_file() else None
 
     @property
     def scan(self) -> str:
@@ -119,23 +128,26 @@ class ForeignFile:
     def save(self, graph: NavGraph, path: Path | None = None, *, force: bool = False) -> Path:
         """Writes `graph`, to another `path` where one is given, which then is the file's; returns where.
 
-        Marks and ignored findings, for which the format has no place, go to a file of notes beside it. Raises
+        What the opened file held before its first save is kept beside it, see `original`. Marks and ignored findings,
+        for which the format has no place, go to a file of notes beside it. Raises
         InputError when the disk refuses, or when another program changed the file meanwhile and `force` is not set.
         """
         target = self.path if path is None else Path(path)
-        if (
-            target == self.path
-            and not force
-            and self._stamp is not None
-            and _stamp_of(target) not in (None, self._stamp)
-        ):
+        own = _same_file(target, self.path)
+        if own and not force and self._stamp is not None and _stamp_of(target) not in (None, self._stamp):
             raise InputError(
                 f"{target} was changed by another program since it was opened; open it again or save elsewhere."
             )
         document = rewritten(self._document, self._kept, graph)
         with atomic.replacing(target) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
-            file.writelines(document.pieces())
-        write_notes(graph, notes_path(target))
+            digest = hashlib.sha256()
+            for piece in document.pieces():
+                file.write(piece)
+                digest.update(piece.encode())
+            file.close()
+            original = keep(target, self._original, digest.hexdigest()) if own else None
+        self._original = original
+        write_notes(graph, notes_path(target), original)
         if target.parent != self.path.parent and target.name.endswith(SUFFIX):
             # A scan without an entry in scans.txt is not loaded by anybody.
             list_scan(target.parent / "scans.txt", target.name.removesuffix(SUFFIX))
@@ -170,6 +182,13 @@ def connectivity_files(path: Path) -> list[Path]:
     if not files:
         raise InputError(f"{listed} lists no scan; name a connectivity file.")
     return files
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    try:
+        return one == other or one.samefile(other)
+    except OSError:
+        return False
 
 
 def _stamp_of(path: Path) -> _Stamp | None:

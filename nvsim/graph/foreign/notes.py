@@ -1,16 +1,18 @@
-"""What a person noted about a connectivity file and its format has no place for: SCAN_review.json beside it."""
+"""What a person noted about a connectivity file and its format has no place for, and where its original is kept:
+SCAN_review.json beside it."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX
+from nvsim.graph.foreign.original import Original
 from nvsim.graph.types import NavGraph
 
 _MARKS = ("reviewed", "locked")
@@ -44,7 +46,17 @@ def read_notes(graph: NavGraph, path: Path) -> NavGraph:
     return replace(graph, viewpoints=viewpoints, edges=edges, ignored=ignored)
 
 
-def write_notes(graph: NavGraph, path: Path) -> None:
+def read_original(path: Path) -> Original | None:
+    """What is kept of the file that these are notes about; None where nothing is, or the notes do not say it."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))["original"]
+        name, written = str(kept["name"]), str(kept["written"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return Original(name, written) if Path(name).name == name else None
+
+
+def write_notes(graph: NavGraph, path: Path, original: Original | None = None) -> None:
     """Writes them; where there is nothing to note, the file goes."""
     notes: dict[str, Any] = {"ignored": dict(graph.ignored)} if graph.ignored else {}
     for mark in _MARKS:
@@ -54,6 +66,8 @@ def write_notes(graph: NavGraph, path: Path) -> None:
         }
         if any(found.values()):
             notes[mark] = found
+    if original is not None:
+        notes["original"] = asdict(original)
     if notes:
         atomic.write_text(path, json.dumps(notes, indent=1) + "\n")
     else:

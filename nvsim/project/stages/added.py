@@ -7,9 +7,9 @@ has grown.
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
+from nvsim.atomic import write_bytes
 from nvsim.capture.several import SUFFIX, labels, listed, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
@@ -59,6 +59,6 @@ def _carry(project: Project, former: Capture, label: str) -> list[tuple[Path, Pa
     for index in sorted(corrected_frames(layout, former.frames)):
         name = former.frames[index].name
         old, copy = layout.correction(name), layout.correction(f"{label}/{name}")
-        shutil.copyfile(old, copy)
+        write_bytes(copy, old.read_bytes())
         carried.append((old, copy))
     return carried

@@ -1,0 +1,26 @@
+"""Which library runs the threads of the numba kernels: chosen here, before numba looks for one.
+
+Left alone, numba takes Intel's TBB wherever some other program brought it along, and a process that used it does not
+always end: TBB waits in its unloading (`unload_tbb`) for threads that are gone. So it comes last. OpenMP comes first,
+because any number of Python threads may start kernels on it. Numba's own pool is part of every numba and stands in
+where there is no OpenMP; it ends the process when two threads start kernels at once, which `LOCK` of
+`nvsim.render.workspace` prevents. The kernels deal their work out to numbered parts themselves, so results are the same
+on all of them.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+PRIORITY = ("omp", "workqueue", "tbb")
+_VARIABLE = "NUMBA_THREADING_LAYER_PRIORITY"
+
+
+def choose() -> None:
+    """Tells numba the order, in this process and in those that it starts. What the environment says already was decided
+    by somebody and stays; so does a pool that already runs."""
+    order = os.environ.setdefault(_VARIABLE, " ".join(PRIORITY)).split()
+    numba = sys.modules.get("numba")
+    if numba is not None:  # it read the environment when it was imported
+        numba.config.THREADING_LAYER_PRIORITY = order

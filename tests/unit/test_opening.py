@@ -1,0 +1,194 @@
+"""A project or a graph from somebody else may hold links: what they lead to is never written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from nvsim.atomic import write_text
+from nvsim.cli.guard import guarded
+from nvsim.errors import InputError
+from nvsim.graph.journal import Journal
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.opening import NotPlain, own_file, plain_file
+from nvsim.project.joblist import JobList
+from nvsim.project.layout import Layout
+from nvsim.project.project import Project
+
+LETTER = "a letter of the user's\n"
+
+
+@pytest.fixture
+def letter(tmp_path: Path) -> Path:
+    path = tmp_path / "letter.txt"
+    path.write_text(LETTER)
+    return path
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    root = tmp_path / "given.nvsim"
+    with Project.create_or_open(root) as opened:
+        opened.set_graph(NavGraph("given", {"a": Viewpoint("a", (0.0, 0.0, 1.5))}, {}))
+    return root
+
+
+def put_link(link: Path, to: Path) -> None:
+    link.unlink(missing_ok=True)
+    link.symlink_to(to)
+
+
+def test_a_lock_that_is_a_link_is_refused_and_its_target_stays(project: Path, letter: Path) -> None:
+    put_link(Layout(project).lock, letter)
+    with pytest.raises(InputError, match="symbolic link"):
+        Project.open(project, writable=True)
+    assert letter.read_text() == LETTER
+
+
+def test_a_history_whose_lock_is_a_link_can_only_be_looked_at(project: Path, letter: Path) -> None:
+    put_link(project / "edits.db.lock", letter)
+    with Journal.open(Layout(project).edits) as journal:
+        assert journal.refusal is not None and "symbolic link" in journal.refusal and not journal.busy
+    assert letter.read_text() == LETTER
+
+
+@pytest.mark.parametrize("dangling", [False, True])
+def test_a_link_to_what_is_not_there_makes_nothing(tmp_path: Path, dangling: bool) -> None:
+    target = tmp_path / "elsewhere" / "new.txt" if dangling else tmp_path / "new.txt"
+    put_link(tmp_path / "lock", target)
+    with pytest.raises(NotPlain):
+        plain_file(tmp_path / "lock", os.O_RDWR | os.O_CREAT)
+    assert not target.exists()
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("flags", [os.O_RDWR, os.O_WRONLY, os.O_RDONLY])
+def test_a_pipe_in_place_of_a_file_is_refused_at_once(tmp_path: Path, flags: int) -> None:
+    os.mkfifo(tmp_path / "lock")
+    with pytest.raises(NotPlain, match="not a plain file"):
+        plain_file(tmp_path / "lock", flags | os.O_CREAT)
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_a_log_takes_the_place_of_a_link_or_a_pipe(tmp_path: Path, letter: Path, kind: str) -> None:
+    log = tmp_path / "log"
+    if kind == "link":
+        put_link(log, letter)
+    else:
+        os.mkfifo(log)
+    descriptor = own_file(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    os.write(descriptor, b"line\n")
+    os.close(descriptor)
+    assert log.read_text() == "line\n" and not log.is_symlink() and letter.read_text() == LETTER
+
+
+def test_a_job_writes_its_logs_into_files_of_its_own(project: Path, letter: Path, tmp_path: Path) -> None:
+    job = JobList(project).add("check", [str(tmp_path / "nothing")], "Check")
+    for path in (job.events, job.output, job.messages):
+        put_link(path, letter)
+    subprocess.run([sys.executable, "-P", "-m", "nvsim.cli.worker", str(project)], check=False, timeout=120)
+    assert letter.read_text() == LETTER
+    assert "Started." in job.events.read_text() and "does not exist" in job.output.read_text()
+
+
+@pytest.mark.parametrize("suffix", ["", "-wal", "-shm", "-journal"])
+@pytest.mark.parametrize("writable", [False, True])
+def test_a_database_that_is_a_link_is_refused(project: Path, letter: Path, suffix: str, writable: bool) -> None:
+    database = Layout(project).database
+    if not suffix:
+        shutil.copy(database, letter)
+    before = letter.read_bytes()
+    put_link(database.with_name(database.name + suffix), letter)
+    with pytest.raises(InputError, match="symbolic link"):
+        Project.open(project, writable=writable)
+    assert letter.read_bytes() == before
+
+
+def test_a_history_that_is_a_link_is_set_aside(project: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.db"
+    graph = NavGraph("given", {"a": Viewpoint("a", (0.0, 0.0, 1.5))}, {})
+    with Journal.open(other) as journal:
+        journal.history(graph).perform("Add", NavGraph("given", {"b": Viewpoint("b", (0.0, 1.0, 1.5))}, {}))
+    before = other.read_bytes()
+    put_link(Layout(project).edits, other)
+    with Journal.open(Layout(project).edits) as journal:
+        history = journal.history(graph)
+        assert "set aside" in journal.notice and len(history.steps) == 1
+        history.perform("Add", NavGraph("given", {"c": Viewpoint("c", (0.0, 1.0, 1.5))}, {}))
+    assert other.read_bytes() == before and not Layout(project).edits.is_symlink()
+
+
+@pytest.mark.parametrize("folder", ["masks", "corrections", "logs/jobs", "models/submap_000"])
+def test_nothing_is_written_through_a_folder_that_leads_out_of_the_project(
+    project: Path, tmp_path: Path, folder: str
+) -> None:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (project / folder).parent.mkdir(parents=True, exist_ok=True)
+    (project / folder).symlink_to(outside)
+    with pytest.raises(InputError, match="leads out of the project"):
+        write_text(project / folder / "deeper" / "file.txt", "text")
+    if folder != "logs/jobs":
+        with pytest.raises(InputError, match="leads out of the project"):
+            Project.open(project, writable=True)
+    assert not any(outside.iterdir())
+    Project.open(project).close()  # it can be looked at
+
+
+def test_links_inside_a_project_and_to_a_project_are_followed(project: Path, tmp_path: Path) -> None:
+    (project / "kept").mkdir()
+    (project / "models").symlink_to(project / "kept")
+    way = tmp_path / "way.nvsim"
+    way.symlink_to(project)
+    Project.open(way, writable=True).close()
+    write_text(way / "models" / "file.txt", "text")
+    assert (project / "kept" / "file.txt").read_text() == "text"
+
+
+def test_a_traceback_goes_to_a_file_whose_name_nobody_could_take_before(
+    tmp_path: Path, letter: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(shared))
+    for second in range(30):
+        name = time.strftime("%Y%m%d-%H%M%S", time.localtime(time.time() + second))
+        put_link(shared / f"nvsim-check-{name}.log", letter)
+
+    def fail(arguments: object) -> int:
+        raise RuntimeError("a mistake of ours")
+
+    command = ModuleType("command")
+    command.__doc__ = "Fails."
+    command.Arguments = type("Arguments", (), {})  # type: ignore[attr-defined]
+    command.run = fail  # type: ignore[attr-defined]
+    monkeypatch.setattr("nvsim.cli.arguments.parse", lambda command, argv, verb: None)
+    monkeypatch.setattr("signal.signal", lambda number, handler: None)
+    assert guarded("check", command, []) == 1
+    assert letter.read_text() == LETTER
+    (log,) = (path for path in shared.iterdir() if not path.is_symlink())
+    assert "a mistake of ours" in log.read_text() and str(log) in capsys.readouterr().err
+    assert log.stat().st_mode & 0o077 == 0
+
+
+def test_a_mask_of_another_walk_is_not_carried_through_a_link(project: Path, letter: Path) -> None:
+    from nvsim.project.corrections import save_correction  # the same writer carries and saves
+
+    class Named:
+        name = "images/1.jpg"
+
+    target = Layout(project).correction(Named.name)
+    target.parent.mkdir()
+    put_link(target, letter)
+    save_correction(Layout(project), Named(), np.ones((4, 4), np.bool_))  # type: ignore[arg-type]
+    assert letter.read_text() == LETTER and not target.is_symlink()
