@@ -9,7 +9,7 @@ from pathlib import Path
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.findings import Finding, Findings, Report
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
-from nvsim.capture.images import image_size
+from nvsim.capture.images import decode
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import read_raw, report_absent_image
 from nvsim.errors import InputError
@@ -49,12 +49,9 @@ def _check_images(raw: RawCapture, findings: Findings) -> None:
 
 def _image_fault(frame: RawFrame) -> str | None:
     try:
-        width, height = image_size(frame.image_path)
+        decode(frame.image_path, None if frame.lens is None else (frame.lens.width, frame.lens.height))
     except InputError as error:
         return str(error).replace(str(frame.image_path), "the image").rstrip(".")
-    lens = frame.lens
-    if lens is not None and (width, height) != (lens.width, lens.height):
-        return f"the image is {width}x{height} pixels but its camera is {lens.width}x{lens.height}"
     return None
 
 

@@ -13,6 +13,7 @@ from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.several import SUFFIX, read_several
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
+from nvsim.reading import reading
 
 FORMATS = (
     "a transforms.json (nerfstudio, instant-ngp), a COLMAP model (cameras, images, points3D as .bin or .txt), a "
@@ -59,8 +60,9 @@ def read_raw(path: Path, findings: Findings) -> RawCapture:
         raise InputError(f"{path} does not exist; check the path.")
     if is_empty:
         raise InputError(f"{path} is an empty folder; a capture is {FORMATS}.")
-    raw = _read_folder(resolved, findings) if is_folder else _read_file(resolved, findings)
-    return _settled(raw, findings)
+    with reading(path, "a capture"):
+        raw = _read_folder(resolved, findings) if is_folder else _read_file(resolved, findings)
+        return _settled(raw, findings)
 
 
 def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
