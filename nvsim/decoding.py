@@ -6,6 +6,7 @@ The size is read from the header and compared with what is expected first, so th
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ def decoded(
     size_of: str = "its camera",
     what: str = "an image",
     then: str = "copy it again from the source",
-) -> NDArray[np.generic]:
+) -> NDArray[Any]:
     """The pixels of an image, (H, W) or (H, W, C) as OpenCV's `flags` ask for them (blue, green, red).
 
     data     the content of the file

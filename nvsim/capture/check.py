@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
+from nvsim.capture.far_frames import check_far_frames, without
 from nvsim.capture.findings import Finding, Findings, Report
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
 from nvsim.capture.images import decode
@@ -18,13 +19,14 @@ __all__ = ["Finding", "Report", "check"]
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
-def check(path: Path, scale: float | None = None, camera_height: float | None = None) -> Report:
-    """All findings about the capture at `path`, errors first; every image is decoded. Never raises for bad data: a
-    source that cannot be read at all is a report with one error."""
+def check(path: Path, scale: float | None = None, camera_height: float | None = None, leave_out: str = "") -> Report:
+    """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
+    errors first; every image is decoded. Never raises for bad data: a source that cannot be read at all is a report
+    with one error."""
     findings = Findings()
     path = Path(path)
     try:
-        raw = read_raw(path, findings)
+        raw = without(read_raw(path, findings), leave_out, findings)
     except InputError as error:
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return _report(path, "", findings)
@@ -71,6 +73,7 @@ def _check_geometry(raw: RawCapture, scale: float | None, camera_height: float |
     if not capture.frames:
         return
     where = {f.name: f.where for f in raw.frames}
+    check_far_frames(capture, where, findings)
     check_outliers(capture, where, findings)
     if check_cloud_meets_cameras(capture, findings):
         check_floor_in_view(capture, floor, findings)

@@ -147,7 +147,8 @@ def observe(
     y = origin[1] + (np.arange(rows) + 0.5) * config.spacing
     centres = np.stack(np.meshgrid(x, y), axis=-1)
     ground = np.dstack([centres, surface.height_at(centres)])
-    as_floor, as_other = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
+    as_floor: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
+    as_other: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
     reach = int(np.ceil(config.distance / config.spacing))
     for camera, mask in zip(views, masks, strict=True):
         # From the cells to the pixels, not back: far away a pixel is wider than a cell.

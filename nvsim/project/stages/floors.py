@@ -29,7 +29,7 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
     config = capture_config(project)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
-    key = ledger.key_of(STAGE, submaps_key(project), config, _VERSION)
+    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION)
     if ledger.is_current(project, STAGE, key):
         listen(Log("The floor masks are up to date.", STAGE))
         refresh_support(project, listen)

@@ -29,14 +29,16 @@ def run(
 
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, str(source)))
-    capture = read(source, scale=config.scale, camera_height=config.camera_height, alignment=alignment)
-    key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config)
+    capture = read(
+        source, scale=config.scale, camera_height=config.camera_height, alignment=alignment, leave_out=config.leave_out
+    )
+    key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
         listen(Log("The capture is unchanged.", STAGE))
         stored = project.capture()
         if stored is not None:
             return stored
-    report = check(source, scale=config.scale, camera_height=config.camera_height)
+    report = check(source, scale=config.scale, camera_height=config.camera_height, leave_out=config.leave_out)
     for finding in report.findings:
         if finding.severity == "warning":
             listen(Warning(f"{finding.message} ({finding.where}): {finding.consequence}", STAGE))

@@ -1,0 +1,95 @@
+"""Frames whose pose is so far from the walk that no map could hold both, and leaving frames out by name.
+
+One wrong pose some kilometres away asks for a map that reaches it. The walk's own size says what is far: in metres, the
+distance from the middle that half of the cameras keep; without a scale, that of nine in ten, or 20 steps. (Many robots
+stand still for half of the time, so that half of the cameras alone may say nothing about the size of a walk.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.findings import Findings
+from nvsim.capture.raw import RawCapture
+from nvsim.capture.types import Capture
+from nvsim.errors import InputError
+
+_TIMES = 50.0  # the walk's own size, beyond which a camera belongs to another place, or to none
+_LEAST = 10.0  # metres that every walk is taken to be large
+_STEPS = 20.0  # median steps that a walk is at least large
+_LISTED = 20
+_WIDEST = 2000.0  # metres
+
+
+def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
+    """(N,) which of the frames have their camera beyond 50 times the size of the walk."""
+    positions = capture.positions
+    if len(positions) < 3:
+        return np.zeros(len(positions), bool)
+    afar = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
+    if capture.alignment.scale_known:
+        size = max(float(np.median(afar)), _LEAST)
+    else:
+        steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+        size = max(float(np.quantile(afar, 0.9)), _STEPS * float(np.median(steps)))
+    return np.asarray((afar > _TIMES * size) & (size > 0))
+
+
+def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findings) -> None:
+    """An error finding that names the frames far from the walk and the option that leaves them out, and one for a walk
+    that is wider than any map. `where`: places by name."""
+    positions = capture.positions
+    far = far_from_the_walk(capture)
+    if far.any():
+        frames = [f for f, is_far in zip(capture.frames, far, strict=True) if is_far]
+        distance = float(np.linalg.norm(positions[far] - np.median(positions, axis=0), axis=1).max())
+        names = ",".join(f.name for f in frames[:_LISTED]) + (",..." if len(frames) > _LISTED else "")
+        plural = "s are" if len(frames) > 1 else " is"
+        findings.error(
+            f"{len(frames)} camera{plural} up to {distance:.4g} away from the walk; correct the pose or give "
+            f"--leave-out {names}",
+            ", ".join(where[f.name] for f in frames[:_LISTED]),
+            "the map would have to reach there, which no memory holds",
+        )
+    elif capture.alignment.scale_known and len(positions):
+        x, y = np.ptp(positions[:, :2], axis=0)
+        if max(x, y) > _WIDEST:
+            findings.error(
+                f"the cameras span {x:.4g} x {y:.4g} m, more than {_WIDEST:g} m",
+                capture.source.name,
+                "no map is that large; correct the scale, import a part, or leave frames out with --leave-out",
+            )
+
+
+def names_in(text: str, frames: frozenset[str]) -> frozenset[str]:
+    """The names of `frames` that `text` lists with commas between them; a name may hold commas itself. Raises
+    InputError for a name that no frame has."""
+    found, pieces = set(), [piece.strip() for piece in text.split(",")]
+    at = 0
+    while at < len(pieces):
+        ends = range(len(pieces), at, -1) if len(pieces) <= 200 else range(at + 1, at, -1)
+        end = next((e for e in ends if ",".join(pieces[at:e]) in frames), None)
+        if end is not None:
+            found.add(",".join(pieces[at:end]))
+        elif pieces[at]:
+            example = f", such as {min(frames)}" if frames else ""
+            raise InputError(
+                f"--leave-out names {pieces[at]!r}, which is no frame of the capture; give names as the capture lists "
+                f"them{example}."
+            )
+        at = at + 1 if end is None else end
+    return frozenset(found)
+
+
+def without(raw: RawCapture, leave_out: str, findings: Findings) -> RawCapture:
+    """`raw` without the frames that `leave_out` names, and `findings` without what was found about them. Raises
+    InputError for a name that no frame has."""
+    if not leave_out:
+        return raw
+    names = names_in(leave_out, frozenset(f.name for f in raw.frames))
+    findings.forget(frozenset(f.where for f in raw.frames if f.name in names))
+    return replace(raw, frames=tuple(f for f in raw.frames if f.name not in names))
