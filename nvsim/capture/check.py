@@ -73,7 +73,8 @@ def _check_geometry(raw: RawCapture, scale: float | None, camera_height: float |
     if not capture.frames:
         return
     where = {f.name: f.where for f in raw.frames}
-    check_far_frames(capture, where, findings)
+    if not check_far_frames(capture, where, findings):
+        return  # what else is out of the ordinary follows from that
     check_outliers(capture, where, findings)
     if check_cloud_meets_cameras(capture, findings):
         check_floor_in_view(capture, floor, findings)

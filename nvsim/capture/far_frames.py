@@ -39,9 +39,9 @@ def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
     return np.asarray((afar > _TIMES * size) & (size > 0))
 
 
-def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findings) -> None:
-    """An error finding that names the frames far from the walk and the option that leaves them out, and one for a walk
-    that is wider than any map. `where`: places by name."""
+def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findings) -> bool:
+    """Whether all frames are near enough to each other; otherwise an error finding that names those far from the walk
+    and the option that leaves them out, or one for a walk that is wider than any map. `where`: places by name."""
     positions = capture.positions
     far = far_from_the_walk(capture)
     if far.any():
@@ -55,7 +55,8 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
             ", ".join(where[f.name] for f in frames[:_LISTED]),
             "the map would have to reach there, which no memory holds",
         )
-    elif capture.alignment.scale_known and len(positions):
+        return False
+    if capture.alignment.scale_known and len(positions):
         x, y = np.ptp(positions[:, :2], axis=0)
         if max(x, y) > _WIDEST:
             findings.error(
@@ -63,23 +64,26 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
                 capture.source.name,
                 "no map is that large; correct the scale, import a part, or leave frames out with --leave-out",
             )
+            return False
+    return True
 
 
 def names_in(text: str, frames: frozenset[str]) -> frozenset[str]:
     """The names of `frames` that `text` lists with commas between them; a name may hold commas itself. Raises
     InputError for a name that no frame has."""
-    found, pieces = set(), [piece.strip() for piece in text.split(",")]
+    found, pieces = set(), text.split(",")
+    most = 1 + max((name.count(",") for name in frames), default=0)  # pieces of a name
     at = 0
     while at < len(pieces):
-        ends = range(len(pieces), at, -1) if len(pieces) <= 200 else range(at + 1, at, -1)
-        end = next((e for e in ends if ",".join(pieces[at:e]) in frames), None)
+        joined = {end: ",".join(pieces[at:end]).strip() for end in range(at + most, at, -1)}
+        end = next((e for e, name in joined.items() if name in frames), None)
         if end is not None:
-            found.add(",".join(pieces[at:end]))
-        elif pieces[at]:
+            found.add(joined[end])
+        elif pieces[at].strip():
             example = f", such as {min(frames)}" if frames else ""
             raise InputError(
-                f"--leave-out names {pieces[at]!r}, which is no frame of the capture; give names as the capture lists "
-                f"them{example}."
+                f"--leave-out names {pieces[at].strip()!r}, which is no frame of the capture; give names as it "
+                f"lists them{example}."
             )
         at = at + 1 if end is None else end
     return frozenset(found)

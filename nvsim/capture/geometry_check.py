@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from nvsim.capture.alignment import to_aligned_frame
-from nvsim.capture.far_frames import far_from_the_walk
 from nvsim.capture.findings import Findings
 from nvsim.capture.floor_plane import FloorPlane
 from nvsim.capture.types import Capture
@@ -41,7 +40,6 @@ def check_outliers(capture: Capture, where: Mapping[str, str], findings: Finding
     alone = tree.query(positions, k=3)[0][:, 2]
     afar = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
     lost = (alone > _LONE * np.median(alone)) & (afar > _AFAR * np.quantile(afar, 0.9))
-    lost &= ~far_from_the_walk(capture)  # these are an error already
     for i in np.flatnonzero(lost):
         findings.warning(
             f"the camera is an outlier, {alone[i]:.1f} from the next ones",
