@@ -17,12 +17,13 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
+from nvsim.geometry.cells import MOST_CELLS
 
 _TIMES = 50.0  # the walk's own size, beyond which a camera belongs to another place, or to none
 _LEAST = 10.0  # metres that every walk is taken to be large
 _STEPS = 20.0  # median steps that a walk is at least large
 _LISTED = 20
-_WIDEST = 2000.0  # metres
+_AROUND, _CELL = 24.0, 0.08  # metres: what a map shows beyond the walk, and the cells of the supported floor
 
 
 def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
@@ -58,11 +59,12 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
         return False
     if capture.alignment.scale_known and len(positions):
         x, y = np.ptp(positions[:, :2], axis=0)
-        if max(x, y) > _WIDEST:
+        if (x + _AROUND) * (y + _AROUND) > MOST_CELLS * _CELL**2:
             findings.error(
-                f"the cameras span {x:.4g} x {y:.4g} m, more than {_WIDEST:g} m",
+                f"the cameras span {x:.4g} x {y:.4g} m, more than a map can hold",
                 capture.source.name,
-                "no map is that large; correct the scale, import a part, or leave frames out with --leave-out",
+                f"a map has at most {MOST_CELLS * _CELL**2 / 1e6:.2g} square kilometres; correct the "
+                "scale, import a part, or leave frames out with --leave-out",
             )
             return False
     return True

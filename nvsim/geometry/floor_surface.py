@@ -35,7 +35,7 @@ class FloorSurface:
     def load(path: Path) -> FloorSurface:
         """The surface in an .npz of heights, origin and spacing. Raises InputError for a file that is missing, damaged
         or something else."""
-        again = "find the floors again"
+        again = "run `nvsim floors --project` again"
         arrays = read_arrays(
             path, "a floor surface", {"heights": ("f", 2), "origin": ("fi", 1), "spacing": ("fi", 0)}, again
         )

@@ -142,7 +142,7 @@ def read_mask(path: Path, width: int | None = None, height: int | None = None) -
 
     if not path.is_file():
         raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
-    again = "delete it and make the floor masks again"
+    again = "delete it and run `nvsim floors --project` again"
     picture = decoded(whole_file(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
     if width is not None and height is not None and picture.shape != (height, width):
         shrink = picture.shape[0] > height

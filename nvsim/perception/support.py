@@ -73,7 +73,7 @@ class FloorSupport:
     @staticmethod
     def load(path: Path) -> FloorSupport:
         """Reads what `save` wrote. Raises InputError for a file that is missing or something else."""
-        again = "make the floor masks again"
+        again = "run `nvsim floors --project` again"
         arrays = read_arrays(
             path, "a floor support", {"cells": ("bui", 2), "origin": ("fi", 1), "spacing": ("fi", 0)}, again
         )

@@ -141,6 +141,15 @@ def test_frames_far_from_the_walk_are_refused_by_name_and_left_out_on_demand(
     assert "'nobody.png', which is no frame" in refusal(lambda: read(path, leave_out="nobody.png"))
 
 
+def test_a_walk_that_is_wider_than_any_map_is_refused_before_any_work(tmp_path: Path) -> None:
+    poses = sample.walk(40)
+    poses[:, 0, 3], poses[:, 1, 3] = np.linspace(0, 900, 40), np.linspace(0, 900, 40)
+    (finding,) = [
+        f for f in check(sample.write_nerfstudio(tmp_path, poses, sample.room())).findings if f.severity == "error"
+    ]
+    assert "900 x 900 m" in finding.message and "--leave-out" in finding.consequence
+
+
 def test_a_robot_that_stands_still_for_half_of_the_time_is_not_far_from_itself(tmp_path: Path) -> None:
     poses = sample.walk(40)
     poses[:25, :3, 3] = poses[0, :3, 3] + np.random.default_rng(0).normal(0, 1e-3, (25, 3))

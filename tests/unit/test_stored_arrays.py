@@ -70,14 +70,14 @@ SURFACES, SUPPORTS = broken("heights", SURFACE), broken("cells", SUPPORT)
 def test_a_damaged_floor_surface_is_refused(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "surface_000.npz"
     path.write_bytes(SURFACES[kind])
-    assert "find the floors again" in refusal(lambda: FloorSurface.load(path))
+    assert "nvsim floors" in refusal(lambda: FloorSurface.load(path))
 
 
 @pytest.mark.parametrize("kind", SUPPORTS)
 def test_a_damaged_observe_is_refused(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "support.npz"
     path.write_bytes(SUPPORTS[kind])
-    assert "make the floor masks again" in refusal(lambda: FloorSupport.load(path))
+    assert "nvsim floors" in refusal(lambda: FloorSupport.load(path))
 
 
 @settings(max_examples=150, deadline=None)
@@ -101,7 +101,7 @@ def test_a_pipe_in_the_place_of_a_stored_file_is_not_waited_for(tmp_path: Path, 
 def test_a_floor_mask_that_is_a_bomb_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "000000.png"
     path.write_bytes(png(14_000, 14_000, b"\0" * 10_000_000))
-    assert "make the floor masks again" in refusal(lambda: read_mask(path))
+    assert "nvsim floors" in refusal(lambda: read_mask(path))
 
 
 def ros(folder: Path, picture: bytes, **lines: str) -> Path:

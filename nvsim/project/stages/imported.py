@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import time
@@ -34,10 +35,11 @@ def run(
     )
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
-        listen(Log("The capture is unchanged.", STAGE))
-        stored = project.capture()
-        if stored is not None:
-            return stored
+        with contextlib.suppress(InputError):  # a damaged one is stored again
+            stored = project.capture()
+            if stored is not None:
+                listen(Log("The capture is unchanged.", STAGE))
+                return stored
     report = check(source, scale=config.scale, camera_height=config.camera_height, leave_out=config.leave_out)
     for finding in report.findings:
         if finding.severity == "warning":
