@@ -18,7 +18,7 @@ COVERAGE = "coverage.json"
 
 def thumbnail_path(layout: Layout, image_path: Path) -> Path:
     """By the image's own path, so that a capture that is imported anew finds its thumbnails again."""
-    name = hashlib.sha1(str(image_path).encode(), usedforsecurity=False).hexdigest()[:20]
+    name = hashlib.sha1(str(image_path).encode("utf-8", "surrogateescape"), usedforsecurity=False).hexdigest()[:20]
     return layout.cache / "thumbnails" / f"{name}.jpg"
 
 

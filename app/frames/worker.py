@@ -89,7 +89,7 @@ class Worker:
             self._say({"did": "failed", "do": what, "frame": frame, "sentence": f"Something went wrong: {error}"})
 
     def _make_thumbnail(self, frame: int) -> Path:
-        image_path = self._project.need_capture().frames[frame].image_path
+        image_path, lens = (found := self._project.need_capture().frames[frame]).image_path, found.lens
         path = thumbnail_path(self._project.layout, image_path)
         with contextlib.suppress(OSError):
             if path.stat().st_mtime_ns >= image_path.stat().st_mtime_ns:
@@ -97,14 +97,15 @@ class Worker:
         import cv2
 
         from nvsim.atomic import write_bytes
+        from nvsim.decoding import decoded
+        from nvsim.whole_file import whole_file
 
+        data = whole_file(image_path)
         # The decoder's own reduction is several times as fast as decoding everything.
         for reduced in (cv2.IMREAD_REDUCED_COLOR_8, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
-            image = cv2.imread(str(image_path), reduced | cv2.IMREAD_IGNORE_ORIENTATION)
-            if image is None or min(image.shape[:2]) >= THUMBNAIL[1]:
+            image = decoded(data, image_path, reduced | cv2.IMREAD_IGNORE_ORIENTATION, size=(lens.width, lens.height))
+            if min(image.shape[:2]) >= THUMBNAIL[1]:
                 break
-        if image is None:
-            raise InputError(f"{image_path} cannot be read as an image; copy it again from the source.")
         height, width = image.shape[:2]
         scale = min(1.0, max(THUMBNAIL[0] / width, THUMBNAIL[1] / height))
         size = max(1, round(width * scale)), max(1, round(height * scale))

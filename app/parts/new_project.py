@@ -145,7 +145,11 @@ class NewProjectPart(Part):
             source = new.captures[0]
             if len(new.captures) > 1:
                 source = new.project / f"together{SUFFIX}"
-                write_list(new.captures, source)
+                try:
+                    write_list(new.captures, source)
+                except InputError as error:
+                    self.workspace.notices.error(str(error))
+                    return
             names = " and ".join(c.name for c in new.captures)
             arguments = [str(source), "--project", str(new.project), *new.options]
             self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")

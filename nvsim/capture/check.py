@@ -7,9 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
+from nvsim.capture.far_frames import check_far_frames, without
 from nvsim.capture.findings import Finding, Findings, Report
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
-from nvsim.capture.images import image_size
+from nvsim.capture.images import decode
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import read_raw, report_absent_image
 from nvsim.errors import InputError
@@ -18,13 +19,14 @@ __all__ = ["Finding", "Report", "check"]
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
-def check(path: Path, scale: float | None = None, camera_height: float | None = None) -> Report:
-    """All findings about the capture at `path`, errors first; every image is decoded. Never raises for bad data: a
-    source that cannot be read at all is a report with one error."""
+def check(path: Path, scale: float | None = None, camera_height: float | None = None, leave_out: str = "") -> Report:
+    """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
+    errors first; every image is decoded. Never raises for bad data: a source that cannot be read at all is a report
+    with one error."""
     findings = Findings()
     path = Path(path)
     try:
-        raw = read_raw(path, findings)
+        raw = without(read_raw(path, findings), leave_out, findings)
     except InputError as error:
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return _report(path, "", findings)
@@ -49,12 +51,9 @@ def _check_images(raw: RawCapture, findings: Findings) -> None:
 
 def _image_fault(frame: RawFrame) -> str | None:
     try:
-        width, height = image_size(frame.image_path)
+        decode(frame.image_path, None if frame.lens is None else (frame.lens.width, frame.lens.height))
     except InputError as error:
         return str(error).replace(str(frame.image_path), "the image").rstrip(".")
-    lens = frame.lens
-    if lens is not None and (width, height) != (lens.width, lens.height):
-        return f"the image is {width}x{height} pixels but its camera is {lens.width}x{lens.height}"
     return None
 
 
@@ -74,6 +73,8 @@ def _check_geometry(raw: RawCapture, scale: float | None, camera_height: float |
     if not capture.frames:
         return
     where = {f.name: f.where for f in raw.frames}
+    if not check_far_frames(capture, where, findings):
+        return  # what else is out of the ordinary follows from that
     check_outliers(capture, where, findings)
     if check_cloud_meets_cameras(capture, findings):
         check_floor_in_view(capture, floor, findings)

@@ -16,6 +16,7 @@ from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import usable_cloud
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_from_quaternion
 from nvsim.errors import InputError
+from nvsim.reading import reading
 
 MODEL_NAMES = (
     "SIMPLE_PINHOLE",
@@ -86,11 +87,14 @@ def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
         raise InputError(f"{model} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
     reader = colmap_binary if extension == ".bin" else colmap_text
     lenses = {}
-    for camera in reader.read_cameras(model / f"cameras{extension}"):
+    with reading(model / f"cameras{extension}", "a list of COLMAP cameras"):
+        cameras = reader.read_cameras(model / f"cameras{extension}")
+    for camera in cameras:
         lenses[camera.number] = read_lens(
             camera.model, camera.width, camera.height, camera.params, camera.where, findings
         )
-    rows = reader.read_images(model / f"images{extension}")
+    with reading(model / f"images{extension}", "a list of COLMAP images"):
+        rows = reader.read_images(model / f"images{extension}")
     folder = _image_folder(model, root, rows)
     frames = []
     for row in rows:
@@ -113,7 +117,8 @@ def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
     points = model / f"points3D{extension}"
     cloud = None
     if file_size(points) is not None:
-        xyz, rgb = reader.read_points(points)
+        with reading(points, "a list of COLMAP points"):
+            xyz, rgb = reader.read_points(points)
         cloud = usable_cloud(xyz, rgb, "sfm", points.name, findings)
     return RawCapture(root, "colmap", tuple(frames), cloud, metric=False)
 

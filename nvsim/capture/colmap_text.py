@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.colmap import CameraRow, ImageRow
-from nvsim.capture.raw import read_text
+from nvsim.capture.raw import lines_of, read_text, whole_number
 from nvsim.errors import InputError
 
 
@@ -20,10 +21,10 @@ def read_cameras(path: Path) -> list[CameraRow]:
         try:
             rows.append(
                 CameraRow(
-                    int(fields[0]),
+                    whole_number(fields[0]),
                     fields[1],
-                    int(fields[2]),
-                    int(fields[3]),
+                    whole_number(fields[2]),
+                    whole_number(fields[3]),
                     tuple(map(float, fields[4:])),
                     f"{path.name}, line {line}",
                 )
@@ -36,7 +37,7 @@ def read_cameras(path: Path) -> list[CameraRow]:
 def read_images(path: Path) -> list[ImageRow]:
     """Every second line is a list of observations, perhaps an empty one, and is skipped. Raises InputError."""
     rows = []
-    lines = enumerate(read_text(path).split("\n"), 1)
+    lines = lines_of(read_text(path))
     for line, text in lines:
         fields = text.split(maxsplit=9)
         if not fields or fields[0].startswith("#"):
@@ -45,10 +46,10 @@ def read_images(path: Path) -> list[ImageRow]:
             values = [float(v) for v in fields[1:8]]
             rows.append(
                 ImageRow(
-                    int(fields[0]),
+                    whole_number(fields[0]),
                     np.array(values[:4]),
                     np.array(values[4:7]),
-                    int(fields[8]),
+                    whole_number(fields[8]),
                     fields[9].strip().replace("\\", "/"),
                     f"{path.name}, line {line}",
                 )
@@ -61,20 +62,20 @@ def read_images(path: Path) -> list[ImageRow]:
 
 def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """(N, 3) positions and (N, 3) colours. Raises InputError naming the line."""
-    points, colors = [], []
+    points, colors = array("d"), array("B")
     for line, fields in _lines(path, maxsplit=7):
         try:
-            points.append([float(v) for v in fields[1:4]])
-            colors.append([min(255, max(0, int(v))) for v in fields[4:7]])
-            if len(points[-1]) != 3 or len(colors[-1]) != 3:
+            if len(fields) < 7:
                 raise ValueError("too few fields")
+            points.extend([float(v) for v in fields[1:4]])
+            colors.extend([min(255, max(0, whole_number(v))) for v in fields[4:7]])
         except (ValueError, OverflowError) as error:
             raise _bad(path, line, "ID X Y Z R G B ERROR TRACK...") from error
     return np.array(points, np.float64).reshape(-1, 3), np.array(colors, np.uint8).reshape(-1, 3)
 
 
 def _lines(path: Path, maxsplit: int = -1) -> Iterator[tuple[int, list[str]]]:
-    for line, text in enumerate(read_text(path).split("\n"), 1):
+    for line, text in lines_of(read_text(path)):
         fields = text.split(maxsplit=maxsplit)
         if fields and not fields[0].startswith("#"):
             yield line, fields

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 from nvsim.errors import InputError
 
 Severity = Literal["error", "warning", "note"]
 _LISTED = 40
+_KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory
 
 
 @dataclass(frozen=True)
@@ -37,21 +38,39 @@ class Findings:
 
     def __init__(self) -> None:
         self._items: list[Finding] = []
+        self._counts = {"error": 0, "warning": 0, "note": 0}
 
     def __iter__(self) -> Iterator[Finding]:
-        return iter(self._items)
+        yield from self._items
+        for severity, count in self._counts.items():
+            if count > _KEPT:
+                yield Finding(
+                    cast(Severity, severity),
+                    f"there are {count - _KEPT} more findings like these",
+                    "the whole capture",
+                    "they are not listed",
+                )
 
     def add(self, finding: Finding) -> None:
-        self._items.append(finding)
+        self._counts[finding.severity] += 1
+        if self._counts[finding.severity] <= _KEPT:
+            self._items.append(finding)
 
     def error(self, message: str, where: str, consequence: str) -> None:
-        self._items.append(Finding("error", message, where, consequence))
+        self.add(Finding("error", message, where, consequence))
 
     def warning(self, message: str, where: str, consequence: str) -> None:
-        self._items.append(Finding("warning", message, where, consequence))
+        self.add(Finding("warning", message, where, consequence))
 
     def note(self, message: str, where: str, consequence: str) -> None:
-        self._items.append(Finding("note", message, where, consequence))
+        self.add(Finding("note", message, where, consequence))
+
+    def forget(self, places: frozenset[str]) -> None:
+        """Drops what was found at `places`, which nobody asks about any more."""
+        kept = [f for f in self._items if f.where not in places]
+        for finding in self._items:
+            self._counts[finding.severity] -= finding.where in places
+        self._items = kept
 
     @property
     def errors(self) -> tuple[Finding, ...]:

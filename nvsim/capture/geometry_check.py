@@ -44,7 +44,7 @@ def check_outliers(capture: Capture, where: Mapping[str, str], findings: Finding
         findings.warning(
             f"the camera is an outlier, {alone[i]:.1f} from the next ones",
             where[capture.frames[i].name],
-            "the scene would be stretched to reach it; remove the frame if its pose is wrong",
+            f"the scene would be stretched to reach it; if its pose is wrong, --leave-out {capture.frames[i].name}",
         )
 
 

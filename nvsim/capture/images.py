@@ -12,48 +12,44 @@ from numpy.typing import NDArray
 
 from nvsim.capture.raw import read_bytes
 from nvsim.capture.types import Frame
+from nvsim.decoding import decoded
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
+from nvsim.image_size import image_size_of
 
 # The pose belongs to the pixels as stored; a viewer's orientation tag has no part in it.
 _FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _AGAIN = "copy it again from the source"
 
 
-def decode(path: Path) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB as stored. Raises InputError naming the file when it is missing, empty, truncated or not an
-    image (decoders fill what is missing with grey, so the end mark is looked for)."""
+def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB as stored. Raises InputError naming the file when it is missing, empty, truncated, not an
+    image, or not of the `size` (width, height) of its camera, where that is given. (Decoders fill what is missing with
+    grey, so the end mark is looked for.)"""
     data = read_bytes(path)
     if _is_truncated(data):
         raise InputError(f"{path} is truncated (its end mark is missing); {_AGAIN}.")
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), _FLAGS)
-    except cv2.error:
-        image = None
-    if image is None:
-        raise InputError(f"{path} is not an image that can be decoded; {_AGAIN}.")
+    image = decoded(data, path, _FLAGS, size=size, then=_AGAIN)
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Width and height in pixels. Raises InputError like `decode`."""
-    height, width = decode(path).shape[:2]
-    return width, height
+    """Width and height in pixels as the header of the image gives them. Raises InputError when it cannot be read or is
+    no image."""
+    found = image_size_of(read_bytes(path))
+    if found is None:
+        raise InputError(f"{path} is not an image that can be decoded; {_AGAIN}.")
+    return found.width, found.height
 
 
 def read_image(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 RGB of `frame` as the pinhole `intrinsics` sees it: undistorted and resampled in one step, with
     area filtering when it shrinks. Raises InputError naming the file when it is missing, broken or of another size
     than its lens."""
-    image = decode(frame.image_path)
     lens = frame.lens
+    image = decode(frame.image_path, (lens.width, lens.height))
     height, width = image.shape[:2]
-    if (width, height) != (lens.width, lens.height):
-        raise InputError(
-            f"{frame.image_path} is {width}x{height} pixels but its camera is {lens.width}x{lens.height}; "
-            "resize the image or correct the camera."
-        )
     size = (intrinsics.width, intrinsics.height)
     if not lens.is_distorted and _same_view(lens.pinhole.scaled(*size), intrinsics):
         if size == (width, height):

@@ -9,8 +9,10 @@ which shows as points3d.txt without any lidar, depth or GNSS sensor and without 
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +26,17 @@ from nvsim.capture.raw import (
     RawFrame,
     file_size,
     inverse,
+    lines_of,
     pose_from_quaternion,
     read_text,
 )
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.geometry.lens import Lens
+from nvsim.reading import reading
 
 Pose = NDArray[np.float64]
+_NESTED, _CARRIERS = 8, 64  # rigs on rigs, and rigs that carry one sensor, which are followed
 _METRIC_SENSORS = {"lidar", "depth", "gnss"}
 
 
@@ -43,23 +48,40 @@ class _Tree:
     lenses: dict[str, Lens | None] = field(default_factory=dict)
     mounts: dict[str, list[tuple[str, Pose]]] = field(default_factory=dict)  # sensor -> (rig, rig to sensor)
     poses: dict[tuple[str, int], Pose | None] = field(default_factory=dict)  # (device, timestamp) -> world to device
+    _ways: dict[str, list[tuple[str, Pose | None]]] = field(default_factory=dict)
 
-    def world_to(self, device: str, timestamp: int, depth: int = 0) -> Pose | None:
-        """The pose of a device: its own, or through a rig that carries it (rigs may be nested)."""
-        own = self.poses.get((device, timestamp))
-        if own is not None:
-            return own
-        if depth < 8:
-            for rig, mount in self.mounts.get(device, []):
-                through = self.world_to(rig, timestamp, depth + 1)
-                if through is not None:
-                    return mount @ through
+    @cached_property
+    def _posed(self) -> set[str]:
+        return {device for device, _ in self.poses}
+
+    def _carriers(self, device: str) -> list[tuple[str, Pose | None]]:
+        """The device and the rigs that carry it, the nearest first (rigs may be nested), each with the way from it to
+        the device, None for the device itself. A rig that is listed on several ways counts once."""
+        if device not in self._ways:
+            ways: dict[str, Pose | None] = {device: None}
+            edge = [device]
+            for _ in range(_NESTED):
+                reached = []
+                for carried in edge:
+                    way = ways[carried]
+                    for rig, mount in self.mounts.get(carried, []):
+                        if rig not in ways and len(ways) < _CARRIERS:
+                            ways[rig] = mount if way is None else way @ mount
+                            reached.append(rig)
+                edge = reached
+            self._ways[device] = list(ways.items())
+        return self._ways[device]
+
+    def world_to(self, device: str, timestamp: int) -> Pose | None:
+        """The pose of a device: its own, or through a rig that carries it."""
+        for carrier, way in self._carriers(device):
+            pose = self.poses.get((carrier, timestamp))
+            if pose is not None:
+                return pose if way is None else way @ pose
         return None
 
-    def ever_posed(self, device: str, depth: int = 0) -> bool:
-        return any(d == device for d, _ in self.poses) or (
-            depth < 8 and any(self.ever_posed(rig, depth + 1) for rig, _ in self.mounts.get(device, []))
-        )
+    def ever_posed(self, device: str) -> bool:
+        return any(carrier in self._posed for carrier, _ in self._carriers(device))
 
 
 def find_kapture(folder: Path) -> Path | None:
@@ -74,6 +96,11 @@ def find_kapture(folder: Path) -> Path | None:
 
 def read_kapture(root: Path, findings: Findings) -> RawCapture:
     """The capture of a kapture tree. Raises InputError when sensors.txt or records_camera.txt cannot be read."""
+    with reading(root / "sensors", "the sensors of a kapture capture"):
+        return _read(root, findings)
+
+
+def _read(root: Path, findings: Findings) -> RawCapture:
     sensors = root / "sensors"
     for name in ("sensors.txt", "records_camera.txt", "trajectories.txt"):
         if file_size(sensors / name) is None:
@@ -97,7 +124,7 @@ def read_kapture(root: Path, findings: Findings) -> RawCapture:
 
 def _rows(path: Path, least: int, findings: Findings, maxsplit: int = -1) -> Iterator[tuple[str, list[str]]]:
     """Place and fields of each row; a row with fewer than `least` fields becomes an error finding."""
-    for number, line in enumerate(read_text(path).splitlines(), 1):
+    for number, line in lines_of(read_text(path)):
         if number == 1 and line.startswith("#") and "format" in line and not line.rstrip().endswith(("1.1", "1.0")):
             findings.warning("the format version is not 1.1", f"{path.name}, line 1", "fields may be read wrongly")
         if not line.strip() or line.lstrip().startswith("#"):
@@ -224,13 +251,13 @@ def _cloud_fault(path: Path, name: str, where: str, error: InputError) -> tuple[
 
 
 def _read_points(path: Path, findings: Findings) -> Cloud | None:
-    rows = []
+    rows = array("d")
     for where, fields in _rows(path, 3, findings):
         values = _numbers(fields[:6], where, findings)
         if values is not None:
-            rows.append((values + [128.0] * 3)[:6])
+            rows.extend((values + [128.0] * 3)[:6])
     if not rows:
         return None
-    table = np.array(rows)
+    table = np.array(rows).reshape(-1, 6)
     colors = np.clip(np.nan_to_num(table[:, 3:]), 0, 255).astype(np.uint8)
     return usable_cloud(table[:, :3], colors, "sfm", path.name, findings)

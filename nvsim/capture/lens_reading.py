@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from nvsim.capture.findings import Findings
@@ -16,16 +15,17 @@ def read_lens(
     model: str, width: float, height: float, params: Sequence[float], where: str, findings: Findings
 ) -> Lens | None:
     """The lens, or None and an error finding for an unknown model, a wrong count, a size or number out of range."""
-    if not all(math.isfinite(v) and 1 <= v <= LARGEST_SIDE and v == int(v) for v in (width, height)):
+    if not all(1 <= v <= LARGEST_SIDE and v == int(v) for v in (width, height)):
+        shown = "x".join(f"{v:g}" if abs(v) < 1e300 else "huge" for v in (width, height))
         findings.error(
-            f"the image size {width:g}x{height:g} is not two whole numbers of pixels",
+            f"the image size {shown} is not two whole numbers of pixels",
             where,
             "no frame can use this camera",
         )
         return None
     try:
         lens = Lens(model, int(width), int(height), tuple(params))
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         findings.error(str(error), where, "no frame can use this camera")
         return None
     if not all(FOCAL_RANGE[0] <= f <= FOCAL_RANGE[1] for f in lens.focal) or max(map(abs, params)) > FOCAL_RANGE[1]:

@@ -23,6 +23,7 @@ from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size
 from nvsim.errors import InputError
 from nvsim.geometry.lens import Lens
+from nvsim.reading import reading
 
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 _EXTENSIONS = (".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG")
@@ -37,6 +38,11 @@ _LENS_KEYS = (
 def read_nerfstudio(path: Path, findings: Findings) -> RawCapture:
     """The capture of a transforms.json. What is wrong with a frame goes to `findings`; raises InputError when the file
     as a whole cannot be read."""
+    with reading(path, "a transforms.json"):
+        return _read(path, findings)
+
+
+def _read(path: Path, findings: Findings) -> RawCapture:
     tree = json_tree.load_object(path)
     frames = tree.get("frames")
     if not isinstance(frames, list):

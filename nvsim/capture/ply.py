@@ -20,6 +20,7 @@ _TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
+_LONGEST_HEADER = 1_000_000  # bytes
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -66,7 +67,7 @@ def parse(path: Path, data: bytes) -> Columns:
 
 def _points(path: Path, data: bytes) -> tuple[int, str, list[_Element], _Element, int]:
     """The byte after the header, the order, the elements before `vertex`, `vertex`, and the lines of the header."""
-    end = data.find(b"end_header")
+    end = data.find(b"end_header", 0, _LONGEST_HEADER)
     start = data.find(b"\n", end) + 1
     if end < 0 or start == 0:
         raise InputError(f"{path} has no end_header, so its header is truncated; copy it again.")
@@ -89,8 +90,12 @@ def _points(path: Path, data: bytes) -> tuple[int, str, list[_Element], _Element
 
 
 def _ascii(path: Path, body: bytes, element: _Element, skip: int, first_line: int) -> Columns:
-    if skip:
-        body = b"\n".join(body.split(b"\n")[skip:])
+    at = 0
+    for _ in range(skip):
+        at = body.find(b"\n", at) + 1
+        if at == 0:
+            raise InputError(f"{path} ends before its points; copy it again.")
+    body = body[at:]
     table = ascii_table(path, body, element.count, len(element.properties), first_line + skip)
     # A whole number keeps its kind: it tells colours from 0 to 255 from colours from 0 to 1.
     columns: Columns = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion
+from nvsim.whole_file import whole_file
 
 FARTHEST = 1e7  # source units; beyond it float32 points are coarser than a room
 LOST_FRAME = "the frame cannot be used, and a wrong one would spoil its submap"
@@ -98,13 +100,7 @@ def file_size(path: Path) -> int | None:
 
 def read_bytes(path: Path) -> bytes:
     """The content of `path`. Raises InputError naming it when it cannot be read or is empty."""
-    try:
-        if path.exists() and not path.is_file():  # a pipe would be waited for without end
-            raise InputError(f"{path} is not a file that can be read; name a regular file.")
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"Cannot read {path}: {reason}; check the path and its permissions.") from error
+    data = whole_file(path)
     if not data:
         raise InputError(f"{path} is empty (0 bytes); copy it again from the source.")
     return data
@@ -116,3 +112,21 @@ def read_text(path: Path) -> str:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not UTF-8 text (byte {error.start}); save it as text and try again.") from error
+
+
+def lines_of(text: str) -> Iterator[tuple[int, str]]:
+    """Number, from 1, and words of each line, one at a time: a list of a million short ones takes many times the
+    memory of the file."""
+    at, number = 0, 1
+    while at <= len(text):
+        end = text.find("\n", at)
+        end = len(text) if end < 0 else end
+        yield number, text[at:end]
+        at, number = end + 1, number + 1
+
+
+def whole_number(text: str) -> int:
+    """Raises ValueError for what is no whole number of at most 19 digits, more than any format has room for."""
+    if len(text) > 20:
+        raise ValueError("too long for a number")
+    return int(text)

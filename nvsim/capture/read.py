@@ -6,6 +6,7 @@ from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.colmap import find_model, model_extension, read_colmap
+from nvsim.capture.far_frames import without
 from nvsim.capture.findings import Findings
 from nvsim.capture.kapture import find_kapture, read_kapture
 from nvsim.capture.nerfstudio import read_nerfstudio
@@ -13,6 +14,7 @@ from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.several import SUFFIX, read_several
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
+from nvsim.reading import reading
 
 FORMATS = (
     "a transforms.json (nerfstudio, instant-ngp), a COLMAP model (cameras, images, points3D as .bin or .txt), a "
@@ -26,18 +28,20 @@ def read(
     scale: float | None = None,
     camera_height: float | None = None,
     alignment: Alignment | None = None,
+    leave_out: str = "",
 ) -> Capture:
     """The capture at `path`, a folder or a file of it, in the aligned frame.
 
     scale          metres per unit of the source, when the source does not know
     camera_height  metres of the cameras above the floor; gives the scale of a source that has none
     alignment      known already, so that nothing is estimated
+    leave_out      names of frames that are left out, with commas between them
 
     A capture of unknown scale still loads, with `alignment.scale_known` False. Raises InputError that names every
     error found, missing and empty images among them; images are not decoded (`check` does that).
     """
     findings = Findings()
-    raw = read_raw(path, findings)
+    raw = without(read_raw(path, findings), leave_out, findings)
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)
@@ -59,8 +63,9 @@ def read_raw(path: Path, findings: Findings) -> RawCapture:
         raise InputError(f"{path} does not exist; check the path.")
     if is_empty:
         raise InputError(f"{path} is an empty folder; a capture is {FORMATS}.")
-    raw = _read_folder(resolved, findings) if is_folder else _read_file(resolved, findings)
-    return _settled(raw, findings)
+    with reading(path, "a capture"):
+        raw = _read_folder(resolved, findings) if is_folder else _read_file(resolved, findings)
+        return _settled(raw, findings)
 
 
 def report_absent_image(frame: RawFrame, findings: Findings) -> bool:

@@ -5,6 +5,7 @@ They must share one world and one unit, as walks that were registered together d
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,29 +14,46 @@ import numpy as np
 
 from nvsim import atomic
 from nvsim.capture.findings import Findings
-from nvsim.capture.raw import RawCapture
+from nvsim.capture.raw import RawCapture, lines_of
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.whole_file import whole_file
 
 SUFFIX = ".captures"
+_LONGEST = 1_000_000  # bytes
+_MOST = 100  # captures
 
 
 def write_list(captures: Sequence[Path], path: Path) -> None:
-    """Names the captures in a file that is a capture itself. Raises InputError when the disk refuses."""
-    atomic.write_text(path, "".join(f"{Path(c).absolute()}\n" for c in captures))
+    """Names the captures in a file that is a capture itself. Raises InputError when the disk refuses, or when a path
+    cannot stand on a line."""
+    lines = [str(Path(c).absolute()) for c in captures]
+    for line in lines:
+        if "#" in line or line != line.strip() or len(line.splitlines()) > 1:
+            raise InputError(
+                f"{line!r} cannot stand in a list of captures because of its #, spaces or line ends; rename it."
+            )
+    atomic.write_bytes(path, b"".join(os.fsencode(f"{line}\n") for line in lines))
 
 
 def listed(path: Path) -> list[Path]:
     """The captures that the file names, relative ones from its folder; lines after # are remarks. Raises InputError
     when it cannot be read or names none, or one twice."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read ({error}); write the path of a capture on each line.") from error
-    words = [line.partition("#")[0].strip() for line in lines]
-    found = [(path.parent / Path(word).expanduser()).resolve() for word in words if word]
+    then = "write the path of a capture on each line"
+    text = whole_file(path, _LONGEST).decode("utf-8", "surrogateescape")  # names of files need not be UTF-8
+    found: list[Path] = []
+    for number, line in lines_of(text):
+        word = line.partition("#")[0].strip()
+        if not word:
+            continue
+        try:
+            found.append((path.parent / Path(word).expanduser()).resolve())
+        except (OSError, ValueError, RuntimeError) as error:
+            raise InputError(f"{path}, line {number}: {word[:80]!r} cannot be a path ({error}); {then}.") from error
     if not found:
-        raise InputError(f"{path} names no capture; write the path of a capture on each line.")
+        raise InputError(f"{path} names no capture; {then}.")
+    if len(found) > _MOST:
+        raise InputError(f"{path} names {len(found)} captures; at most {_MOST} are read together.")
     for i, capture in enumerate(found):
         if capture in found[:i]:
             raise InputError(f"{path} names {capture} twice; remove one of the lines.")

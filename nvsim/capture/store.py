@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim import atomic
+from nvsim.capture.lens_reading import LARGEST_SIDE
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.errors import InputError
 from nvsim.geometry.lens import Lens
+from nvsim.geometry.rotation import is_rigid
+from nvsim.reading import reading
+from nvsim.stored_arrays import read_arrays
+from nvsim.whole_file import whole_file
 
 VERSION = 1
+_AGAIN = "import the capture again"
+_FARTHEST = 1e10  # metres; the scale may make more of the units that a source may have
 
 
 def save_capture(capture: Capture, folder: Path) -> None:
@@ -64,51 +72,82 @@ def load_capture(folder: Path) -> Capture:
     """The capture of `save_capture`, equal in every number. Raises InputError when it is missing, broken or of a newer
     version."""
     path = folder / "capture.json"
-    try:
-        tree = json.loads(path.read_text(encoding="utf-8"))
-        version = tree["version"]
-    except OSError as error:
-        raise InputError(f"Cannot read {path} ({error.strerror}); import the capture again.") from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(f"{path} is not a stored capture; import the capture again.") from error
-    if version != VERSION:
-        raise InputError(f"{path} has version {version}, this program reads {VERSION}; update the program.")
-    try:
+    data = whole_file(path)
+    with reading(path, "a stored capture", _AGAIN):
+        tree = json.loads(data.decode())
+        if not isinstance(tree, dict) or type(tree.get("version")) is not int:
+            raise InputError(f"{path} is not a stored capture; {_AGAIN}.")
+        if tree["version"] != VERSION:
+            raise InputError(f"{path} has version {tree['version']}, this program reads {VERSION}; update the program.")
+    with reading(path, "a stored capture", f"it is damaged, so {_AGAIN}"):
         return _parse(tree, folder)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        raise InputError(f"{path} is damaged ({type(error).__name__}: {error}); import the capture again.") from error
 
 
 def _parse(tree: dict[str, Any], folder: Path) -> Capture:
-    lenses = [Lens(n["model"], n["width"], n["height"], tuple(n["params"])) for n in tree["lenses"]]
+    lenses = [_lens(n) for n in tree["lenses"]]
     frames = tuple(
         Frame(
-            f["name"],
-            Path(f["image"]),
+            _text(f["name"]),
+            Path(_text(f["image"])),
             lenses[f["lens"]],
-            np.array(f["camera_to_world"], np.float64).reshape(4, 4),
-            f["sensor"],
-            float(f["timestamp"]),
+            _pose(f["camera_to_world"]),
+            _text(f["sensor"]),
+            _finite(f["timestamp"]),
         )
         for f in tree["frames"]
     )
-    alignment = Alignment(
-        np.array(tree["alignment"]["rotation"], np.float64).reshape(3, 3),
-        float(tree["alignment"]["scale"]),
-        bool(tree["alignment"]["scale_known"]),
-    )
-    cloud = None if tree["cloud"] is None else _load_cloud(folder / tree["cloud"]["file"], tree["cloud"]["kind"])
-    return Capture(Path(tree["source"]), tree["format"], frames, cloud, alignment)
+    if not frames or len({f.name for f in frames}) < len(frames):
+        raise ValueError("no frame, or a name twice")
+    rotation = np.array(tree["alignment"]["rotation"], np.float64).reshape(3, 3)
+    scale = _finite(tree["alignment"]["scale"])
+    if not np.isfinite(rotation).all() or scale <= 0:
+        raise ValueError("an alignment that is none")
+    alignment = Alignment(rotation, scale, bool(tree["alignment"]["scale_known"]))
+    cloud = None if tree["cloud"] is None else _load_cloud(folder, tree["cloud"]["file"], _text(tree["cloud"]["kind"]))
+    return Capture(Path(_text(tree["source"])), _text(tree["format"]), frames, cloud, alignment)
 
 
-def _load_cloud(path: Path, kind: str) -> Cloud:
-    import zipfile
+def _text(value: object) -> str:
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise ValueError(f"{str(value)[:40]!r} is no name")
+    return value
 
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return Cloud(arrays["points"], arrays["colors"] if "colors" in arrays.files else None, kind)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
-        raise InputError(f"{path} is missing or damaged; import the capture again.") from error
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not finite")
+    return number
+
+
+def _lens(tree: dict[str, Any]) -> Lens:
+    size = tree["width"], tree["height"]
+    if not all(type(side) is int and 0 < side <= LARGEST_SIDE for side in size):
+        raise ValueError("an image size that is none")
+    lens = Lens(_text(tree["model"]), *size, tuple(_finite(p) for p in tree["params"]))
+    if min(lens.focal) <= 0:
+        raise ValueError("a focal length that is not positive")
+    return lens
+
+
+def _pose(rows: object) -> NDArray[np.float64]:
+    pose = np.array(rows, np.float64).reshape(4, 4)
+    if not (np.isfinite(pose).all() and is_rigid(pose) and np.abs(pose).max() <= _FARTHEST):
+        raise ValueError("a pose that is not rigid, or too far")
+    return pose
+
+
+def _load_cloud(folder: Path, name: object, kind: str) -> Cloud:
+    if not isinstance(name, str) or Path(name).name != name or "\0" in name:
+        raise ValueError("a cloud outside the project")
+    wanted = {"points": ("f", 2), "colors": ("u", 2)}
+    arrays = read_arrays(folder / name, "a stored cloud", wanted, _AGAIN, frozenset({"colors"}))
+    points, colors = arrays["points"], arrays.get("colors")
+    if points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ValueError("points that are none")
+    if colors is not None and (colors.shape != points.shape or colors.dtype != np.uint8):
+        raise ValueError("colours that do not belong to the points")
+    return Cloud(points.astype(np.float32, copy=False), colors, kind)
 
 
 def fingerprint(capture: Capture) -> str:
@@ -119,7 +158,7 @@ def fingerprint(capture: Capture) -> str:
         try:
             status = f.image_path.stat()
             stamp = (status.st_size, status.st_mtime_ns)
-        except OSError:
+        except (OSError, ValueError):
             stamp = (-1, -1)
         words = [f.name, str(f.image_path), f.sensor, f.timestamp, f.lens.model, f.lens.width, f.lens.height]
         state.update(json.dumps([*words, f.lens.params, stamp]).encode())

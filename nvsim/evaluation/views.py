@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import make_folder, replacing
+from nvsim.atomic import make_folder, write_bytes
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.novel import NovelView, novel_score, read_novel_views
@@ -164,5 +164,6 @@ def _means(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
 def _picture(path: Path, image: Image, rgb: Image, alpha: NDArray[np.float32]) -> None:
     make_folder(path.parent)
     row = np.concatenate([image, np.clip(rgb, 0, 1), np.repeat(alpha[..., None], 3, axis=2)], axis=1)
-    with replacing(path) as temporary:
-        cv2.imwrite(str(temporary), (row[..., ::-1] * 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
+    # OpenCV does not survive a path that is not UTF-8, so it never gets to see one.
+    encoded = cv2.imencode(".jpg", (row[..., ::-1] * 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
+    write_bytes(path, encoded.tobytes())

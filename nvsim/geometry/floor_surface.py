@@ -4,9 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.stored_arrays import read_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +30,21 @@ class FloorSurface:
     def flat(height: float) -> FloorSurface:
         """One height everywhere."""
         return FloorSurface(np.full((1, 1), height, np.float32), (0.0, 0.0), 1.0)
+
+    @staticmethod
+    def load(path: Path) -> FloorSurface:
+        """The surface in an .npz of heights, origin and spacing. Raises InputError for a file that is missing, damaged
+        or something else."""
+        again = "run `nvsim floors --project` again"
+        arrays = read_arrays(
+            path, "a floor surface", {"heights": ("f", 2), "origin": ("fi", 1), "spacing": ("fi", 0)}, again
+        )
+        heights, origin, spacing = arrays["heights"], arrays["origin"], float(arrays["spacing"])
+        if not (
+            heights.size and np.isfinite(heights).all() and origin.shape == (2,) and np.isfinite(origin).all()
+        ) or not (np.isfinite(spacing) and spacing > 0):
+            raise InputError(f"{path} holds no floor surface (empty, or numbers that are not finite); {again}.")
+        return FloorSurface(heights.astype(np.float32), (float(origin[0]), float(origin[1])), spacing)
 
     def height_at(self, xy: NDArray[np.floating]) -> NDArray[np.float32]:
         """Heights (...) at world x, y (..., 2): bilinear inside, the nearest border value outside."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.cells import grid_size
 from nvsim.mapping.corridor import SupportAt
 
 _SPACING = 0.4  # metres between the places that are looked at
@@ -56,7 +57,7 @@ class Walk:
 
         low = self.places[:, :2].min(axis=0) - _REACH
         high = self.places[:, :2].max(axis=0) + _REACH
-        columns, rows = np.ceil((high - low) / _CELL).astype(int)
+        columns, rows = grid_size(low, high, _CELL, "the cameras")
         x = low[0] + (np.arange(columns) + 0.5) * _CELL
         y = low[1] + (np.arange(rows) + 0.5) * _CELL
         known = np.pad(np.asarray(self._support(np.stack(np.meshgrid(x, y), axis=-1)), bool), 1)

@@ -16,8 +16,12 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.reading import reading
+from nvsim.whole_file import whole_file
 
 _DEPTH = 16
+_ANYWAY = 25_000_000  # cells that a map of any length may have
+_FINEST, _COARSEST = 1e-4, 1e3  # metres
 _MAGIC = b"# Octomap OcTree binary file"
 
 
@@ -30,6 +34,11 @@ def read_octomap(path: Path, low: float = 0.1, high: float = 1.5, floor: float |
 
     Raises InputError when the file is not a whole binary tree.
     """
+    with reading(path, "an OctoMap", "copy it again"):
+        return _read(path, low, high, floor)
+
+
+def _read(path: Path, low: float, high: float, floor: float | None) -> OccupancyMap:
     resolution, data = _open(path)
     leaves = np.empty((8 * (len(data) // 2) + 8, 5), np.int32)
     count = _read_leaves(data, leaves)
@@ -40,7 +49,7 @@ def read_octomap(path: Path, low: float = 0.1, high: float = 1.5, floor: float |
         raise InputError(f"{path} holds an empty tree; there is nothing to compare with.")
     low_corner = leaves[:, :3].min(axis=0)
     size = (leaves[:, :3] + leaves[:, 3:4]).max(axis=0) - low_corner
-    if int(size[0]) * int(size[1]) > 100_000_000:
+    if int(size[0]) * int(size[1]) > max(_ANYWAY, 10 * len(data)):
         raise InputError(
             f"{path} spans {size[0] * resolution:.0f} x {size[1] * resolution:.0f} m in cells of {resolution} m; "
             "cut it to the building."
@@ -60,10 +69,7 @@ def read_octomap(path: Path, low: float = 0.1, high: float = 1.5, floor: float |
 
 
 def _open(path: Path) -> tuple[float, NDArray[np.uint8]]:
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"Cannot read the map {path}: {error.strerror}; name an OctoMap .bt file.") from error
+    content = whole_file(path)
     if not content.startswith(_MAGIC):
         raise InputError(f"{path} does not begin with {_MAGIC.decode()!r}; convert it with octomap's convert_octree.")
     at = 0
@@ -83,7 +89,7 @@ def _open(path: Path) -> tuple[float, NDArray[np.uint8]]:
                 resolution = float(words[1])
             except (IndexError, ValueError):
                 resolution = math.nan
-    if not (math.isfinite(resolution) and resolution > 0):
+    if not _FINEST <= resolution <= _COARSEST:
         raise InputError(f"{path} names no positive resolution in its line 'res'; copy it again.")
     return resolution, np.frombuffer(content, np.uint8, offset=at)
 

@@ -13,12 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim import atomic
+from nvsim.decoding import decoded
 from nvsim.errors import InputError
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.reading import reading
+from nvsim.whole_file import whole_file
 
 _GREY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
 # 0.196 keeps grey 205, whose occupancy is 0.19608, unknown.
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
+_LONGEST = 1_000_000  # bytes of a YAML file
+_FINEST, _COARSEST, _FARTHEST = 1e-4, 1e3, 1e7  # metres
 
 
 @dataclass(frozen=True)
@@ -37,19 +42,25 @@ def read_ros_map(yaml_path: Path) -> OccupancyMap:
 
     Raises InputError when a file is missing or unreadable, a key is missing or not a number, or the map is turned.
     """
+    with reading(yaml_path, "a ROS map", "export the map again"):
+        return _read(yaml_path)
+
+
+def _read(yaml_path: Path) -> OccupancyMap:
     description = _parse(yaml_path)
     image_path = yaml_path.parent / description.image
-    grey = _read_grey(image_path, yaml_path)
+    picture = _read_picture(image_path, yaml_path)
+    # Every grey is judged once; a map has far more cells than greys.
+    grey = np.linspace(0.0, 255.0, np.iinfo(picture.dtype).max + 1)
+    states = np.full(grey.shape, UNKNOWN, np.uint8)
     if description.raw:
-        cells = np.full(grey.shape, UNKNOWN, np.uint8)
-        cells[(grey <= 100) & (grey >= 100 * description.occupied)] = OCCUPIED
-        cells[grey <= 100 * description.free] = FREE
+        states[(grey <= 100) & (grey >= 100 * description.occupied)] = OCCUPIED
+        states[grey <= 100 * description.free] = FREE
     else:
         occupancy = grey / 255.0 if description.negate else (255.0 - grey) / 255.0
-        cells = np.full(grey.shape, UNKNOWN, np.uint8)
-        cells[occupancy > description.occupied] = OCCUPIED
-        cells[occupancy < description.free] = FREE
-    return OccupancyMap(np.ascontiguousarray(cells[::-1]), description.resolution, description.origin[:2])
+        states[occupancy > description.occupied] = OCCUPIED
+        states[occupancy < description.free] = FREE
+    return OccupancyMap(states[picture[::-1]], description.resolution, description.origin[:2])
 
 
 def write_ros_map(occupancy: OccupancyMap, yaml_path: Path) -> Path:
@@ -73,32 +84,32 @@ def write_ros_map(occupancy: OccupancyMap, yaml_path: Path) -> Path:
     return image_path
 
 
-def _read_grey(path: Path, named_by: Path) -> NDArray[np.float64]:
+def _read_picture(path: Path, named_by: Path) -> NDArray[np.uint8 | np.uint16]:
+    """(H, W) grey, from 0 to the largest number of its type."""
     import cv2
 
     try:
-        data = path.read_bytes()
-    except OSError as error:
+        data = whole_file(path)
+    except InputError as error:
         raise InputError(
-            f"Cannot read {path}, the picture named by {named_by}: {error.strerror}; put the picture there or mend "
-            "the line 'image:'."
+            f"{str(error).rstrip('.')} ({named_by} names it as its picture; put the picture there or mend the line "
+            "'image:')."
         ) from error
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    if picture is None:
-        raise InputError(f"{path} is not a readable picture; export the map again.")
+    picture = decoded(data, path, cv2.IMREAD_UNCHANGED, what="the picture of a map", then="export the map again")
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path} has pixels of type {picture.dtype}; export the map again with 8 or 16 bits.")
     if picture.ndim == 3:
-        picture = picture[..., :3].mean(axis=-1)
-    scale = 255.0 / np.iinfo(picture.dtype).max if np.issubdtype(picture.dtype, np.integer) else 1.0
-    return np.asarray(picture, np.float64) * scale
+        total = picture[..., :3].astype(np.uint32).sum(axis=-1)
+        picture = (total // min(3, picture.shape[2])).astype(picture.dtype)
+    return picture
 
 
 def _parse(path: Path) -> _Description:
     """map_server's YAML is a flat mapping; its only list, the origin, may be in brackets or in dashes."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise InputError(f"Cannot read the map {path}: {reason}; name the .yaml file of a ROS map.") from error
+        text = whole_file(path, _LONGEST).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"Cannot read the map {path}: it is not text; name the .yaml file of a ROS map.") from error
     values: dict[str, tuple[int, str]] = {}
     items: list[str] = []
     key = ""
@@ -128,7 +139,7 @@ def _parse(path: Path) -> _Description:
     for name in ("image", "origin"):
         if name not in values:
             raise InputError(f"{path} has no line '{name}:'; add it (see the ROS map_server format).")
-    if not values["image"][1]:
+    if not values["image"][1] or "\0" in values["image"][1]:
         raise InputError(f"{path}, line {values['image'][0]}: image names no file; write the picture's name there.")
     line, value = values["origin"]
     parts = [p for p in value.strip("[]").split(",") if p.strip()]
@@ -138,9 +149,14 @@ def _parse(path: Path) -> _Description:
     x, y, yaw = (*(_number(p.strip(), where) for p in parts), 0.0)[:3]
     if abs(math.remainder(yaw, 2 * math.pi)) > 1e-4:
         raise InputError(f"{where} turns the map by {yaw} rad; turn the picture instead and write yaw 0.")
+    if max(abs(x), abs(y)) > _FARTHEST:
+        raise InputError(f"{where} is {value!r}, more than {_FARTHEST:.0e} m away; write it in metres.")
     resolution = number_of("resolution")
-    if resolution <= 0:
-        raise InputError(f"{path}, line {values['resolution'][0]}: resolution is {resolution}; it must be positive.")
+    if not _FINEST <= resolution <= _COARSEST:
+        raise InputError(
+            f"{path}, line {values['resolution'][0]}: resolution is {resolution}; it must be positive, in metres per "
+            "cell."
+        )
     mode = values.get("mode", (0, "trinary"))
     if mode[1] not in ("trinary", "scale", "raw"):
         raise InputError(f"{path}, line {mode[0]}: mode {mode[1]!r} is unknown; write trinary, scale or raw.")

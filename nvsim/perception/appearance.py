@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.cells import grid_size
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.roles import Float32, Image, Mask
 
@@ -86,6 +87,7 @@ class FloorAppearance:
         index, color = np.concatenate(cells), np.concatenate(colors)
         corner = index.min(axis=0) - 1
         columns, rows = (index.max(axis=0) - corner + 2).tolist()
+        grid_size(np.zeros(2), _CELL * np.array([columns, rows]), _CELL, "the views of the floor")
         flat = (index[:, 1] - corner[1]) * columns + index[:, 0] - corner[0]
         median, known = np.zeros((rows * columns, 3), np.float32), np.zeros(rows * columns, np.float32)
         for channel in range(3):

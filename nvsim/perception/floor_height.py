@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 
 Float64 = NDArray[np.float64]
@@ -39,6 +40,7 @@ class FloorHeightConfig:
 
 _PATCH = 0.25  # floor points are condensed to one median per patch of this size, so that dense places do not shout
 _TOLERATED = 0.05  # metres: floor points this far from their neighbours' floor lose most of their say
+_MOST_HEIGHTS = 250_000  # nodes; the equations of a fit over more take gigabytes
 _LEVEL = 0.02  # resolution of the histograms of heights
 
 
@@ -157,7 +159,9 @@ def _patches(points: Float64, surface: FloorSurface, window: float) -> Float64:
         return np.empty((0, 3))
     cell = np.floor(points[:, :2] / _PATCH).astype(np.int64)
     cell -= cell.min(axis=0)
-    rows, columns = int(cell[:, 1].max()) + 1, int(cell[:, 0].max()) + 1
+    columns, rows = (
+        side + 1 for side in grid_size(np.zeros(2), cell.max(axis=0) * _PATCH, _PATCH, "the points of the floor")
+    )
     bins = int(np.ceil(2 * window / _LEVEL)) + 1
     votes = np.zeros((rows, columns, bins), np.float32)
     index = ((above + window) / _LEVEL).astype(np.int64).clip(0, bins - 1)
@@ -191,7 +195,8 @@ class _Grid:
     def around(walk: Float64, config: FloorHeightConfig) -> _Grid:
         low = np.floor((walk[:, :2].min(axis=0) - config.margin) / config.spacing) * config.spacing
         high = walk[:, :2].max(axis=0) + config.margin
-        columns, rows = (np.ceil((high - low) / config.spacing).astype(int) + 1).tolist()
+        cells = grid_size(low, high, config.spacing, "the cameras", _MOST_HEIGHTS)
+        columns, rows = cells[0] + 1, cells[1] + 1
         return _Grid(rows, columns, (float(low[0]), float(low[1])), config.spacing)
 
     def fit(self, xyz: Float64, weight: Float64, stiffness: float) -> FloorSurface:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
+from nvsim.geometry.cells import MOST_CELLS
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.support import FloorSupport
 
@@ -48,7 +49,7 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
-    return Standing(everything, radii, _confirmed(points[np.abs(above) <= clearance]))
+    return Standing(everything, radii, _confirmed(points[np.abs(above) <= clearance], surface))
 
 
 def _spacing(points: Float32, neighbour: int) -> Float32:
@@ -94,10 +95,13 @@ def _feet(points: Float32, height: Float32, surface: FloorSurface) -> Float32:
     return np.concatenate(layers).astype(np.float32)
 
 
-def _confirmed(points: Float32) -> FloorSupport:
+def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:
     """The cells with floor points, gaps of up to about 0.3 m closed."""
     import cv2
 
+    far = np.abs(points[:, :2] - _middle(surface)).max(axis=1, initial=0.0)
+    if len(points) and (np.ptp(points[:, :2], axis=0) / _CELL).prod() > MOST_CELLS:
+        points = points[far < 0.5 * _CELL * np.sqrt(MOST_CELLS)]  # what lies beyond is the floor of no room here
     if len(points) == 0:
         return FloorSupport(np.zeros((1, 1), bool), (0.0, 0.0), _CELL)
     origin = points[:, :2].min(axis=0).astype(np.float64) - 0.5
@@ -115,3 +119,8 @@ def _confirmed(points: Float32) -> FloorSupport:
     rim = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _RIM + 1, 2 * _RIM + 1))
     closed = cv2.dilate(((grid > 0) | hole[labels]).astype(np.uint8), rim) > 0
     return FloorSupport(closed, (float(origin[0]), float(origin[1])), _CELL)
+
+
+def _middle(surface: FloorSurface) -> NDArray[np.float64]:
+    rows, columns = surface.heights.shape
+    return np.array(surface.origin) + 0.5 * surface.spacing * np.array([columns - 1, rows - 1])

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from nvsim.atomic import make_folder, write_bytes
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
+from nvsim.decoding import decoded
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
 from nvsim.perception.roles import Image, Mask
+from nvsim.whole_file import whole_file
 
 _NEAR = 6.0  # metres
 
@@ -140,9 +142,8 @@ def read_mask(path: Path, width: int | None = None, height: int | None = None) -
 
     if not path.is_file():
         raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
-    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    if picture is None:
-        raise InputError(f"The floor mask {path} is not a readable picture; delete it and make the floor masks again.")
+    again = "delete it and run `nvsim floors --project` again"
+    picture = decoded(whole_file(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
     if width is not None and height is not None and picture.shape != (height, width):
         shrink = picture.shape[0] > height
         picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR)

@@ -3,7 +3,6 @@ saw, nothing is rendered either; only support tells them from floor."""
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,9 @@ from nvsim.atomic import replacing
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.stored_arrays import read_arrays
 
 Mask = NDArray[np.bool_]
 
@@ -53,6 +54,9 @@ class FloorSupport:
         offset = np.ceil((np.array(self.origin) - low) / self.spacing).astype(int)
         origin = np.array(self.origin) - offset * self.spacing
         rows, columns = self.cells.shape
+        grid_size(
+            low, np.maximum(low, positions[:, :2].max(axis=0)) + radius, self.spacing, "the positions of the cameras"
+        )
         top = np.ceil((positions[:, :2].max(axis=0) + radius - origin) / self.spacing).astype(int) + 1
         cells = np.zeros((max(rows + offset[1], top[1]), max(columns + offset[0], top[0])), bool)
         cells[offset[1] : offset[1] + rows, offset[0] : offset[0] + columns] = self.cells
@@ -69,13 +73,13 @@ class FloorSupport:
     @staticmethod
     def load(path: Path) -> FloorSupport:
         """Reads what `save` wrote. Raises InputError for a file that is missing or something else."""
-        try:
-            with np.load(path) as data:
-                cells, origin, spacing = data["cells"].astype(bool), data["origin"], float(data["spacing"])
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(
-                f"The floor support {path} cannot be read ({error}); make the floor masks again."
-            ) from error
+        again = "run `nvsim floors --project` again"
+        arrays = read_arrays(
+            path, "a floor support", {"cells": ("bui", 2), "origin": ("fi", 1), "spacing": ("fi", 0)}, again
+        )
+        cells, origin, spacing = arrays["cells"].astype(bool), arrays["origin"], float(arrays["spacing"])
+        if not cells.size or origin.shape != (2,) or not np.isfinite([*origin, spacing]).all() or spacing <= 0:
+            raise InputError(f"The floor support {path} cannot be read (its numbers make no sense); {again}.")
         return FloorSupport(cells, (float(origin[0]), float(origin[1])), spacing)
 
 
@@ -132,7 +136,7 @@ def observe(
     low = everything.min(axis=0) if len(everything) else np.zeros(2)
     high = everything.max(axis=0) if len(everything) else np.ones(2)
     origin = np.floor(low / config.spacing) * config.spacing
-    columns, rows = (np.ceil((high - origin) / config.spacing).astype(int) + 1).tolist()
+    columns, rows = (side + 1 for side in grid_size(origin, high, config.spacing, "the cameras"))
 
     def cell(xy: NDArray[np.floating]) -> NDArray[np.int64]:
         index = np.floor((xy - origin) / config.spacing).astype(np.int64)
@@ -143,7 +147,8 @@ def observe(
     y = origin[1] + (np.arange(rows) + 0.5) * config.spacing
     centres = np.stack(np.meshgrid(x, y), axis=-1)
     ground = np.dstack([centres, surface.height_at(centres)])
-    as_floor, as_other = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
+    as_floor: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
+    as_other: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
     reach = int(np.ceil(config.distance / config.spacing))
     for camera, mask in zip(views, masks, strict=True):
         # From the cells to the pixels, not back: far away a pixel is wider than a cell.

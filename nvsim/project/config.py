@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 from nvsim.mapping.config import MappingConfig
 from nvsim.submaps.split import SubmapConfig
@@ -19,6 +19,17 @@ class CaptureConfig:
     """Metres of the cameras above the floor; gives the scale of a capture that has none."""
     hold_out: int = 8
     """Every how many frames one is kept out of training, for evaluation; 0 keeps none out."""
+    leave_out: str = ""
+    """Names of frames that are not imported, with commas between them: those with a wrong pose, say."""
+
+    @property
+    def key(self) -> dict[str, dict[str, object]]:
+        """What the import's key holds of it. An option that came later counts where it is used only, so that what was
+        imported before stays current."""
+        values = asdict(self)
+        if not self.leave_out:
+            del values["leave_out"]
+        return {type(self).__name__: values}
 
 
 @dataclass(frozen=True)

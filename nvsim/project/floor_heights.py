@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project.project import Project
 
@@ -27,7 +28,7 @@ def floor_of(project: Project) -> FloorSurface:
     places = np.concatenate([s.positions[:, :2] for s in submaps])
     owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
     low, high = places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN
-    columns, rows = np.ceil((high - low) / _SPACING).astype(int) + 1
+    columns, rows = (side + 1 for side in grid_size(low, high, _SPACING, "the cameras"))
     x, y = low[0] + _SPACING * np.arange(columns), low[1] + _SPACING * np.arange(rows)
     xy = np.stack(np.meshgrid(x, y), axis=-1)
     nearest = owners[cKDTree(places).query(xy)[1]]

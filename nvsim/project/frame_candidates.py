@@ -3,7 +3,6 @@ correct a mask with. Nothing of the pipeline depends on them."""
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from nvsim.perception.prompted_network import DECODER, ENCODER, PromptedNetwork,
 from nvsim.perception.roles import Mask
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
+from nvsim.stored_arrays import read_arrays
 
 _VERSION = 2  # raised when the same inputs give something else
 _FINE = 1024  # pixels: the size that prompted networks look at
@@ -32,16 +32,23 @@ def candidates_path(project: Project, index: int) -> Path:
 
 def read_candidates(path: Path) -> HybridSteps | None:
     """What `CandidateMaker` stored, None when it is missing or not readable: it can be made again."""
+    wanted = {"shape": ("iu", 1), "points": ("fiu", 2), "normals": ("i", 3), **dict.fromkeys(_MASKS, ("u", 1))}
     try:
-        with np.load(path) as data:
-            shape = tuple(data["shape"])
-            masks: dict[str, Any] = {
-                name: np.unpackbits(data[name])[: shape[0] * shape[1]].reshape(shape).astype(bool) for name in _MASKS
-            }
-            normals = data["normals"].astype(np.float32) / 127.0
-            return HybridSteps(points=data["points"], normals=normals, **masks)
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+        data = read_arrays(path, "the candidates of a frame", wanted, "make them again")
+    except InputError:
         return None
+    if data["shape"].shape != (2,) or data["points"].shape[1] != 2 or not np.isfinite(data["points"]).all():
+        return None
+    height, width = (int(side) for side in data["shape"])
+    packed = -(-height * width // 8)
+    if min(height, width) < 1 or any(data[name].shape != (packed,) or data[name].dtype != np.uint8 for name in _MASKS):
+        return None
+    if data["normals"].shape != (height, width, 3):
+        return None
+    masks: dict[str, Any] = {
+        name: np.unpackbits(data[name], count=height * width).reshape(height, width).astype(bool) for name in _MASKS
+    }
+    return HybridSteps(points=data["points"], normals=data["normals"].astype(np.float32) / 127.0, **masks)
 
 
 class CandidateMaker:

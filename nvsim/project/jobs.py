@@ -72,7 +72,7 @@ class JobJournal:
             self._beat = time.monotonic()
             self._connection.execute(
                 "UPDATE jobs SET done = ?, total = ?, updated = ?, message = ? WHERE id = ?",
-                (event.done, event.total, time.time(), f"{event.stage} {event.detail}".strip(), self._id),
+                (event.done, event.total, time.time(), _storable(f"{event.stage} {event.detail}".strip()), self._id),
             )
         self._listen(event)
 
@@ -80,5 +80,10 @@ class JobJournal:
         now = time.time()
         self._connection.execute(
             "UPDATE jobs SET state = ?, message = ?, updated = ?, finished = ? WHERE id = ?",
-            (state, message, now, now, self._id),
+            (state, _storable(message), now, now, self._id),
         )
+
+
+def _storable(text: str) -> str:
+    """`text` as a database takes it: names of files need not be UTF-8."""
+    return text.encode(errors="backslashreplace").decode()

@@ -96,7 +96,7 @@ class Layout:
 
     def correction(self, frame_name: str) -> Path:
         """Slashes of the name are written as %2F, so that every name is one file."""
-        return self.corrections / f"{quote(frame_name, safe=' ')}.png"
+        return self.corrections / f"{quote(frame_name, safe=' ', errors='surrogatepass')}.png"
 
     def surface(self, submap: int) -> Path:
         return self.floor / f"surface_{submap:03d}.npz"

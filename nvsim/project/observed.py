@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from nvsim.capture.types import Capture
+from nvsim.geometry.cells import grid_size
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.perception.support import FloorSupport
 from nvsim.project.floor_heights import floor_of
@@ -13,17 +14,22 @@ from nvsim.project.project import Project
 
 _LOW, _HIGH = 0.10, 1.5  # metres above the floor within which a point is an obstacle
 _POINTS_PER_CELL = 2
+_MOST_CELLS = 12_000_000
+_COARSEST = 0.2  # metres
 _SMALLEST = 12  # cells; smaller specks are noise of the scan
 
 
 def observed_occupancy(
     project: Project, capture: Capture, support: FloorSupport, resolution: float = 0.05
 ) -> OccupancyMap:
-    """For a person to look at, not a truth: a sparse cloud leaves obstacles out."""
+    """For a person to look at, not a truth: a sparse cloud leaves obstacles out. A map that would be too large for the
+    memory is made coarser. Raises InputError when the cameras are too far apart for that."""
     positions = capture.positions[:, :2]
     points = np.zeros((0, 3), np.float32) if capture.cloud is None else capture.cloud.points
     low, high = positions.min(axis=0) - 8.0, positions.max(axis=0) + 8.0
-    columns, rows = np.ceil((high - low) / resolution).astype(int)
+    while np.prod((high - low) / resolution) > _MOST_CELLS and resolution < _COARSEST:
+        resolution *= 2
+    columns, rows = grid_size(low, high, resolution, "the cameras")
     empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
     cells = np.where(support.at(empty.centres()), FREE, UNKNOWN)
     inside = ((points[:, :2] >= low) & (points[:, :2] < high)).all(axis=1)

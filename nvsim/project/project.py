@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from nvsim.atomic import make_folder
 from nvsim.databases import Snapshot, stamp
 from nvsim.errors import InputError
@@ -190,9 +188,7 @@ class Project:
             return None
         from nvsim.geometry.floor_surface import FloorSurface
 
-        with np.load(path) as data:
-            origin = data["origin"]
-            return FloorSurface(data["heights"], (float(origin[0]), float(origin[1])), float(data["spacing"]))
+        return FloorSurface.load(path)
 
     def support(self) -> FloorSupport | None:
         if not self.layout.support.is_file():

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import replacing
+from nvsim.atomic import write_bytes
 from nvsim.render.workspace import LOCK
 from nvsim.training.fit import Fit
 from nvsim.training.views import TrainingView
@@ -28,8 +28,8 @@ def preview(fit: Fit, view: TrainingView) -> NDArray[np.uint8]:
 def write_preview(fit: Fit, view: TrainingView, path: Path) -> None:
     """A JPEG at `path`. Raises InputError when the disk refuses."""
     picture = preview(fit, view)
-    with replacing(path) as temporary:
-        cv2.imwrite(str(temporary), picture[..., ::-1])
+    # OpenCV does not survive a path that is not UTF-8, so it never gets to see one.
+    write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
 
 
 def _bytes(colours: NDArray[np.floating]) -> NDArray[np.uint8]:

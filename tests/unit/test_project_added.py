@@ -50,6 +50,16 @@ def test_what_was_imported_keeps_its_place_and_the_submaps_are_cut_anew(project:
         assert {i for s in cut for i in s.core} == set(range(19))
 
 
+def test_frames_that_were_left_out_stay_left_out_beside_another_walk(walks: list[Path], tmp_path: Path) -> None:
+    with Project.create_or_open(tmp_path / "less.nvsim") as made:
+        config = CaptureConfig(camera_height=1.4, leave_out="images/002.png, images/005.png")
+        assert len(imported.run(made, walks[0], config, silent).frames) == 10
+        together = added.run(made, walks[1], silent, "two/images/000.png")
+        names = {f.name for f in together.frames}
+        assert len(names) == 16 and not names & {"one/images/002.png", "one/images/005.png", "two/images/000.png"}
+        assert len(added.run(made, walks[2], silent).frames) == 21
+
+
 def test_the_new_walk_lies_where_it_would_lie_alone(project: Path, walks: list[Path], tmp_path: Path) -> None:
     with Project.create_or_open(tmp_path / "alone.nvsim") as other:
         alone = imported.run(other, walks[1], CaptureConfig(camera_height=1.4), silent)

@@ -18,6 +18,8 @@ class Arguments:
     """Metres per unit of the capture, when it does not know."""
     camera_height: float | None = None
     """Metres of the cameras above the floor."""
+    leave_out: str = ""
+    """Names of frames that are not looked at, with commas between them."""
     json: bool = False
     """Print one JSON object."""
 
@@ -25,7 +27,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.capture.check import check
 
-    report = check(arguments.capture, scale=arguments.scale, camera_height=arguments.camera_height)
+    report = check(arguments.capture, arguments.scale, arguments.camera_height, arguments.leave_out)
     findings = [dataclasses.asdict(f) for f in report.findings]
     if arguments.json:
         print(json.dumps({"refused": report.refused, "findings": findings}))

@@ -28,12 +28,13 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     with working(arguments.project, "import", arguments.json, create=not arguments.add) as (project, listen):
         if arguments.add:
-            if arguments.understood != CaptureConfig():
+            leave_out = arguments.understood.leave_out
+            if arguments.understood != CaptureConfig(leave_out=leave_out):
                 raise InputError(
                     "What is added is understood as the first capture was; leave out --scale, --camera-height and "
                     "--hold-out."
                 )
-            added.run(project, arguments.capture, listen)
+            added.run(project, arguments.capture, listen, leave_out)
         else:
             imported.run(project, arguments.capture, arguments.understood, listen)
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,7 +54,7 @@ def run(arguments: Arguments) -> int:
             raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
         make_folder(arguments.out)
         film = cv2.VideoWriter(
-            str(arguments.out / "video.mp4"),
+            _film_path(arguments.out / "video.mp4"),
             cv2.VideoWriter.fourcc(*"mp4v"),
             arguments.fps,
             (arguments.width, arguments.height),
@@ -76,3 +77,8 @@ def run(arguments: Arguments) -> int:
     if not arguments.json:
         print(arguments.out)
     return 0
+
+
+def _film_path(path: Path) -> str:
+    """Empty for a path that is not UTF-8, which OpenCV does not survive; the frames are there all the same."""
+    return str(path) if os.fsencode(path) == str(path).encode(errors="replace") else ""

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.decoding import decoded
 from nvsim.errors import InputError
 from nvsim.graph.foreign.beside import Beside
+from nvsim.whole_file import whole_file
 
 FACES = np.array(
     [
@@ -91,13 +92,7 @@ def _thirty_six(folder: Path) -> list[_View]:
 def _read(path: Path) -> NDArray[np.uint8]:
     import cv2
 
-    try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
-        image: Any = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
-    except (OSError, cv2.error) as error:
-        raise InputError(f"Cannot read {path}: {error}.") from error
-    if image is None:
-        raise InputError(f"{path} is no picture that can be read; write it again as JPEG.")
+    image = decoded(whole_file(path), path, cv2.IMREAD_COLOR, what="a picture", then="write it again as JPEG")
     return np.asarray(image, np.uint8)
 
 

@@ -7,13 +7,18 @@ has grown.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from nvsim.atomic import write_bytes
+from nvsim.capture.far_frames import names_in
+from nvsim.capture.findings import Findings
+from nvsim.capture.read import read_raw
 from nvsim.capture.several import SUFFIX, labels, listed, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener
+from nvsim.project.config import CaptureConfig
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.project import Project
 from nvsim.project.stages import imported
@@ -24,9 +29,11 @@ def sources(capture: Capture) -> list[Path]:
     return listed(capture.source) if capture.source.suffix == SUFFIX else [capture.source.resolve()]
 
 
-def run(project: Project, source: Path, listen: Listener) -> Capture:
-    """Imports the project's captures and `source`, which may be a list itself, as one. Raises InputError when the
-    project has no capture or holds this one already, and whatever an import refuses; the project is then as before."""
+def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -> Capture:
+    """Imports the project's captures and `source`, which may be a list itself, as one, without the frames that
+    `leave_out` names as they will be called then, and without those that were left out before. Raises
+    InputError when the project has no capture or holds this one already, and whatever an import refuses; the project
+    is then as before."""
     former = project.need_capture()
     source = source.expanduser().resolve()
     held = sources(former)
@@ -38,7 +45,8 @@ def run(project: Project, source: Path, listen: Listener) -> Capture:
     write_list([*held, *new], path)
     carried = _carry(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "")
     try:
-        capture = imported.run(project, path, imported.capture_config(project), listen, former.alignment)
+        config = _left_out(project, former, labels(held)[0], leave_out)
+        capture = imported.run(project, path, config, listen, former.alignment)
     except InputError:
         path.unlink()
         for _, copy in carried:
@@ -49,6 +57,16 @@ def run(project: Project, source: Path, listen: Listener) -> Capture:
     if former.source.parent == project.layout.root and former.source.suffix == SUFFIX:
         former.source.unlink(missing_ok=True)
     return capture
+
+
+def _left_out(project: Project, former: Capture, label: str, more: str) -> CaptureConfig:
+    """How the first capture was understood; what it left out is named after it from now on."""
+    config = imported.capture_config(project)
+    before = config.leave_out
+    if before and former.source.suffix != SUFFIX:
+        frames = frozenset(f.name for f in read_raw(former.source, Findings()).frames)
+        before = ",".join(f"{label}/{name}" for name in sorted(names_in(before, frames)))
+    return replace(config, leave_out=",".join(part for part in (before, more) if part))
 
 
 def _carry(project: Project, former: Capture, label: str) -> list[tuple[Path, Path]]:

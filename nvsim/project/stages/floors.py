@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import time
 
 import numpy as np
 
 from nvsim.atomic import replacing
+from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project import ledger
@@ -29,8 +31,8 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
     config = capture_config(project)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
-    key = ledger.key_of(STAGE, submaps_key(project), config, _VERSION)
-    if ledger.is_current(project, STAGE, key):
+    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION)
+    if ledger.is_current(project, STAGE, key) and _is_whole(project):
         listen(Log("The floor masks are up to date.", STAGE))
         refresh_support(project, listen)
         return
@@ -78,12 +80,24 @@ def refresh_support(project: Project, listen: Listener) -> None:
     listen(Log(f"With the corrected masks {coverage:.0f} m² of floor are supported.", STAGE))
 
 
+def _is_whole(project: Project) -> bool:
+    """Whether everything that the stage committed is there; somebody may have deleted what was damaged."""
+    layout = project.layout
+    try:
+        found = [project.support(), *(project.surface(s.index) for s in project.need_submaps())]
+    except InputError:
+        return False
+    masks = (layout.mask(i).is_file() for i in range(len(project.need_capture().frames)))
+    return all(part is not None for part in found) and all(masks)
+
+
 def _surface(project: Project, submap: int, positions: np.ndarray, config: CaptureConfig) -> FloorSurface:
     from nvsim.perception.floor_height import estimate_floor
 
-    found = project.surface(submap)
-    if found is not None:
-        return found
+    with contextlib.suppress(InputError):  # a damaged one is made again
+        found = project.surface(submap)
+        if found is not None:
+            return found
     surface = estimate_floor(project.need_capture().cloud, positions, config.camera_height)
     with replacing(project.layout.surface(submap)) as path:
         np.savez(path, heights=surface.heights, origin=np.array(surface.origin), spacing=surface.spacing)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import time
@@ -29,14 +30,17 @@ def run(
 
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, str(source)))
-    capture = read(source, scale=config.scale, camera_height=config.camera_height, alignment=alignment)
-    key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config)
+    capture = read(
+        source, scale=config.scale, camera_height=config.camera_height, alignment=alignment, leave_out=config.leave_out
+    )
+    key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
-        listen(Log("The capture is unchanged.", STAGE))
-        stored = project.capture()
-        if stored is not None:
-            return stored
-    report = check(source, scale=config.scale, camera_height=config.camera_height)
+        with contextlib.suppress(InputError):  # a damaged one is stored again
+            stored = project.capture()
+            if stored is not None:
+                listen(Log("The capture is unchanged.", STAGE))
+                return stored
+    report = check(source, scale=config.scale, camera_height=config.camera_height, leave_out=config.leave_out)
     for finding in report.findings:
         if finding.severity == "warning":
             listen(Warning(f"{finding.message} ({finding.where}): {finding.consequence}", STAGE))

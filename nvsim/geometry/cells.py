@@ -1,0 +1,26 @@
+"""How many cells a grid over a part of the ground has, refused before it is made where no memory would hold it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+
+MOST_CELLS = 25_000_000
+"""500 m by 500 m in cells of 0.1 m: more than the largest buildings, and some hundred MB with what is worked out."""
+
+
+def grid_size(
+    low: NDArray[np.floating], high: NDArray[np.floating], spacing: float, of: str, most: int = MOST_CELLS
+) -> tuple[int, int]:
+    """(columns, rows) of cells of `spacing` metres between the corners `low` and `high` (2,), metres; `of` says what
+    lies between them, in the plural. Raises InputError when these are more than `most` cells, or not finite."""
+    extent = np.asarray(high, np.float64)[:2] - np.asarray(low, np.float64)[:2]
+    cells = np.ceil(extent / spacing)
+    if not (np.isfinite(cells).all() and (cells >= 0).all() and (cells + 1).prod() <= most):
+        raise InputError(
+            f"{of[:1].upper()}{of[1:]} span {extent[0]:.4g} x {extent[1]:.4g} m, too much for a grid of {spacing:g} m; "
+            "`nvsim check CAPTURE` names the frames with a wrong pose, and --leave-out NAME,... imports without them."
+        )
+    return int(cells[0]), int(cells[1])

@@ -1,0 +1,143 @@
+"""The size of an image as its first bytes give it, for the formats that NVSim reads.
+
+A compressed image of some kilobytes may unpack to gigabytes, so the size is compared with what is expected before
+anything is decoded. Formats: PNG (W3C, chunk IHDR), JPEG (ITU T.81, B.2.2), Netpbm (netpbm.sourceforge.net/doc),
+WebP (RFC 9649), TIFF 6.0, BMP (BITMAPINFOHEADER).
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+
+_NAMES = {b"P1": 1, b"P2": 1, b"P3": 3, b"P4": 1, b"P5": 1, b"P6": 3}
+_TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*(\d{1,10})")
+_TIFF_SIZES = {1: 1, 3: 2, 4: 4}  # bytes of the whole numbers among TIFF's field types
+_ONE_PIXEL_EACH = 1032  # deflate unpacks a byte to at most so many
+
+
+@dataclass(frozen=True)
+class ImageSize:
+    """width, height  pixels
+    pixel_bytes  bytes of a pixel as it is decoded
+    least_bytes  an honest file of this size is at least so long; what the format cannot say is 0
+    """
+
+    width: int
+    height: int
+    pixel_bytes: int
+    least_bytes: int = 0
+
+
+def image_size_of(data: bytes) -> ImageSize | None:
+    """The size in the header of an image, None where `data` is no image of a format that is read."""
+    try:
+        if data.startswith(b"\x89PNG\r\n\x1a\n"):
+            return _png(data)
+        if data.startswith(b"\xff\xd8"):
+            return _jpeg(data)
+        if data[:2] in _NAMES:
+            return _netpbm(data)
+        if data.startswith(b"RIFF") and data[8:12] == b"WEBP":
+            return _webp(data)
+        if data[:4] in (b"II*\0", b"MM\0*"):
+            return _tiff(data)
+        if data.startswith(b"BM"):
+            return _bmp(data)
+    except (struct.error, IndexError):
+        return None  # the header ends early
+    return None
+
+
+def _png(data: bytes) -> ImageSize | None:
+    if data[12:16] != b"IHDR":
+        return None
+    width, height, depth, kind = struct.unpack_from(">IIBB", data, 16)
+    channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(kind)
+    if channels is None or depth not in (1, 2, 4, 8, 16):
+        return None
+    packed = height * (width * channels * depth // 8)
+    decoded = 3 if kind == 3 else channels + (channels == 2) * 2
+    return ImageSize(width, height, decoded * (2 if depth == 16 else 1), packed // _ONE_PIXEL_EACH)
+
+
+def _jpeg(data: bytes) -> ImageSize | None:
+    at = 2
+    while True:
+        at = data.find(b"\xff", at)
+        while at >= 0 and data[at] == 0xFF:
+            at += 1
+        if at < 0:
+            return None
+        marker = data[at]
+        at += 1
+        if marker in (0x00, 0x01) or 0xD0 <= marker <= 0xD7:
+            continue  # these have no length
+        if marker in (0xD8, 0xD9, 0xDA):
+            return None  # the image begins or ends before its size was given
+        (length,) = struct.unpack_from(">H", data, at)
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            depth, height, width, channels = struct.unpack_from(">BHHB", data, at + 2)
+            blocks = -(-width // 8) * -(-height // 8)
+            return ImageSize(width, height, max(1, channels) * (2 if depth > 8 else 1), blocks // 8)
+        at += max(2, length)
+
+
+def _netpbm(data: bytes) -> ImageSize | None:
+    numbers, at = [], 2
+    for _ in range(2 if data[1:2] in b"14" else 3):
+        found = _TOKEN.match(data, at, at + 4096)
+        if found is None:
+            return None
+        numbers.append(int(found[1]))
+        at = found.end()
+    width, height, largest = (*numbers, 1)[:3]
+    samples = width * height * _NAMES[data[:2]]
+    deep = 2 if largest > 255 else 1
+    least = {b"P1": samples, b"P4": -(-width // 8) * height, b"P2": 2 * samples - 1, b"P3": 2 * samples - 1}
+    return ImageSize(width, height, _NAMES[data[:2]] * deep, at + least.get(data[:2], samples * deep))
+
+
+def _webp(data: bytes) -> ImageSize | None:
+    kind = data[12:16]
+    if kind == b"VP8X":
+        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+    elif kind == b"VP8L":
+        bits = int.from_bytes(data[21:25], "little")
+        width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    elif kind == b"VP8 ":
+        width, height = (v & 0x3FFF for v in struct.unpack_from("<HH", data, 26))
+    else:
+        return None
+    return ImageSize(width, height, 4)
+
+
+def _tiff(data: bytes) -> ImageSize | None:
+    order = "<" if data[:2] == b"II" else ">"
+    (at,) = struct.unpack_from(order + "I", data, 4)
+    (count,) = struct.unpack_from(order + "H", data, at)
+    tags: dict[int, int] = {}
+    for i in range(count):
+        tag, kind, number, _ = struct.unpack_from(order + "HHII", data, at + 2 + 12 * i)
+        if kind in _TIFF_SIZES and number >= 1:
+            inline = number * _TIFF_SIZES[kind] <= 4
+            place = at + 10 + 12 * i if inline else struct.unpack_from(order + "I", data, at + 10 + 12 * i)[0]
+            tags.setdefault(tag, struct.unpack_from(order + {1: "B", 3: "H", 4: "I"}[kind], data, place)[0])
+    if not {256, 257} <= tags.keys():
+        return None
+    # A tile is decoded whole, however little of it belongs to the image.
+    width, height = max(tags[256], tags.get(322, 0)), max(tags[257], tags.get(323, 0))
+    return ImageSize(width, height, max(1, tags.get(277, 1)) * max(1, -(-tags.get(258, 1) // 8)))
+
+
+def _bmp(data: bytes) -> ImageSize | None:
+    (header,) = struct.unpack_from("<I", data, 14)
+    if header == 12:
+        width, height, _, depth = struct.unpack_from("<HHHH", data, 18)
+        packing = 0
+    else:
+        width, height, _, depth, packing = struct.unpack_from("<iiHHI", data, 18)
+    height = abs(height)
+    least = height * (width * depth // 8) if packing in (0, 3) else 0
+    return ImageSize(width, height, 4, max(0, least))
