@@ -29,8 +29,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     path = arguments.project or arguments.path
     if path is not None:
-        with reading(path, "a project, a connectivity file or a splat file", "name one that is"):
-            _check(path)
+        _check(path)
     import importlib.util
 
     if importlib.util.find_spec("PySide6") is None:
@@ -45,13 +44,14 @@ def run(arguments: Arguments) -> int:
 
 def _check(path: Path) -> None:
     """A sentence here rather than a window that opens on nothing. Raises InputError."""
-    if named_as_splats(path) and not path.is_dir():
-        recognise(path)
-    elif path.suffix.lower() == ".json" or (path.is_dir() and not Layout(path).database.exists()):
-        if not path.exists():
-            raise InputError(f"{path} does not exist; name a project, a connectivity file or a splat file.")
-        connectivity_files(path)
-    elif path.exists() and not path.is_dir():
-        recognise(path)
-    else:
-        Project.open(path).close()
+    with reading(path, "a project, a connectivity file or a splat file", "name one that is"):
+        if named_as_splats(path) and not path.is_dir():
+            recognise(path)
+        elif path.suffix.lower() == ".json" or (path.is_dir() and not Layout(path).database.exists()):
+            if not path.exists():
+                raise InputError(f"{path} does not exist; name a project, a connectivity file or a splat file.")
+            connectivity_files(path)
+        elif path.exists() and not path.is_dir():
+            recognise(path)
+        else:
+            Project.open(path).close()
