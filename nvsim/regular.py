@@ -87,7 +87,7 @@ def read_text(path: Path, what: str, then: str, largest: int | None = None) -> s
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not {what}: it is not UTF-8 text (byte {error.start}); {then}.") from error
+        raise InputError(f"{path} is not {what}: it is not text in UTF-8 (byte {error.start}); {then}.") from error
 
 
 def read_json(path: Path, what: str, then: str, largest: int = LARGEST_JSON, *, strict: bool = True) -> Any:
@@ -111,7 +111,9 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
                 return json.loads(text, parse_constant=_refused, object_pairs_hook=_unique)
             return json.loads(text)
         except json.JSONDecodeError as error:
-            raise InputError(f"{path}, line {error.lineno}: {error.msg}, so it is not {what}; {then}.") from error
+            raise InputError(
+                f"{path}, line {error.lineno}: {error.msg}, so it is not JSON and not {what}; {then}."
+            ) from error
         except RecursionError as error:
             raise InputError(f"{path} is not {what}: it is nested too deeply; {then}.") from error
 
