@@ -16,6 +16,7 @@ from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, connectivity_files, words_of_saving
 from nvsim.graph.journal import sidecar
 from nvsim.graph.types import NavGraph
+from nvsim.splats.formats.choice import named_as_splats
 
 if TYPE_CHECKING:
     from app.loading import Contents
@@ -159,7 +160,7 @@ def _siblings(path: Path) -> list[Path]:
 def holds_graph(path: Path) -> bool:
     """Whether `path` looks like a connectivity file or a folder of them rather than a project or splats."""
     if path.is_file():
-        return path.suffix.lower() == ".json"
+        return path.suffix.lower() == ".json" and not named_as_splats(path)
     return (
         path.is_dir()
         and not (path / "project.db").exists()

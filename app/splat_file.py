@@ -28,12 +28,7 @@ class SplatFile:
     @staticmethod
     def of(path: Path) -> SplatFile:
         """With the up axis that the file suggests. Raises InputError when it cannot be read."""
-        from nvsim.errors import InputError
-
-        try:
-            return SplatFile(path, up_of(path))
-        except OSError as error:
-            raise InputError(f"Cannot read {path}: {error.strerror or error}; check the path.") from error
+        return SplatFile(path, up_of(path))
 
     def contents(self) -> Contents:
         """What the window shows: where the Gaussians are. Raises InputError when the file cannot be read."""

@@ -20,7 +20,7 @@ from app.reasons import Reason
 from nvsim.capture.several import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX as GRAPH
-from nvsim.splats.formats.choice import READABLE
+from nvsim.splats.formats.choice import named_as_splats
 
 MOST_RECENT = 10
 _KEY = "recent"
@@ -228,7 +228,7 @@ class NewProjectPart(Part):
         """Opens what was dropped: a project, a graph, a splat file, or else captures."""
         path = paths[0]
         graph = holds_graph(path) if path.is_dir() else path.name.endswith(GRAPH)  # captures come as JSON too
-        if graph or (path / "project.db").is_file() or (path.is_file() and path.suffix.lower() in READABLE):
+        if graph or (path / "project.db").is_file() or (path.is_file() and named_as_splats(path)):
             self.workspace.window.projectChosen.emit(path)
         else:
             self.open_dialog(paths)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -26,8 +27,8 @@ class GraphTarget:
 
     def __init__(self, path: Path, occupancy: Path | None = None) -> None:
         self.path = Path(path).expanduser().absolute()
-        self.is_project = self.path.is_dir()
-        if not self.path.exists():
+        self.is_project = os.path.isdir(self.path)
+        if not os.path.exists(self.path):
             raise InputError(f"{path} does not exist; name a project or an R2R connectivity file.")
         self._map = occupancy
 

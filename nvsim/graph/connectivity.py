@@ -8,15 +8,21 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from nvsim import atomic
+from nvsim.capture.raw import FARTHEST
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
+from nvsim.regular import read_json, read_text
 
 SUFFIX = "_connectivity.json"
+LARGEST_LIST = 1 << 24
+"""Bytes of a scans.txt."""
+LONGEST_ID = 1000
 
 
 def write_connectivity(
@@ -68,15 +74,7 @@ def read_connectivity(path: Path) -> NavGraph:
     Raises InputError with the entry when the file cannot be read, an edge goes one way only, or a pose is not rigid.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise InputError(f"Cannot read {path}: {reason}; name an R2R connectivity file.") from error
-    try:
-        entries = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path} is not JSON ({error}); name an R2R connectivity file.") from error
+    entries = read_json(path, "a connectivity file", "name an R2R connectivity file")
     if not isinstance(entries, list):
         raise InputError(f"{path} does not hold a list of viewpoints; name an R2R connectivity file.")
     viewpoints: dict[str, Viewpoint] = {}
@@ -86,8 +84,8 @@ def read_connectivity(path: Path) -> NavGraph:
         if not isinstance(entry, dict):
             raise InputError(f"{where} is not an object; every viewpoint needs image_id, pose and unobstructed.")
         id = entry.get("image_id")
-        if not isinstance(id, str) or not id or "/" in id:
-            raise InputError(f"{where}: image_id is {str(id)[:60]!r}; it must be a name without slash.")
+        if not is_name(id) or "/" in id:
+            raise InputError(f"{where}: image_id is {short(id)}; it must be a name without slash.")
         if id in viewpoints:
             raise InputError(f"{where}: image_id {id} was used before; give every viewpoint its own.")
         height = number_in(entry.get("height", 1.5), f"{where}: height")
@@ -114,12 +112,15 @@ def check_scan_id(scan: str) -> None:
 
 def list_scan(path: Path, scan: str) -> None:
     """Adds a scan to scans.txt. Raises InputError when that cannot be read or written."""
-    try:
-        scans = path.read_text(encoding="utf-8").split() if path.exists() else []
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"Cannot read {path}, which lists the scans beside it; move it away or mend it.") from error
+    scans = read_scans(path) if os.path.lexists(path) else []
     if scan not in scans:
         atomic.write_text(path, "".join(f"{name}\n" for name in [*scans, scan]))
+
+
+def read_scans(path: Path) -> list[str]:
+    """The scans that a scans.txt lists, each once. Raises InputError when it cannot be read."""
+    then = "it lists the scans beside it: mend it or move it away"
+    return list(dict.fromkeys(read_text(path, "a list of scans", then, LARGEST_LIST).split()))
 
 
 def _scan_of(path: Path) -> str:
@@ -152,11 +153,26 @@ def position_in(pose: Any, where: str) -> tuple[float, float, float]:
     for p in range(3):
         for q in range(3):
             product = sum(u * v for u, v in zip(axes[p], axes[q], strict=True))
-            if abs(product - (p == q)) > 1e-2:
+            if not abs(product - (p == q)) <= 1e-2:  # an overflow is no rotation either
                 raise InputError(f"{where}: the first three columns of pose are not a rotation; export it again.")
     if m[12:] != [0, 0, 0, 1]:
         raise InputError(f"{where}: the last row of pose is {m[12:]}, not 0 0 0 1; write the matrix row by row.")
+    if max(map(abs, (m[3], m[7], m[11]))) > FARTHEST:
+        raise InputError(f"{where}: pose lies farther than {FARTHEST:.0e} m from the origin; write metres.")
     return m[3], m[7], m[11]
+
+
+def is_name(value: Any) -> TypeGuard[str]:
+    """Whether a JSON value can be a viewpoint's id: a text that can be written as UTF-8 and is not over-long."""
+    return isinstance(value, str) and 0 < len(value) <= LONGEST_ID and not any("\ud800" <= c <= "\udfff" for c in value)
+
+
+def short(value: Any) -> str:
+    """A JSON value for a message."""
+    try:
+        return repr(str(value)[:40])
+    except ValueError:  # a number of thousands of digits
+        return "a number of very many digits"
 
 
 def _flags(values: Any, count: int, where: str) -> list[bool]:
@@ -164,7 +180,7 @@ def _flags(values: Any, count: int, where: str) -> list[bool]:
         raise InputError(f"{where} must be a list of {count} booleans, one for every entry of the file.")
     for value in values:
         if not isinstance(value, bool | int) or value not in (0, 1):
-            raise InputError(f"{where} holds {str(value)[:40]!r}; only true, false, 0 and 1 are allowed.")
+            raise InputError(f"{where} holds {short(value)}; only true, false, 0 and 1 are allowed.")
     return [bool(value) for value in values]
 
 
@@ -175,5 +191,5 @@ def number_in(value: Any, where: str) -> float:
     except OverflowError:
         number = math.nan
     if not math.isfinite(number):
-        raise InputError(f"{where} is {str(value)[:40]!r}; it must be a finite number.")
+        raise InputError(f"{where} is {short(value)}; it must be a finite number.")
     return number

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from io import FileIO
 from pathlib import Path
 
@@ -11,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim import atomic
-from nvsim.capture.ply import binary_rows, parse
+from nvsim.capture.ply import binary_rows
 from nvsim.errors import InputError
+from nvsim.reading import reading
+from nvsim.regular import opened, size_of
+from nvsim.splats.ascii_ply import read_ascii
 from nvsim.splats.types import Gaussians
 
 _REST_OF_DEGREE = {0: 0, 1: 9, 2: 24, 3: 45}
@@ -20,6 +22,7 @@ _MEAN, _DC = ("x", "y", "z"), ("f_dc_0", "f_dc_1", "f_dc_2")
 _SCALE, _ROTATION = ("scale_0", "scale_1", "scale_2"), ("rot_0", "rot_1", "rot_2", "rot_3")
 _NORMAL = ("nx", "ny", "nz")  # always zero; some readers count on them
 _ROWS = 4096  # 1 MB at degree 3: a block stays in the second-level cache while it is sorted into columns
+_BLOCK = 1 << 21
 _LONGEST_HEADER = 1 << 16
 _ANTIALIASED = {"antialiased 1": True, "antialiased 0": False}
 _BRUSH_MODES = {"SplatRenderMode: mip": True, "SplatRenderMode: default": False}
@@ -73,31 +76,23 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
     Properties may come in any order and with others between them; normals may be missing. A binary file is read block
     by block, so that a megabyte is held beside the result. Raises InputError naming the file and what is wrong with it.
     """
-    try:
-        with open(path, "rb", buffering=0) as file:
-            begin = file.read(_LONGEST_HEADER)
-            if not begin.startswith(b"ply"):
-                raise InputError(f"{path} does not begin as a PLY file does; choose a PLY file of Gaussians.")
-            rows = binary_rows(path, begin, os.fstat(file.fileno()).st_size)
-            if rows is None:
-                file.seek(0)
-                columns = parse(path, file.readall())
-                count = len(next(iter(columns.values())))
-                gaussians, targets = _prepared(path, count, tuple(columns))
-                for name, target in targets.items():
-                    target[:] = columns[name]
-            else:
-                gaussians, targets = _prepared(path, rows.count, rows.layout.names or ())
-                file.seek(rows.start)
-                block = np.empty(_ROWS, rows.layout)
-                for first in range(0, rows.count, _ROWS):
-                    part = block[: min(_ROWS, rows.count - first)]
-                    _fill(path, file, part)
-                    with np.errstate(over="ignore"):  # a double beyond our range becomes infinite, and is refused
-                        for name, target in targets.items():
-                            target[first : first + len(part)] = part[name]
-    except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}; check the path.") from error
+    with opened(path) as file, reading(path, "a PLY file of Gaussians"):
+        begin = file.read(_LONGEST_HEADER)
+        if not begin.startswith(b"ply"):
+            raise InputError(f"{path} does not begin as a PLY file does; choose a PLY file of Gaussians.")
+        rows = binary_rows(path, begin, size_of(file))
+        if rows is None:
+            gaussians = read_ascii(path, file, begin, _prepared)
+        else:
+            gaussians, targets = _prepared(path, rows.count, rows.layout.names or ())
+            file.seek(rows.start)
+            block = np.empty(max(1, min(_ROWS, _BLOCK // rows.layout.itemsize)), rows.layout)
+            for first in range(0, rows.count, len(block)):
+                part = block[: min(len(block), rows.count - first)]
+                _fill(path, file, part)
+                with np.errstate(over="ignore"):  # a double beyond our range becomes infinite, and is refused
+                    for name, target in targets.items():
+                        target[first : first + len(part)] = part[name]
     _refuse_infinite(path, gaussians)
     return gaussians, _render_mode(begin)
 

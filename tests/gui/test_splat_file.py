@@ -105,3 +105,51 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.txt is no splat file"):
         check_project(tmp_path / "a.txt")
     assert os.path.exists(tmp_path / "a.txt")
+
+
+def unpacked_sog(folder: Path) -> Path:
+    """The meta.json of a SOG of four Gaussians, laid out as its format says."""
+    import json
+
+    import cv2
+
+    rows = np.full((2, 2, 4), 255, np.uint8)  # the tag 255 leaves the last component of a rotation out
+    folder.mkdir()
+    for name in ("means_l", "means_u", "quats", "scales", "sh0"):
+        cv2.imwrite(str(folder / f"{name}.webp"), rows, [cv2.IMWRITE_WEBP_QUALITY, 101])
+    book = np.linspace(-3, -2, 256).tolist()
+    meta = {
+        "version": 2,
+        "count": 4,
+        "means": {"mins": [0, 0, 0], "maxs": [1, 1, 1], "files": ["means_l.webp", "means_u.webp"]},
+        "quats": {"files": ["quats.webp"]},
+        **{name: {"codebook": book, "files": [f"{name}.webp"]} for name in ("scales", "sh0")},
+    }
+    (folder / "meta.json").write_text(json.dumps(meta))
+    return folder / "meta.json"
+
+
+def test_the_meta_json_of_an_unpacked_sog_opens_as_splats_and_not_as_a_graph(tmp_path: Path) -> None:
+    from app.graph_files import holds_graph
+    from app.main import check_project
+    from nvsim.cli.commands.app import _check
+
+    path = unpacked_sog(tmp_path / "scene")
+    assert not holds_graph(path)
+    check_project(path)
+    _check(path)
+    found = SplatFile.of(path).contents()
+    assert found.outline is not None
+    np.testing.assert_allclose(np.abs(found.outline).max(), np.expm1(1), rtol=1e-3)
+
+
+def test_what_no_reader_can_open_is_a_sentence_and_not_waited_for(tmp_path: Path) -> None:
+    from app.main import check_project
+    from nvsim.cli.commands.app import _check
+
+    (tmp_path / "lod-meta.json").write_text('{"lodLevels": 2}')
+    os.mkfifo(tmp_path / "pipe.ply")
+    for name, words in (("lod-meta.json", "streamed SOG"), ("pipe.ply", "it is a pipe"), ("x" * 300, "too long")):
+        for check in (check_project, _check):
+            with pytest.raises(InputError, match=words):
+                check(tmp_path / name)

@@ -11,14 +11,15 @@ from nvsim.errors import InputError
 from nvsim.graph.foreign import connectivity_files
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
-from nvsim.splats.formats.choice import recognise
+from nvsim.reading import reading
+from nvsim.splats.formats.choice import named_as_splats, recognise
 
 
 @dataclass(frozen=True)
 class Arguments:
     path: Positional[Path | None] = None
     """The project folder, NAME.nvsim; a connectivity file, SCAN_connectivity.json, or a folder of them with its
-    scans.txt; or a splat file: PLY, compressed PLY, SPZ, SOG, .splat."""
+    scans.txt; or a splat file: PLY, compressed PLY, SPZ, SOG (also unpacked: its meta.json), .splat."""
     project: Path | None = None
     """The same, by name."""
     memory: Memory = None
@@ -28,15 +29,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     path = arguments.project or arguments.path
     if path is not None:
-        # A sentence here rather than a window that opens on nothing.
-        if path.suffix.lower() == ".json" or (path.is_dir() and not Layout(path).database.exists()):
-            if not path.exists():
-                raise InputError(f"{path} does not exist; name a project, a connectivity file or a splat file.")
-            connectivity_files(path)
-        elif path.is_file():
-            recognise(path)
-        else:
-            Project.open(path).close()
+        _check(path)
     import importlib.util
 
     if importlib.util.find_spec("PySide6") is None:
@@ -47,3 +40,18 @@ def run(arguments: Arguments) -> int:
             memory_budget(arguments.memory)  # refuses what is no size
         words.append(f"--memory={arguments.memory}")
     return window.open_window(words)
+
+
+def _check(path: Path) -> None:
+    """A sentence here rather than a window that opens on nothing. Raises InputError."""
+    with reading(path, "a project, a connectivity file or a splat file", "name one that is"):
+        if named_as_splats(path) and not path.is_dir():
+            recognise(path)
+        elif path.suffix.lower() == ".json" or (path.is_dir() and not Layout(path).database.exists()):
+            if not path.exists():
+                raise InputError(f"{path} does not exist; name a project, a connectivity file or a splat file.")
+            connectivity_files(path)
+        elif path.exists() and not path.is_dir():
+            recognise(path)
+        else:
+            Project.open(path).close()

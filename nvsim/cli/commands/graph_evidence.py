@@ -44,11 +44,9 @@ def run(arguments: Arguments) -> int:
     if arguments.graph is not None and arguments.out is not None:
         from nvsim.atomic import write_bytes
         from nvsim.graph.store import decode_graph, encode_graph
+        from nvsim.regular import read_bytes
 
-        try:
-            blob = arguments.graph.read_bytes()
-        except OSError as error:
-            raise InputError(f"Cannot read {arguments.graph}: {error.strerror}; name a graph file.") from error
+        blob = read_bytes(arguments.graph)
         with Project.open(arguments.project) as project, listening(arguments.json) as listen:
             write_bytes(arguments.out, encode_graph(_measured(arguments, project, decode_graph(blob), listen)))
         return 0

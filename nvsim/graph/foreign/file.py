@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from nvsim import atomic
 from nvsim.errors import InputError
-from nvsim.graph.connectivity import SUFFIX, list_scan
+from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.foreign.beside import Beside, look_beside
@@ -25,7 +26,10 @@ from nvsim.graph.foreign.parsing import parse
 from nvsim.graph.foreign.rewriting import edges_in, rewritten
 from nvsim.graph.types import EdgeKey, NavGraph, edge
 from nvsim.occupancy.types import OccupancyMap
+from nvsim.reading import reading
+from nvsim.regular import is_regular, read_bytes
 
+_LONGEST_SHOWN = 80
 _Stamp = tuple[int, int]
 
 
@@ -52,12 +56,14 @@ class ForeignFile:
         """Raises InputError, with the entry and the reason, when it cannot be read or its graph cannot be told."""
         path = Path(path)
         stamp = _stamp_of(path)
-        try:
-            text = path.read_bytes().decode("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not text"
-            raise InputError(f"Cannot read {path}: {reason}; name an R2R connectivity file.") from error
-        return ForeignFile(path, parse(text, str(path)), stamp)
+        with reading(path, "a connectivity file", "name an R2R connectivity file"):
+            try:
+                text = read_bytes(path).decode("utf-8")
+            except UnicodeDecodeError as error:
+                raise InputError(
+                    f"{path} is not UTF-8 text (byte {error.start}); name an R2R connectivity file."
+                ) from error
+            return ForeignFile(path, parse(text, str(path)), stamp)
 
     @property
     def original(self) -> Path | None:
@@ -163,22 +169,25 @@ def connectivity_files(path: Path) -> list[Path]:
     Raises InputError when a scan is listed without its file, which aborts the simulator, or there is none at all.
     """
     path = Path(path)
-    if not path.is_dir():
+    if not os.path.isdir(path):
         return [path]
     listed = path / "scans.txt"
-    if not listed.is_file():
-        found = sorted(path.glob(f"*{SUFFIX}"))
+    if not os.path.lexists(listed):
+        with reading(path, "a folder of connectivity files", "check the folder"):
+            os.listdir(path)  # a folder that may not be listed looks empty otherwise
+            found = sorted(path.glob(f"*{SUFFIX}"))
         if not found:
             raise InputError(f"{path} holds no *{SUFFIX} and no scans.txt; name a connectivity file or its folder.")
         return found
-    try:
-        scans = list(dict.fromkeys(listed.read_text(encoding="utf-8").split()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"Cannot read {listed}, which lists the scans beside it; mend it or move it away.") from error
+    scans = read_scans(listed)
     files = [path / f"{scan}{SUFFIX}" for scan in scans]
     for scan, file in zip(scans, files):
-        if not file.is_file():
-            raise InputError(f"{listed} lists {scan}, but there is no {file.name}; take the line out or add the file.")
+        if not is_regular(file) or "/" in scan:
+            named = scan if len(scan) <= _LONGEST_SHOWN else f"{scan[:_LONGEST_SHOWN]}..."
+            named = named if named.isprintable() else repr(named)
+            raise InputError(
+                f"{listed} lists {named}, but there is no {named}{SUFFIX} beside it; take the line out or add the file."
+            )
     if not files:
         raise InputError(f"{listed} lists no scan; name a connectivity file.")
     return files
@@ -194,6 +203,6 @@ def _same_file(one: Path, other: Path) -> bool:
 def _stamp_of(path: Path) -> _Stamp | None:
     try:
         status = path.stat()
-    except OSError:
+    except (OSError, ValueError):
         return None
     return status.st_mtime_ns, status.st_size

@@ -109,5 +109,5 @@ def _irregular(text: str) -> NDArray[np.bool_]:
         raise ValueError("is not a list of booleans") from error
     for value in values:
         if not isinstance(value, bool | int) or value not in (0, 1):
-            raise ValueError(f"holds {str(value)[:40]!r}; only true, false, 0 and 1 are allowed")
+            raise ValueError(f"holds {value!r:.40}; only true, false, 0 and 1 are allowed")
     return np.array([bool(value) for value in values], bool)

@@ -4,6 +4,7 @@ SCAN_review.json beside it."""
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX
 from nvsim.graph.foreign.original import Original
 from nvsim.graph.types import NavGraph
+from nvsim.regular import read_json
 
 _MARKS = ("reviewed", "locked")
 
@@ -27,10 +29,13 @@ def notes_path(path: Path) -> Path:
 def read_notes(graph: NavGraph, path: Path) -> NavGraph:
     """The graph with its marks and ignored findings; what is noted about things that are gone is passed over. Raises
     InputError when the notes cannot be read."""
-    if not path.is_file():
+    if not os.path.lexists(path):
         return graph
+    then = "mend the file or move it away"
+    notes = read_json(path, "a file of notes about a graph", then)
+    if not isinstance(notes, dict):
+        raise InputError(f"{path} holds no notes about a graph; {then}.")
     try:
-        notes = json.loads(path.read_text(encoding="utf-8"))
         ignored = {str(key): str(reason) for key, reason in notes.get("ignored", {}).items()}
         viewpoints, edges = dict(graph.viewpoints), dict(graph.edges)
         for mark in _MARKS:
@@ -41,7 +46,7 @@ def read_notes(graph: NavGraph, path: Path) -> NavGraph:
             for a, b in notes.get(mark, {}).get("edges", []):
                 if (a, b) in edges:
                     edges[a, b] = replace(edges[a, b], **marked)
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+    except (ValueError, TypeError, AttributeError) as error:
         raise InputError(f"Cannot read the notes in {path} ({error}); mend the file or move it away.") from error
     return replace(graph, viewpoints=viewpoints, edges=edges, ignored=ignored)
 

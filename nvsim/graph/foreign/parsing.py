@@ -4,6 +4,7 @@ of the standard library; those are cut out whole, because they hold no bracket."
 from __future__ import annotations
 
 import json
+import math
 import re
 from json.decoder import scanstring  # type: ignore[attr-defined]
 from typing import Any
@@ -12,13 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.graph.connectivity import number_in, position_in
+from nvsim.graph.connectivity import is_name, number_in, position_in, short
 from nvsim.graph.foreign.document import FLAGS, Document, Entry, Member
 from nvsim.graph.foreign.flags import FlagStyle, read_flags
 from nvsim.graph.types import Viewpoint
 
 _SPACE = re.compile(r"[ \t\r\n]*")
 _DECODER = json.JSONDecoder()
+_USED = ("image_id", "pose", "included", "height")
+_FREE_CELLS = 1 << 24
+_FREE_MEMBERS, _TEXT_PER_MEMBER, _MOST_KEYS = 1 << 15, 64, 1000
+"""What a file may hold beside what its length allows: flags of the matrices, and keys, which take much more than their
+text."""
 _ADVICE = "name an R2R connectivity file"
 
 
@@ -35,12 +41,21 @@ def parse(text: str, path: str) -> Document:
     closing = 0
     opening = text[:start]
     names: set[str] = set()
+    most = math.isqrt(max(_FREE_CELLS, len(text)))
+    budget = _FREE_MEMBERS + len(text) // _TEXT_PER_MEMBER
     while text[at : at + 1] != "]" or entries:
         where = f"{path}, entry {len(entries)}"
+        if len(entries) == most:
+            raise InputError(
+                f"{path} has more than {most} entries, but is too short to hold a list of flags for each; {_ADVICE}."
+            )
         try:
             entry, found, end = _entry(text, at, where)
         except json.JSONDecodeError as error:
             raise InputError(f"{where}, line {error.lineno}: {error.msg}; {_ADVICE}.") from error
+        budget -= len(entry.members)
+        if budget < 0:
+            raise InputError(f"{where} has more keys than a viewpoint can have; {_ADVICE}.")
         if entry.viewpoint.id in names:
             raise InputError(f"{where}: image_id {entry.viewpoint.id} was used before; give every viewpoint its own.")
         names.add(entry.viewpoint.id)
@@ -85,6 +100,8 @@ def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.
         at = _space(text, at + 1)
         if key in values:
             raise InputError(f"{where} has the key {key[:40]!r} twice; keep one of them.")
+        if len(values) == _MOST_KEYS:
+            raise InputError(f"{where} has more than {_MOST_KEYS} keys; {_ADVICE}.")
         value: str | FlagStyle
         if key in FLAGS:
             end = text.find("]", at) + 1
@@ -100,7 +117,13 @@ def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.
             try:
                 values[key], end = _DECODER.raw_decode(text, at)
             except RecursionError as error:
-                raise InputError(f"{where}: {key} is nested too deeply; {_ADVICE}.") from error
+                raise InputError(f"{where}: {key[:40]} is nested too deeply; {_ADVICE}.") from error
+            except json.JSONDecodeError:
+                raise
+            except ValueError as error:  # a number of thousands of digits
+                raise InputError(f"{where}: {key[:40]} holds a number of very many digits; {_ADVICE}.") from error
+            if key not in _USED:
+                values[key] = None  # its text is kept, its value only took memory
             value = text[at:end]
         members.append(Member(text[lead:begin], text[begin:at], key, value))
         lead = end
@@ -116,11 +139,11 @@ def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.
 
 def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
     id = values.get("image_id")
-    if not isinstance(id, str) or not id:
-        raise InputError(f"{where}: image_id is {str(id)[:60]!r}; it must be a name.")
+    if not is_name(id):
+        raise InputError(f"{where}: image_id is {short(id)}; it must be a name.")
     included = values.get("included", True)
     if not isinstance(included, bool | int) or included not in (0, 1):
-        raise InputError(f"{where}: included is {str(included)[:40]!r}; it must be true or false.")
+        raise InputError(f"{where}: included is {short(included)}; it must be true or false.")
     height = number_in(values.get("height", 1.5), f"{where}: height")
     return Viewpoint(id, position_in(values.get("pose"), where), height, -1, bool(included), "file")
 

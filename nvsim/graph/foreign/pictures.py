@@ -17,7 +17,11 @@ from numpy.typing import NDArray
 from nvsim.decoding import decoded
 from nvsim.errors import InputError
 from nvsim.graph.foreign.beside import Beside
-from nvsim.whole_file import whole_file
+from nvsim.image_size import image_size_of
+from nvsim.regular import is_regular, read_bytes
+
+_FREE_PIXELS, _PIXELS_PER_BYTE = 20_000_000, 8
+"""What all images of a viewpoint together may have, and beside that for each of their bytes."""
 
 FACES = np.array(
     [
@@ -54,19 +58,19 @@ def panorama(beside: Beside, id: str, rotation: NDArray[np.float64], width: int)
 
 def _views(beside: Beside, id: str, rotation: NDArray[np.float64]) -> list[_View]:
     folder = beside.pictures
-    if folder is None or not id:
-        return []
+    if folder is None or id not in (beside.images or ()):
+        return []  # also what would lead out of the folder
     strip = folder / f"{id}_skybox_small.jpg"
     faces = [folder / f"{id}_skybox{k}_sami.jpg" for k in range(6)]
-    if strip.is_file():
+    if is_regular(strip):
         pixels = _read(strip)
         side = pixels.shape[0]
         if pixels.shape[1] != 6 * side:
             size = f"{pixels.shape[1]} x {side}"
             raise InputError(f"{strip} is {size} pixels; a skybox has six square faces side by side.")
         images = [np.ascontiguousarray(pixels[:, k * side : (k + 1) * side]) for k in range(6)]
-    elif faces[0].is_file():
-        images = [_read(face) for face in faces]
+    elif is_regular(faces[0]):
+        images = [_read(face, len(faces)) for face in faces]
     else:
         return _thirty_six(folder / id)
     axes = FACES @ rotation.T
@@ -74,25 +78,37 @@ def _views(beside: Beside, id: str, rotation: NDArray[np.float64]) -> list[_View
 
 
 def _thirty_six(folder: Path) -> list[_View]:
-    views = []
+    views: list[_View] = []
+    names = _names_in(folder)
     for k in range(36):
         path = folder / f"{k}.jpg"
-        if not path.is_file():
+        if path.name not in names:
             continue
         heading, elevation = math.radians(30 * (k % 12)), math.radians(30 * (k // 12 - 1))
         right = np.array([math.cos(heading), -math.sin(heading), 0.0])
         level = np.array([math.sin(heading), math.cos(heading), 0.0])
         forward = math.cos(elevation) * level + np.array([0.0, 0.0, math.sin(elevation)])
-        image = _read(path)
+        image = _read(path, len(names))
         axes = np.stack([right, np.cross(forward, right), forward])
         views.append(_View(image, axes, image.shape[0] / 2 / math.tan(math.radians(30))))
     return views
 
 
-def _read(path: Path) -> NDArray[np.uint8]:
+def _names_in(folder: Path) -> set[str]:
+    return {f"{k}.jpg" for k in range(36) if is_regular(folder / f"{k}.jpg")}
+
+
+def _read(path: Path, together: int = 1) -> NDArray[np.uint8]:
+    """One of so many images that are held together."""
     import cv2
 
-    image = decoded(whole_file(path), path, cv2.IMREAD_COLOR, what="a picture", then="write it again as JPEG")
+    data = read_bytes(path)
+    found = image_size_of(data)
+    if found is not None and found.width * found.height > _FREE_PIXELS // together + _PIXELS_PER_BYTE * len(data):
+        raise InputError(
+            f"{path} has {found.width} x {found.height} pixels, too many for its {len(data)} bytes; write it again."
+        )
+    image = decoded(data, path, cv2.IMREAD_COLOR, what="a picture", then="write it again as JPEG")
     return np.asarray(image, np.uint8)
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.reading import reading
+from nvsim.regular import opened
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Gaussians
 
@@ -16,7 +18,15 @@ READABLE = (".ply", ".spz", ".splat", ".sog", "meta.json")
 """What the names of files that `read_splats` understands end in; meta.json is of an unpacked SOG."""
 
 
+_META, _LEVELS = "meta.json", "lod-meta.json"
 Kind = Literal["ply", "compressed-ply", "spz", "sog", "splat"]
+
+
+def named_as_splats(path: Path) -> bool:
+    """Whether a file's name is one of a splat file; of JSON files, those of a SOG only."""
+    if path.suffix.lower() == ".json":
+        return path.name in (_META, _LEVELS)
+    return path.name.lower().endswith(READABLE)
 
 
 def recognise(path: Path) -> Kind:
@@ -24,16 +34,19 @@ def recognise(path: Path) -> Kind:
 
     Raises InputError when it cannot be read or is of no kind that may hold splats.
     """
-    try:
-        with open(path, "rb") as file:
-            head = file.read(4096)
-    except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}; check the path.") from error
+    if path.name == _LEVELS:
+        raise InputError(
+            f"{path} is the index of a streamed SOG, which SuperSplat splits into levels of detail and which cannot be"
+            " opened as a whole; open the meta.json of one of its folders, or export the scene as one .sog or .ply."
+        )
+    with opened(path) as file, reading(path, "a splat file"):
+        head = file.read(4096)
+        is_zip = path.name != _META and zipfile.is_zipfile(file)
     if head.startswith(b"ply"):
         return "compressed-ply" if b"packed_position" in head else "ply"
     if head.startswith((b"\x1f\x8b", b"NGSP")):
         return "spz"
-    if path.name == "meta.json" or zipfile.is_zipfile(path):
+    if path.name == _META or is_zip:
         return "sog"
     if path.suffix.lower() == ".splat":
         return "splat"

@@ -7,18 +7,30 @@ from pathlib import Path
 
 from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.reading import reading
+from nvsim.regular import opened, size_of
 from nvsim.splats.formats.library import from_library, guarded, to_library
 from nvsim.splats.types import Gaussians
 
 CHUNK = 256
+_BOUNDS = tuple(
+    f"{end}_{name}"
+    for names in ("x y z", "scale_x scale_y scale_z", "r g b")
+    for end in ("min", "max")
+    for name in names.split()
+)
+_PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 _SIZES = {"float": 4, "uint": 4, "uchar": 1, "float32": 4, "uint32": 4, "uint8": 1}
+_HARMONICS = (9, 24, 45)
+_LONGEST_HEADER = 1 << 16
 
 
 def read_compressed_ply(path: Path) -> Gaussians:
     """Raises InputError naming the file when it is truncated or damaged."""
     import gsply
 
-    _check(path, path.read_bytes())
+    with opened(path) as file, reading(path, "a compressed PLY"):
+        _check(path, file.read(_LONGEST_HEADER), size_of(file))
     return from_library(path, guarded(path, lambda: gsply.plyread(path)))
 
 
@@ -33,26 +45,38 @@ def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:
     atomic.write_bytes(path, bytes(data))
 
 
-def _check(path: Path, data: bytes) -> None:
-    # Counts against the size of the file, before anything is allocated for them.
-    end = data.find(b"end_header")
-    begin = data.find(b"\n", end) + 1
-    if end < 0 or begin == 0:
+def _check(path: Path, head: bytes, size: int) -> None:
+    """Layout and counts against the `size` of the file, before anything is allocated for them. Raises InputError."""
+    end = head.find(b"end_header\n")
+    if end < 0:
         raise InputError(f"{path} has no end_header, so its header is truncated; copy it again.")
-    needed, counts, count = 0, {}, 0
-    for number, line in enumerate(data[:end].decode("ascii", "replace").splitlines(), 1):
-        words = line.split()
-        if words[:1] == ["element"] and len(words) == 3 and words[2].isdigit() and len(words[2]) < 12:
-            count = int(words[2])
-            counts[words[1]] = count
-        elif words[:1] == ["property"]:
-            if len(words) != 3 or words[1] not in _SIZES:
+    elements: dict[str, tuple[int, list[tuple[int, str]]]] = {}
+    for number, line in enumerate(head[:end].decode("ascii", "replace").split("\n"), 1):
+        match line.split():
+            case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 12:
+                elements[name] = int(count), []
+            case ["property", kind, name] if kind in _SIZES and elements:
+                elements[next(reversed(elements))][1].append((_SIZES[kind], name))
+            case ["ply"] | ["format", "binary_little_endian", _] | ["comment", *_] | []:
+                pass
+            case _:
                 raise InputError(f"{path}, line {number}: {line[:60]!r} is not of a compressed PLY; export it again.")
-            needed += count * _SIZES[words[1]]
-    splats = counts.get("vertex", 0)
-    if needed > len(data) - begin:
-        raise InputError(f"{path} is truncated: {splats} Gaussians announced, but the file ends early; copy it again.")
-    if splats == 0 or counts.get("chunk", 0) != -(-splats // CHUNK) or counts.get("sh", splats) != splats:
+    splats, packed = elements.get("vertex", (0, []))
+    chunks, bounds = elements.get("chunk", (0, []))
+    _, harmonics = elements.get("sh", (0, []))
+    if [*elements][:2] != ["chunk", "vertex"] or [*elements][2:] not in ([], ["sh"]):
         raise InputError(
-            f"{path} announces {splats} Gaussians in {counts.get('chunk', 0)} chunks of {CHUNK}; export it again."
+            f"{path} has the elements {', '.join(elements)[:60]}; a compressed PLY has chunk, vertex and sh."
         )
+    if bounds != [(4, name) for name in _BOUNDS] or packed != [(4, name) for name in _PACKED]:
+        raise InputError(f"{path} has chunks of {len(bounds)} values and vertices of {len(packed)}; export it again.")
+    if "sh" in elements and (len(harmonics) not in _HARMONICS or {w for w, _ in harmonics} != {1}):
+        raise InputError(
+            f"{path} has {len(harmonics)} coefficients of harmonics for each Gaussian, but degrees 1 to 3 have 9, 24 or"
+            " 45 of a byte each; export it again."
+        )
+    if splats == 0 or chunks != -(-splats // CHUNK) or elements.get("sh", (splats, []))[0] != splats:
+        raise InputError(f"{path} announces {splats} Gaussians in {chunks} chunks of {CHUNK}; export it again.")
+    needed = end + len(b"end_header\n") + sum(n * sum(w for w, _ in kinds) for n, kinds in elements.values())
+    if needed > size:
+        raise InputError(f"{path} is truncated: {splats} Gaussians announced, but the file ends early; copy it again.")

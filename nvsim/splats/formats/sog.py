@@ -3,85 +3,160 @@ meta.json; in a zip archive or a folder."""
 
 from __future__ import annotations
 
-import json
-import zipfile
-from collections.abc import Callable
+import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.reading import reading
+from nvsim.regular import parse_json
+from nvsim.splats.formats.bound import ROWS, room_for
 from nvsim.splats.formats.library import finite
+from nvsim.splats.formats.sog_files import META, Bytes, Files, from_archive, from_folder
 from nvsim.splats.types import Gaussians
 
-Bytes = NDArray[np.uint8]
-LARGEST_FILE = 1 << 30
-"""Bytes of one file of the archive, unpacked."""
+_WHAT, _THEN = "a meta.json of a SOG", "export it again"
 _COEFFICIENTS = {1: 3, 2: 8, 3: 15}
 _PER_ROW = 64
+_MOST_ENTRIES = 1 << 16
 _FIRST_TAG = 252
+_ENTRIES = 256
 
 
 def read_sog(path: Path) -> Gaussians:
     """`path` is the archive or the meta.json of a folder. Raises InputError naming the file and the part of it that is
     missing or wrong."""
-    if path.name == "meta.json":
-        return _read(path, lambda name: _from_folder(path.parent, name))
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return _read(path, lambda name: _from_archive(path, archive, name))
-    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
-        raise InputError(f"{path} is a damaged archive ({error}); copy it again.") from error
+    with (
+        reading(path, "a SOG", "copy it again"),
+        from_folder(path) if path.name == META else from_archive(path) as files,
+    ):
+        meta = parse_json(path, files.description(), _WHAT, _THEN)
+        return finite(path, _Reader(path, files, meta).gaussians())
 
 
-def _read(path: Path, load: Callable[[str], bytes]) -> Gaussians:
-    try:
-        meta = json.loads(load("meta.json"))
-        if meta.get("version") != 2:
-            raise InputError(f"{path} is SOG version {meta.get('version', 1)}; export it as version 2.")
-        count = int(meta["count"])
-        return finite(path, _decoded(path, meta, count, load))
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise InputError(
-            f"{path} has a meta.json that does not describe a SOG ({error!r}); export it again."
-        ) from error
+class _Reader:
+    """One SOG; its images are decoded when they are asked for, and no more than two are held."""
 
+    def __init__(self, path: Path, files: Files, meta: Any) -> None:
+        self._path, self._files = path, files
+        if not isinstance(meta, Mapping):
+            raise InputError(f"{path} has a meta.json that does not describe a SOG; {_THEN}.")
+        version = meta.get("version", 1)
+        if version != 2:
+            raise InputError(f"{path} is SOG version {str(version)[:20]}; export it as version 2.")
+        self._meta = meta
+        self._count = self._number(meta, "count")
+        self._names: list[str] = []
 
-def _decoded(path: Path, meta: dict[str, Any], count: int, load: Callable[[str], bytes]) -> Gaussians:
-    def pixels(part: str, index: int = 0) -> Bytes:
-        return _pixels(path, meta[part]["files"][index], count, load)
+    def gaussians(self) -> Gaussians:
+        higher = self._part("shN") if self._meta.get("shN") is not None else None
+        bands = 0 if higher is None else self._number(higher, "bands")
+        if higher is not None and bands not in _COEFFICIENTS:
+            raise InputError(f"{self._path} has harmonics of {bands} bands; 1 to 3 can be read.")
+        parts = ("means", "scales", "quats", "sh0", *(() if higher is None else ("shN",)))
+        size = self._files.size([name for part in parts for name in self._part(part).get("files", ())])
+        g = room_for(self._path, self._count, 1 + _COEFFICIENTS.get(bands, 0), size)
+        self._means(g)
+        book = self._codebook("scales")
+        for rows, pixels in self._blocks(self._pixels("scales")):
+            g.log_scales[rows] = book[pixels[:, :3]]
+        for rows, pixels in self._blocks(self._pixels("quats")):
+            g.quats[rows] = _rotations(self._path, pixels)
+        book = self._codebook("sh0")
+        for rows, pixels in self._blocks(self._pixels("sh0")):
+            opacity = np.clip(pixels[:, 3] / 255, 0.5 / 255, 1 - 0.5 / 255)
+            g.opacity_logits[rows] = np.log(opacity / (1 - opacity))
+            g.sh[rows, 0] = book[pixels[:, :3]]
+        if higher is not None:
+            self._higher(g, higher, _COEFFICIENTS[bands])
+        return g
 
-    def looked_up(part: str, indices: Bytes) -> NDArray[np.float32]:
-        codebook = np.asarray(meta[part]["codebook"], np.float32)
-        if codebook.shape != (256,):
-            raise InputError(f"{path}: the codebook of {part} has {codebook.size} entries, not 256; export it again.")
-        return np.asarray(codebook[indices], np.float32)
+    def _means(self, g: Gaussians) -> None:
+        low, high = self._triple("mins"), self._triple("maxs")
+        fine, coarse = self._pixels("means", 0), self._pixels("means", 1)
+        for (rows, least), (_, most) in zip(self._blocks(fine), self._blocks(coarse), strict=True):
+            share = (least[:, :3] + 256.0 * most[:, :3]) / 65535
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
+                logarithms = low + (high - low) * share
+                g.means[rows] = np.sign(logarithms) * np.expm1(np.abs(logarithms))
 
-    low, high = (np.asarray(meta["means"][k], np.float64).reshape(3) for k in ("mins", "maxs"))
-    share = (pixels("means", 0)[:, :3] + 256.0 * pixels("means", 1)[:, :3]) / 65535
-    logarithms = low + (high - low) * share
-    colours = pixels("sh0")
-    opacity = np.clip(colours[:, 3] / 255, 0.5 / 255, 1 - 0.5 / 255)
-    sh = looked_up("sh0", colours[:, :3])[:, None]
-    if "shN" in meta:
-        sh = np.concatenate([sh, _higher(path, meta["shN"], count, load)], axis=1)
-    return Gaussians(
-        (np.sign(logarithms) * np.expm1(np.abs(logarithms))).astype(np.float32),
-        np.ascontiguousarray(looked_up("scales", pixels("scales")[:, :3])),
-        _rotations(path, pixels("quats")),
-        np.log(opacity / (1 - opacity)).astype(np.float32),
-        np.ascontiguousarray(sh, np.float32),
-    )
+    def _higher(self, g: Gaussians, meta: Mapping[str, Any], coefficients: int) -> None:
+        """Every Gaussian names one of the palette's sets of coefficients, 64 sets to a row of pixels."""
+        entries, book = self._number(meta, "count"), self._codebook("shN")
+        if entries > _MOST_ENTRIES:
+            raise InputError(f"{self._path} has {entries} sets of harmonics; a SOG has at most {_MOST_ENTRIES}.")
+        name = self._name("shN", 0)
+        width, height = _PER_ROW * coefficients, -(-entries // _PER_ROW)
+        picture = self._files.image(name, width * (height + _PER_ROW))
+        wrong = f"{self._path}: {name} does not hold {entries} sets of coefficients; {_THEN}."
+        if picture.shape[1] != width or len(picture) < height:
+            raise InputError(wrong)
+        palette = picture[..., :3].reshape(-1, coefficients, 3)
+        for rows, pixels in self._blocks(self._pixels("shN", 1)):
+            labels = pixels[:, 0] + 256 * pixels[:, 1].astype(np.intp)
+            if labels.max(initial=0) >= entries:
+                raise InputError(wrong)
+            g.sh[rows, 1:] = book[palette[labels]]
+
+    def _pixels(self, part: str, index: int = 0) -> Bytes:
+        """(count, 4) bytes."""
+        name = self._name(part, index)
+        image = self._files.image(name, 2 * self._count + (1 << 16))
+        flat = image.reshape(-1, 4)
+        if len(flat) < self._count:
+            raise InputError(f"{self._path}: {name} has {len(flat)} pixels for {self._count} Gaussians; {_THEN}.")
+        return flat[: self._count]
+
+    def _blocks(self, pixels: Bytes) -> Iterator[tuple[slice, Bytes]]:
+        for first in range(0, self._count, ROWS):
+            rows = slice(first, min(first + ROWS, self._count))
+            yield rows, pixels[rows]
+
+    def _part(self, name: str) -> Mapping[str, Any]:
+        part = self._meta.get(name)
+        if not isinstance(part, Mapping) or not isinstance(part.get("files"), list):
+            raise InputError(f"{self._path} has a meta.json without the {name} of a SOG; {_THEN}.")
+        return part
+
+    def _name(self, part: str, index: int) -> str:
+        names = self._part(part)["files"]
+        if index >= len(names) or not isinstance(names[index], str):
+            raise InputError(f"{self._path}: meta.json names no image {index} of {part}; {_THEN}.")
+        return str(names[index])
+
+    def _number(self, meta: Mapping[str, Any], name: str) -> int:
+        value = meta.get(name)
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 < value < 1 << 31:
+            raise InputError(f"{self._path}: {name} is {str(value)[:40]} in meta.json; it must be a count; {_THEN}.")
+        return value
+
+    def _triple(self, name: str) -> NDArray[np.float64]:
+        return self._numbers(self._part("means").get(name), 3, f"{name} of means", np.float64)
+
+    def _codebook(self, part: str) -> NDArray[np.float32]:
+        book = self._part(part).get("codebook")
+        return self._numbers(book, _ENTRIES, f"the codebook of {part}", np.float32)
+
+    def _numbers(self, values: Any, count: int, what: str, kind: Any) -> NDArray[Any]:
+        if not isinstance(values, list) or len(values) != count:
+            found = f"{len(values)} entries" if isinstance(values, list) else "no list"
+            raise InputError(f"{self._path}: {what} has {found}, not {count}; {_THEN}.")
+        good = [isinstance(v, int | float) and abs(v) < 1e30 and math.isfinite(v) for v in values]
+        if not all(good):
+            wrong = str(values[good.index(False)])[:40]
+            raise InputError(f"{self._path}: {what} holds {wrong}, which is no usable number; {_THEN}.")
+        return np.array(values, kind)
 
 
 def _rotations(path: Path, pixels: Bytes) -> NDArray[np.float32]:
     """Three components of w x y z by the square root of two; the tag tells which one, the largest, is left out."""
     left_out = pixels[:, 3].astype(np.int64) - _FIRST_TAG
     if (left_out < 0).any():
-        raise InputError(f"{path} has rotations of an unknown kind; export it again.")
+        raise InputError(f"{path} has rotations of an unknown kind; {_THEN}.")
     three = (pixels[:, :3] / 255 * 2 - 1) / np.sqrt(2)
     quats = np.empty((len(pixels), 4))
     rows = np.arange(len(pixels))
@@ -89,48 +164,3 @@ def _rotations(path: Path, pixels: Bytes) -> NDArray[np.float32]:
         quats[rows, k + (k >= left_out)] = three[:, k]
     quats[rows, left_out] = np.sqrt(np.maximum(1 - (three**2).sum(axis=1), 0))
     return quats.astype(np.float32)
-
-
-def _higher(path: Path, meta: dict[str, Any], count: int, load: Callable[[str], bytes]) -> NDArray[np.float32]:
-    """(count, K, 3): every Gaussian names one of the palette's sets of coefficients, 64 sets to a row of pixels."""
-    coefficients, entries = _COEFFICIENTS[int(meta["bands"])], int(meta["count"])
-    codebook = np.asarray(meta["codebook"], np.float32)
-    labels = _pixels(path, meta["files"][1], count, load)[:, :2].astype(np.int64) @ np.array([1, 256])
-    picture = _image(path, meta["files"][0], load)[..., :3]
-    if picture.shape[1] != _PER_ROW * coefficients or labels.max(initial=0) >= min(entries, _PER_ROW * len(picture)):
-        raise InputError(f"{path}: {meta['files'][0]} does not hold {entries} sets of coefficients; export it again.")
-    palette = picture.reshape(-1, coefficients, 3)
-    return np.asarray(codebook[palette[labels]], np.float32)
-
-
-def _pixels(path: Path, name: str, count: int, load: Callable[[str], bytes]) -> Bytes:
-    """The first `count` pixels, (count, 4)."""
-    flat = _image(path, name, load).reshape(-1, 4)
-    if not 0 < count <= len(flat):
-        raise InputError(f"{path}: {name} has {len(flat)} pixels for {count} Gaussians; export it again.")
-    return flat[:count]
-
-
-def _image(path: Path, name: str, load: Callable[[str], bytes]) -> Bytes:
-    decoded = cv2.imdecode(np.frombuffer(load(name), np.uint8), cv2.IMREAD_UNCHANGED)
-    if decoded is None or decoded.ndim != 3 or decoded.dtype != np.uint8:
-        raise InputError(f"{path}: {name} is no colour image; copy it again.")
-    if decoded.shape[2] == 3:
-        decoded = np.dstack([decoded, np.full(decoded.shape[:2], 255, np.uint8)])
-    return np.asarray(decoded[..., [2, 1, 0, 3]], np.uint8)
-
-
-def _from_folder(folder: Path, name: str) -> bytes:
-    try:
-        return (folder / Path(name).name).read_bytes()
-    except OSError as error:
-        raise InputError(f"Cannot read {folder / name}: {error.strerror or error}; copy the folder again.") from error
-
-
-def _from_archive(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
-    try:
-        if archive.getinfo(name).file_size > LARGEST_FILE:
-            raise InputError(f"{path}: {name} is larger than {LARGEST_FILE} bytes; this cannot be a SOG.")
-        return archive.read(name)
-    except KeyError as error:
-        raise InputError(f"{path} has no {name}; copy it again.") from error

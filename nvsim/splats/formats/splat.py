@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.errors import InputError
+from nvsim.regular import read_bytes
 from nvsim.splats.formats.library import finite
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
@@ -17,14 +18,18 @@ _LEAST_SCALE = 1e-7
 
 def read_splat(path: Path) -> Gaussians:
     """Raises InputError naming the file when it is empty, truncated or holds values that cannot be."""
-    data = path.read_bytes()
+    data = read_bytes(path)
     if not data or len(data) % _ROW.itemsize:
         raise InputError(
             f"{path} has {len(data)} bytes, which is no whole number of Gaussians of {_ROW.itemsize}; copy it again."
         )
     rows = np.frombuffer(data, _ROW)
     if not (rows["scale"] >= 0).all():
-        raise InputError(f"{path} holds negative scales, so it is no .splat file; choose another.")
+        row = int(np.argmin((rows["scale"] >= 0).all(axis=1)))
+        raise InputError(
+            f"{path} holds scales that are negative or no numbers, the first in Gaussian {row}, so it is no .splat"
+            " file; choose another."
+        )
     opacity = np.clip(rows["colour"][:, 3] / 255, 0.5 / 255, 1 - 0.5 / 255)
     quats = (rows["rotation"].astype(np.float32) - 128) / 128
     return finite(

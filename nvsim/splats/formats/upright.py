@@ -8,6 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from nvsim.geometry.rotation import smallest_rotation
+from nvsim.reading import reading
+from nvsim.regular import opened
 from nvsim.splats.turning import turned
 from nvsim.splats.types import Gaussians
 
@@ -16,8 +18,9 @@ UPS: tuple[Up, ...] = get_args(Up)
 
 
 def up_of(path: Path) -> Up:
-    """z where a PLY says so, else -y: splat files come from cameras whose y points down."""
-    with open(path, "rb") as file:
+    """z where a PLY says so, else -y: splat files come from cameras whose y points down. Raises InputError when the
+    file cannot be read."""
+    with opened(path) as file, reading(path, "a splat file"):
         header = file.read(4096)
     return "z" if header.startswith(b"ply") and b"Vertical Axis: z" in header else "-y"
 

@@ -1,0 +1,131 @@
+"""Opening files that anybody may have named: regular files only, so that a pipe or a device is refused and not waited
+for, and never more of one than its reader expects."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import FileIO
+from pathlib import Path
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.reading import as_reading_error, reading
+
+LARGEST_JSON = 1 << 28
+_BRACKETS = 200_000
+_BYTES_PER_BRACKET = 16
+"""Lists and objects of JSON text take some 80 bytes each in memory and may be 3 bytes of the file: at most so many."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[FileIO]:
+    """The regular file at `path`, unbuffered, for reading. Raises InputError when it is none or cannot be opened; what
+    fails inside the block is the block's."""
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+    try:
+        descriptor = os.open(path, flags)  # a pipe would be waited for, and a folder is told apart below
+    except OSError as error:
+        raise as_reading_error(path, error) from error
+    except ValueError as error:  # a NUL in the name
+        raise InputError(f"Cannot read {str(path)!r}: no file can have this name; check the path.") from error
+    try:
+        mode = os.fstat(descriptor).st_mode
+    except OSError as error:
+        os.close(descriptor)
+        raise as_reading_error(path, error) from error
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        kind = "it is a folder, not a file" if stat.S_ISDIR(mode) else "it is a pipe, a socket or a device"
+        raise InputError(f"Cannot read {path}: {kind}; name a regular file.")
+    with FileIO(descriptor, "rb") as file:
+        yield file
+
+
+def size_of(file: FileIO) -> int:
+    """Bytes of an open file."""
+    return os.fstat(file.fileno()).st_size
+
+
+def is_regular(path: Path) -> bool:
+    """Whether a regular file lies at `path`; False where no file can have such a name."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def read_bytes(path: Path, largest: int | None = None) -> bytes:
+    """The content of the regular file at `path`. Raises InputError when it is none, is larger than `largest` bytes, or
+    cannot be read."""
+    with opened(path) as file:
+        if largest is not None and size_of(file) > largest:
+            raise InputError(f"{path} has {size_of(file)} bytes, more than {largest}; choose another file.")
+        try:
+            return file.read() if largest is None else _up_to(file, largest)
+        except OSError as error:
+            raise as_reading_error(path, error) from error
+        except MemoryError as error:
+            raise InputError(f"{path} is too large for the memory of this machine; use a smaller file.") from error
+
+
+def _up_to(file: FileIO, most: int) -> bytes:
+    # A file of the system says that it has 0 bytes, and one that is being written grows.
+    parts = []
+    while most > 0 and (part := file.read(min(most, 1 << 20))):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
+
+
+def read_text(path: Path, what: str, then: str, largest: int | None = None) -> str:
+    """UTF-8 text without its byte order mark. Raises InputError like `read_bytes`, and when it is no such text."""
+    data = read_bytes(path, largest)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not {what}: it is not text in UTF-8 (byte {error.start}); {then}.") from error
+
+
+def read_json(path: Path, what: str, then: str, largest: int = LARGEST_JSON, *, strict: bool = True) -> Any:
+    """The value of a JSON file. Raises InputError like `read_text` and `parse_json`."""
+    return parse_json(path, read_text(path, what, then, largest), what, then, strict=strict)
+
+
+def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = True) -> Any:
+    """The value of JSON text. Raises InputError when it is not JSON or would take many times its size in memory, and
+    where `strict`, when it says NaN or Infinity, which JSON has not, or gives a key twice.
+
+    path         where the text comes from
+    what, then   as `reading` takes them
+    """
+    with reading(path, what, then):
+        brackets = text.count("[") + text.count("{")
+        if brackets > _BRACKETS + len(text) // _BYTES_PER_BRACKET:
+            raise InputError(f"{path} is not {what}: it holds {brackets} lists and objects; {then}.")
+        try:
+            if strict:
+                return json.loads(text, parse_constant=_refused, object_pairs_hook=_unique)
+            return json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InputError(
+                f"{path}, line {error.lineno}: {error.msg}, so it is not JSON and not {what}; {then}."
+            ) from error
+        except RecursionError as error:
+            raise InputError(f"{path} is not {what}: it is nested too deeply; {then}.") from error
+
+
+def _refused(name: str) -> None:
+    raise ValueError(f"it says {name}, which is no number of JSON")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+        raise ValueError(f"it has the key {twice[:40]!r} twice")
+    return found

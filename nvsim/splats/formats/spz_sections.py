@@ -1,0 +1,235 @@
+"""The sections of an SPZ file as a stream, and what their bytes mean (nianticlabs/spz, load-spz.cc).
+
+Versions 1 to 3: a header of 16 bytes and the sections one after the other, zipped as a whole or not. Version 4: a
+header of 32 bytes, a table of (packed, unpacked) sizes, and a zstd stream for each section that is not empty. The
+sections are positions, alphas, colours, scales, rotations and harmonics, each of all Gaussians.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import FileIO
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.regular import size_of
+from nvsim.splats.formats.bound import ROWS
+from nvsim.splats.types import Gaussians
+
+MAGIC = 0x5053474E
+ANTIALIASED = 1
+"""Its bit among the flags."""
+_HEADER = struct.Struct("<IIIBBBB")
+_LONG_HEADER = 32
+_MOST_BITS = 24
+_STREAMED = 4
+"""The version from which on sections are streams of their own."""
+_MOST_AFTER = 1 << 24
+"""Bytes of extensions that may follow the sections."""
+_CHUNK = 1 << 16
+_LEAST_ALPHA = np.float32(1e-6)
+_COLOUR_SCALE = np.float32(0.15)
+Bytes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Header:
+    """count Gaussians with harmonics of a degree; positions have so many fractional bits."""
+
+    version: int
+    count: int
+    degree: int
+    bits: int
+    flags: int
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Bytes of a Gaussian in each section."""
+        position = 6 if self.version == 1 else 9
+        rotation = 4 if self.version >= 3 else 3
+        return position, 1, 3, 3, rotation, 3 * ((self.degree + 1) ** 2 - 1)
+
+
+class Stream(Protocol):
+    def read(self, size: int, /) -> bytes:
+        """Up to `size` bytes, none at the end."""
+        ...
+
+
+class Sections:
+    """The sections in their order, read a block at a time."""
+
+    def __init__(self, path: Path, header: Header, streams: Iterator[Stream]) -> None:
+        self._path, self._header, self._streams = path, header, streams
+
+    def blocks(self, section: int) -> Iterator[tuple[slice, Bytes]]:
+        """Which Gaussians, and their bytes (rows, width), of the next section. Raises InputError where it
+        ends early."""
+        count, width = self._header.count, self._header.widths[section]
+        if count * width == 0:
+            return
+        stream = next(self._streams)
+        for first in range(0, count, ROWS):
+            rows = min(ROWS, count - first)
+            data = _exactly(self._path, stream, rows * width)
+            yield slice(first, first + rows), np.frombuffer(data, np.uint8).reshape(rows, width)
+
+    def end(self) -> None:
+        """Raises InputError when what follows the sections is damaged or without end."""
+        for stream in self._streams:
+            left = _MOST_AFTER
+            while left > 0 and (part := stream.read(_CHUNK)):
+                left -= len(part)
+            if left <= 0:
+                raise InputError(f"{self._path} goes on after its last Gaussian; export it again.")
+            if isinstance(stream, _Inflated) and not stream.whole:
+                raise InputError(f"{self._path} is truncated; copy it again.")
+
+
+def open_sections(path: Path, file: FileIO) -> tuple[Header, Sections]:
+    """Raises InputError when `file` is no SPZ file, or one that cannot be read here."""
+    begin = file.read(_HEADER.size)
+    file.seek(0)
+    zipped = begin.startswith(b"\x1f\x8b")
+    stream: Stream = _Inflated(path, file) if zipped else file
+    header = _header(path, _exactly(path, stream, _HEADER.size))
+    if header.version >= _STREAMED:
+        if zipped:
+            raise InputError(f"{path} is an SPZ file of version {header.version} within another packing; unpack it.")
+        return header, Sections(path, header, _streams(path, file, header))
+    if not zipped and header.count * sum(header.widths) > size_of(file) - _HEADER.size:
+        raise InputError(
+            f"{path} is truncated: {header.count} Gaussians announced, but it is too small; copy it again."
+        )
+    # One stream for all of them, and once more for what follows.
+    return header, Sections(path, header, iter([stream] * (sum(w * header.count > 0 for w in header.widths) + 1)))
+
+
+def unpack(gaussians: Gaussians, header: Header, sections: Sections) -> None:
+    """Fills `gaussians` in the axes of the file. Raises InputError when the file ends early."""
+    g, f = gaussians, np.float32
+    for rows, data in sections.blocks(0):
+        g.means[rows] = _positions(header, data)
+    for rows, data in sections.blocks(1):
+        alpha = np.clip(data[:, 0] / f(255), _LEAST_ALPHA, 1 - _LEAST_ALPHA)
+        g.opacity_logits[rows] = np.log(alpha / (1 - alpha))
+    for rows, data in sections.blocks(2):
+        g.sh[rows, 0] = (data / f(255) - f(0.5)) / _COLOUR_SCALE
+    for rows, data in sections.blocks(3):
+        g.log_scales[rows] = data / f(16) - f(10)
+    for rows, data in sections.blocks(4):
+        g.quats[rows] = _smallest_three(data) if header.version >= 3 else _three(data)
+    for rows, data in sections.blocks(5):
+        g.sh[rows, 1:] = ((data.astype(f) - 128) / 128).reshape(len(data), -1, 3)
+    sections.end()
+
+
+def _header(path: Path, data: bytes) -> Header:
+    magic, version, count, degree, bits, flags, _ = _HEADER.unpack(data)
+    if magic != MAGIC:
+        raise InputError(f"{path} does not begin as an SPZ file does; choose another file.")
+    if version not in (1, 2, 3, 4) or degree > 3:
+        raise InputError(
+            f"{path} is an SPZ file of version {version} with harmonics of degree {degree}; versions 1 to 4 and"
+            " degrees 0 to 3 can be read."
+        )
+    if bits > _MOST_BITS or (bits == 0 and version > 1):
+        raise InputError(
+            f"{path} has positions of {bits} fractional bits, but 1 to {_MOST_BITS} are possible; export it again."
+        )
+    return Header(version, count, degree, bits, flags)
+
+
+def _streams(path: Path, file: FileIO, header: Header) -> Iterator[Stream]:
+    """Those of version 4, one after the other."""
+    import zstandard
+
+    file.seek(0)
+    begin = _exactly(path, file, _LONG_HEADER)
+    size = size_of(file)
+    sizes = [width * header.count for width in header.widths if width * header.count]
+    start = int.from_bytes(begin[16:20], "little")
+    at = start + 16 * begin[15]
+    if not _LONG_HEADER <= start <= at <= size or begin[15] != len(sizes):
+        raise InputError(f"{path} is truncated or damaged: its table of streams is not there; copy it again.")
+    file.seek(start)
+    table = struct.iter_unpack("<QQ", _exactly(path, file, 16 * begin[15]))
+    for expected, (packed, unpacked) in zip(sizes, table, strict=True):
+        if unpacked != expected or packed > size - at:
+            raise InputError(
+                f"{path} is truncated or damaged: its streams do not have the announced sizes; copy it again."
+            )
+        file.seek(at)
+        source = io.BytesIO(_exactly(path, file, packed))
+        at += packed
+        yield zstandard.ZstdDecompressor().stream_reader(source, read_size=_CHUNK)
+
+
+class _Inflated:
+    """A zipped file as a stream."""
+
+    def __init__(self, path: Path, file: FileIO) -> None:
+        self._path, self._file, self._unpacker = path, file, zlib.decompressobj(31)
+
+    def read(self, size: int, /) -> bytes:
+        while not self._unpacker.eof:
+            more = self._unpacker.unconsumed_tail or self._file.read(_CHUNK)
+            data = self._unpacker.decompress(more, size)
+            if data or (not more and not self._unpacker.eof):
+                return data
+        return b""
+
+    @property
+    def whole(self) -> bool:
+        return self._unpacker.eof
+
+
+def _exactly(path: Path, stream: Stream, size: int) -> bytes:
+    parts: list[bytes] = []
+    left = size
+    while left:
+        part = stream.read(left)
+        if not part:
+            raise InputError(f"{path} is truncated: {left} bytes are missing in it; copy it again.")
+        parts.append(part)
+        left -= len(part)
+    return b"".join(parts)
+
+
+def _positions(header: Header, data: Bytes) -> NDArray[np.float32]:
+    if header.version == 1:
+        return data.reshape(-1).view("<f2").astype(np.float32).reshape(-1, 3)
+    parts = data.reshape(-1, 3, 3).astype(np.int32)
+    whole = parts[..., 0] | parts[..., 1] << 8 | parts[..., 2] << 16
+    whole -= (whole >= 1 << 23).astype(np.int32) << 24
+    return whole.astype(np.float32) * np.float32(1 / (1 << header.bits))
+
+
+def _three(data: Bytes) -> NDArray[np.float32]:
+    """w x y z from x, y and z as bytes."""
+    xyz = data / np.float32(127.5) - np.float32(1)
+    w = np.sqrt(np.maximum(1 - (xyz**2).sum(axis=1, dtype=np.float32), 0))
+    return np.column_stack([w, xyz]).astype(np.float32)
+
+
+def _smallest_three(data: Bytes) -> NDArray[np.float32]:
+    """w x y z from three components of 9 bits and a sign; two bits of x y z w tell which one, the largest, is left
+    out."""
+    packed = data.reshape(-1).view("<u4").astype(np.uint32)
+    left_out = (packed >> 30).astype(np.intp)
+    quats = np.zeros((len(packed), 4), np.float32)
+    for axis in (3, 2, 1, 0):
+        held = left_out != axis
+        size = (packed & 511).astype(np.float32) / np.float32(511) * np.float32(0.5**0.5)
+        quats[held, axis] = np.where(packed >> 9 & 1, -size, size)[held]
+        packed = np.where(held, packed >> 10, packed)
+    quats[np.arange(len(quats)), left_out] = np.sqrt(np.maximum(1 - (quats**2).sum(axis=1), 0))
+    return quats[:, [3, 0, 1, 2]]
