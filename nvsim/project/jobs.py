@@ -7,10 +7,10 @@ import os
 import sqlite3
 import time
 from dataclasses import dataclass
-
-import psutil
+from pathlib import Path
 
 from nvsim.events import Event, Listener, Progress
+from nvsim.project.worker_lock import has_open
 
 _BEAT = 1.0  # seconds between updates of a job's row
 
@@ -30,27 +30,19 @@ class JobRecord:
     pid: int = 0
 
 
-def read_jobs(connection: sqlite3.Connection) -> list[JobRecord]:
-    """All jobs, newest first."""
+def read_jobs(connection: sqlite3.Connection, lock: Path) -> list[JobRecord]:
+    """All jobs, newest first. `lock` is the file of the project's one writer: the process that has it open is the one
+    that runs."""
     rows = connection.execute(
         "SELECT id, stage, pid, state, started, finished, done, total, message FROM jobs ORDER BY id DESC LIMIT 200"
     ).fetchall()
     result = []
     for id, stage, pid, state, started, finished, done, total, message in rows:
-        if state == "running" and not _alive(pid, started):
+        if state == "running" and not has_open(pid, lock):
             state = "interrupted"
         share = 1.0 if state == "done" else (done / total if total else 0.0)
         result.append(JobRecord(id, stage, state, share, started, finished, message, pid))
     return result
-
-
-def _alive(pid: int, started: float) -> bool:
-    try:
-        # A process that began after the job has only inherited the number.
-        process = psutil.Process(pid)
-        return bool(process.create_time() <= started + 1.0 and process.status() != psutil.STATUS_ZOMBIE)
-    except psutil.Error:
-        return False
 
 
 class JobJournal:

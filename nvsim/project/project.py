@@ -225,7 +225,7 @@ class Project:
         return observed_occupancy(self, capture, support)
 
     def jobs(self) -> list[JobRecord]:
-        return read_jobs(self.connection)
+        return read_jobs(self.connection, self.layout.lock)
 
     def results(self) -> dict[str, dict[str, Any]]:
         """Name of an evaluation -> its figures."""
