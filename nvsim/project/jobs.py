@@ -9,8 +9,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from nvsim import tables
 from nvsim.events import Event, Listener, Progress
 from nvsim.project.worker_lock import has_open
+from nvsim.tables import COUNT, NUMBER, TEXT
 
 _BEAT = 1.0  # seconds between updates of a job's row
 
@@ -30,12 +32,23 @@ class JobRecord:
     pid: int = 0
 
 
-def read_jobs(connection: sqlite3.Connection, lock: Path) -> list[JobRecord]:
+_JOB = {
+    "id": COUNT,
+    "stage": TEXT,
+    "pid": COUNT,
+    "state": TEXT,
+    "started": NUMBER,
+    "finished": NUMBER.or_null,
+    "done": COUNT,
+    "total": COUNT,
+    "message": TEXT,
+}
+
+
+def read_jobs(connection: sqlite3.Connection, path: Path, lock: Path) -> list[JobRecord]:
     """All jobs, newest first. `lock` is the file of the project's one writer: the process that has it open is the one
-    that runs."""
-    rows = connection.execute(
-        "SELECT id, stage, pid, state, started, finished, done, total, message FROM jobs ORDER BY id DESC LIMIT 200"
-    ).fetchall()
+    that runs. Raises InputError where the database at `path` is damaged."""
+    rows = tables.read(connection, path, "jobs", _JOB, "ORDER BY id DESC LIMIT 200")
     result = []
     for id, stage, pid, state, started, finished, done, total, message in rows:
         if state == "running" and not has_open(pid, lock):

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
-from nvsim.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -32,13 +31,10 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli.graph_target import GraphTarget, refused_as_input
     from nvsim.graph.history import History, counted
     from nvsim.graph.operations import parse_line, perform
+    from nvsim.graph.scripts import script_lines
 
     target = GraphTarget(arguments.graph, arguments.occupancy)
-    try:
-        lines = arguments.script.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise InputError(f"Cannot read {arguments.script}: {reason}; name a file of JSON lines.") from error
+    lines = script_lines(arguments.script)
     surroundings = target.surroundings()
 
     def play(history: History) -> str:
