@@ -21,6 +21,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.submaps.types import Submap
+from nvsim.tables import COUNT, NAME, NUMBER, TEXT
 
 if TYPE_CHECKING:
     from nvsim.project.jobs import JobRecord
@@ -32,6 +33,7 @@ PARTS = (
 )  # fmt: skip
 
 
+_STAGES = {"stage": TEXT, "part": COUNT, "key": TEXT, "state": TEXT, "finished": NUMBER.or_null}
 _GROWN = {
     "submaps": "The capture has grown since it was divided into submaps.",
     "floors": "The capture has grown since the floor was found.",
@@ -200,14 +202,14 @@ class ProjectReader:
             return
         self._revision = revision
         # A stage's row changes when it begins and ends; while it runs only the job's row does.
-        stages = tuple(project.connection.execute("SELECT stage, part, key, state, finished FROM stages").fetchall())
+        stages = tuple(project.read("stages", _STAGES))
         capture = _file_stamp(project.layout.imported / "capture.json")
         stamps: dict[str, Hashable] = {
             "capture": capture,
             "submaps": (capture, stages),
             "graph": stages,
             "stages": stages,
-            "results": tuple(project.connection.execute("SELECT name, created FROM results ORDER BY name").fetchall()),
+            "results": tuple(project.read("results", {"name": NAME, "created": NUMBER}, "ORDER BY name")),
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support)),
             "context": self._context_stamp(stages, (capture, _file_stamp(project.layout.support))),

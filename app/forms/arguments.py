@@ -15,9 +15,15 @@ from app.forms.fields import Field, command_of, fields_of, presets_of
 from nvsim.atomic import write_text
 from nvsim.cli.arguments import parse
 from nvsim.errors import InputError
+from nvsim.nofollow import read_regular
+from nvsim.project.proof import is_proven, proof_of
 
 FILE = "settings.json"
 PRESET = "preset"
+PROOF = "proof"
+"""Beside the options of a command: that this user chose their places here."""
+_WHAT = "settings"
+_MOST = 4 << 20  # bytes of the file
 
 
 def arguments_of(fields: Sequence[Field], changed: Mapping[str, Any]) -> list[str]:
@@ -58,8 +64,8 @@ class Settings:
         self._path = None if project is None else project / FILE
         self._values: dict[str, dict[str, Any]] = {}
         if self._path is not None:
-            with contextlib.suppress(OSError, ValueError):
-                read = json.loads(self._path.read_text())
+            with contextlib.suppress(OSError, ValueError, RecursionError):
+                read = json.loads(read_regular(self._path, _MOST))
                 if isinstance(read, dict):
                     self._values = {v: dict(c) for v, c in read.items() if isinstance(c, dict)}
 
@@ -69,16 +75,24 @@ class Settings:
         return chosen if chosen in names else (names[0] if names else "")
 
     def changed(self, verb: str) -> dict[str, Any]:
-        """Path -> value of what differs from the preset. What no option takes any more is left out."""
+        """Path -> value of what differs from the preset. What no option takes any more is left out, and so are places
+        outside of the project that this user did not choose here: settings come with a project of anyone's."""
         stored = self._values.get(verb, {})
         fields = [f for f in fields_of(verb, self.preset(verb)) if f.path in stored]
         fitting = {f.path: _fitting(f, stored[f.path]) for f in fields}
+        places = {f.path: str(v) for f in fields if f.kind == "path" and isinstance(v := fitting[f.path], str)}
+        strange = {path for path, place in places.items() if not self._is_inside(place)}
+        if strange and not self._proven(verb, places, stored.get(PROOF)):
+            fitting = {path: value for path, value in fitting.items() if path not in strange}
         return {path: value for path, value in fitting.items() if value is not _UNFIT}
 
     def keep(self, verb: str, preset: str, changed: Mapping[str, Any]) -> None:
         """Raises InputError when the project's folder cannot be written."""
         names = presets_of(verb)
         values: dict[str, Any] = {p: str(v) if isinstance(v, Path) else v for p, v in changed.items()}
+        places = {f.path: values[f.path] for f in fields_of(verb, preset) if f.kind == "path" and values.get(f.path)}
+        if self._path is not None and not all(map(self._is_inside, places.values())):
+            values[PROOF] = proof_of(self._path.parent, _WHAT, [verb, places])
         if names and preset != names[0]:
             values[PRESET] = preset
         if values:
@@ -87,6 +101,14 @@ class Settings:
             self._values.pop(verb, None)
         if self._path is not None:
             write_text(self._path, json.dumps(self._values, indent=1, sort_keys=True) + "\n")
+
+    def _is_inside(self, place: str) -> bool:
+        if self._path is None:
+            return False
+        return Path(place).expanduser().resolve().is_relative_to(self._path.parent.resolve())
+
+    def _proven(self, verb: str, places: Mapping[str, str], proof: object) -> bool:
+        return self._path is not None and is_proven(self._path.parent, _WHAT, [verb, dict(places)], proof)
 
     def arguments(self, verb: str) -> list[str]:
         """The flags of a command as the person left its form."""

@@ -14,14 +14,18 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.jobs.history import History
+from nvsim.cli.orders import check_order
 from nvsim.cli.worker import start_worker
 from nvsim.errors import InputError
+from nvsim.nofollow import is_folder
 from nvsim.project.job_events import EventFile
 from nvsim.project.joblist import Job, JobList, State, Wish
+from nvsim.project.layout import Layout
 
 HASTY, LIVELY, CALM = 60, 250, 1000  # milliseconds between two looks: events wait, a job runs, none does
 BYTES_A_LOOK = 48 << 10  # of events; some 3 ms of parsing
 PATIENCE = 15.0  # seconds until a job that was asked to end is killed
+ORDERED_ELSEWHERE = "It came with the project and was not ordered here; it is not run unless you order it anew."
 
 
 class JobHandle(QObject):
@@ -53,9 +57,21 @@ class JobHandle(QObject):
         return self.state == "running"
 
     @property
+    def ours(self) -> bool:
+        """Whether this user ordered it on this machine; what others did is never run unasked."""
+        return self.job.ours
+
+    def picture(self, path: str) -> Path | None:
+        """Where a picture lies that the job told of: among the pictures of the project and nowhere else."""
+        folder = Layout(self._jobs.root).pictures
+        return folder / Path(path).name if "\0" not in path and is_folder(folder) else None
+
+    @property
     def message(self) -> str:
         """What went wrong and what to do, or what it is doing."""
         standing, progress = self.job.standing, self.history.progress
+        if self.state == "foreign":
+            return ORDERED_ELSEWHERE
         if self.state in ("failed", "interrupted"):
             return standing.message or self.history.failure
         if self.state == "running":
@@ -91,13 +107,14 @@ class JobQueue(QObject):
     """changed() when a job came, went, or stands otherwise; progressed() at most a few times a second while one tells
     of its work; heard(JobHandle, Event) for each event that arrives, those of the past included; ended(JobHandle) when
     a job that this window saw running or waiting does no longer; found(list of JobHandle) once for a project, with the
-    jobs that wait for a person."""
+    jobs that wait for the user; foundForeign(list of JobHandle) likewise, with those that somebody else ordered."""
 
     changed = Signal()
     progressed = Signal()
     heard = Signal(object, object)
     ended = Signal(object)
     found = Signal(object)
+    foundForeign = Signal(object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -127,6 +144,9 @@ class JobQueue(QObject):
             waiting = [h for h in self.handles if h.state in ("interrupted", "paused", "queued")]
             if waiting and not self.running:
                 self.found.emit(waiting)
+            foreign = [h for h in self.handles if h.state == "foreign"]
+            if foreign:
+                self.foundForeign.emit(foreign)
         self.changed.emit()
 
     @property
@@ -179,11 +199,32 @@ class JobQueue(QObject):
         self._ask(handle, "cancel")
 
     def resume(self, handle: JobHandle) -> None:
-        """Queues a job that was paused, interrupted, cancelled or has failed once more."""
-        if self._jobs is None:
+        """Queues a job that was paused, interrupted, cancelled or has failed once more; never one that somebody else
+        ordered."""
+        if self._jobs is None or not handle.ours:
             return
         self._jobs.again(handle.number)
         self._begin(self._jobs, None if handle.job.order.heavy else handle.number)
+        self._look()
+
+    def why_not_anew(self, job: Job) -> str:
+        """Why what somebody else ordered cannot be ordered here as it is, "" when it can."""
+        if self._jobs is None:
+            return "no project is open"
+        try:
+            check_order(self._jobs.root, job.order.verb, job.order.arguments, confined=True)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    def order_anew(self, seen: Job) -> None:
+        """Orders here what somebody else ordered, exactly as the user has `seen` it. Raises InputError where it may not
+        be ordered, or was changed meanwhile."""
+        if self._jobs is None:
+            return
+        check_order(self._jobs.root, seen.order.verb, seen.order.arguments, confined=True)
+        self._jobs.order_anew(seen)
+        self._begin(self._jobs, None if seen.order.heavy else seen.number)
         self._look()
 
     def begin_waiting(self) -> None:

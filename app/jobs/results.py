@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from app.jobs.stages import GIVES_RESULT, STAGES
+from nvsim.nofollow import read_end
 from nvsim.project.joblist import Job
 
 SUMMARY = "Summary"
+_MOST = 16 << 20  # bytes of the end of what a job printed
 _WORDS = {
     "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "iou": "IoU", "miou": "mean IoU", "m2": "m²",
     "nonfloor": "no floor",
@@ -121,13 +123,13 @@ def result_of_job(job: Job) -> Result | None:
     if job.order.verb not in GIVES_RESULT or job.standing.state != "done":
         return None
     try:
-        lines = job.output.read_text(errors="replace").splitlines()
+        lines = read_end(job.output, _MOST).decode(errors="replace").splitlines()
     except OSError:
         return None
     for line in reversed(lines):
         try:
             figures = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             continue
         if isinstance(figures, dict):
             return Result(f"job {job.number}", job.order.title, job.standing.finished or 0.0, tables_of(figures))

@@ -10,6 +10,7 @@ from app import colors
 from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle
 from app.plain_text import lines, marked
+from nvsim.nofollow import read_end
 
 MOST_PRINTED = 4000  # characters of the end of what it printed
 _COLORS = {
@@ -69,9 +70,7 @@ class JobLog(QPlainTextEdit):
         if handle.message and not any(handle.message in text for text in said):
             self.appendHtml(f'<span style="color:{colors.BLOCKED_TEXT}">{marked(handle.message)}</span>')
         try:
-            with open(handle.job.messages, "rb") as file:
-                file.seek(max(0, handle.job.messages.stat().st_size - MOST_PRINTED))
-                printed = file.read().decode(errors="replace").strip()
+            printed = read_end(handle.job.messages, MOST_PRINTED).decode(errors="replace").strip()
         except OSError:
             return
         news = [line for line in printed.splitlines() if not any(text.partition(": ")[2] in line for text in said)]

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QPainter, QPaintEvent, QPixmap, QShowEvent
+from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QSize, Qt
+from PySide6.QtGui import QImageReader, QPainter, QPaintEvent, QPixmap, QShowEvent
 from PySide6.QtWidgets import QWidget
 
 from app.jobs.queue import JobHandle
 from app.plain_text import plain
+from nvsim.nofollow import read_regular
 
 MOST = 3  # pictures side by side; those that came last
 _GAP = 8
+_MOST_BYTES = 32 << 20
+_MOST_SIDE = 8192  # pixels
 
 
 class JobPreview(QWidget):
@@ -37,12 +41,15 @@ class JobPreview(QWidget):
             return
         previews = list(self._handle.history.previews)[-MOST:]
         for path in previews:
+            place = self._handle.picture(path)
+            if place is None:
+                continue
             try:
-                stamp = Path(path).stat().st_mtime_ns
+                stamp = os.lstat(place).st_mtime_ns
             except OSError:
                 continue
             if self._pixmaps.get(path, (0,))[0] != stamp:
-                pixmap = QPixmap(path)
+                pixmap = _picture(place)
                 if not pixmap.isNull():
                     self._pixmaps[path] = (stamp, pixmap)
                     self.update()
@@ -77,3 +84,18 @@ class JobPreview(QWidget):
             words = plain(previews[path].caption) if path in previews else ""
             fitted = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, int(width))
             painter.drawText(left, size.height() + caption - 5, fitted)
+
+
+def _picture(path: Path) -> QPixmap:
+    """A null one where there is no picture, or one larger than any that a job writes."""
+    try:
+        data = QBuffer()
+        data.setData(QByteArray(read_regular(path, _MOST_BYTES)))
+    except OSError:
+        return QPixmap()
+    data.open(QIODevice.OpenModeFlag.ReadOnly)
+    reader = QImageReader(data, b"jpeg")  # as the training writes it, and no other decoder
+    size: QSize = reader.size()
+    if not size.isValid() or max(size.width(), size.height()) > _MOST_SIDE:
+        return QPixmap()
+    return QPixmap.fromImage(reader.read())

@@ -27,7 +27,10 @@ _STATE_TEXTS = {
     "failed": colors.BLOCKED_TEXT,
     "interrupted": colors.WARNING_TEXT,
     "paused": colors.WARNING_TEXT,
+    "foreign": colors.WARNING_TEXT,
 }
+STATE_WORDS = {"foreign": "ordered elsewhere"}
+"""Of states that are not their own words."""
 _STATE_COLORS = {
     "running": colors.NODE,
     "done": colors.OPEN,
@@ -82,7 +85,7 @@ class Row:
             share,
             history.rate if running else None,
             history.seconds_left if running else None,
-            standing.started or (handle.job.order.ordered if handle.state == "queued" else None),
+            standing.started or (handle.job.order.ordered if handle.state in ("queued", "foreign") else None),
             handle.worked if handle.worked else None,
             handle.message,
         )
@@ -163,7 +166,7 @@ class JobModel(QAbstractTableModel):
             return None
         return (
             plain(row.title),
-            plain(row.state),
+            plain(STATE_WORDS.get(row.state, row.state)),
             f"{100 * row.share:.0f} %",
             "" if row.left is None else duration(row.left),
             "" if row.rate is None else f"{row.rate:.{1 if row.rate < 100 else 0}f} /s",

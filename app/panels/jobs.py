@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSplitter, QTabWidget, Q
 from app.document import Document
 from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle, JobQueue
+from app.panels.foreign_job import ForeignJob
 from app.panels.hint import Hint
 from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
@@ -23,6 +24,7 @@ __all__ = ["JobModel", "JobPanel", "duration"]
 _AGAIN = ("paused", "interrupted", "failed", "cancelled")
 _OPEN = ("running", "queued", "paused", "interrupted")
 _NO_HANDLE = "it runs or ran from a terminal"
+_ELSEWHERE = "it was ordered elsewhere; look at what it does first"
 
 
 class Offer(QWidget):
@@ -140,10 +142,11 @@ class JobPanel(QWidget):
         self.pause = self._button("Pause", self._on_pause)
         self.go_on = self._button("Go on", self._on_go_on)
         self.cancel = self._button("Cancel", self._on_cancel)
+        self.look = self._button("Look…", self._on_look)
         self.again = self._button("Settings…", self._on_again)
         self.remove = self._button("Remove", self._on_remove)
         self.copy = self._button("Copy command", self._on_copy)
-        for button in (self.pause, self.go_on, self.cancel, self.again, self.remove, self.copy):
+        for button in (self.pause, self.go_on, self.cancel, self.look, self.again, self.remove, self.copy):
             row.addWidget(button)
         row.addStretch(1)
         return row
@@ -215,22 +218,26 @@ class JobPanel(QWidget):
         nothing = "no job is chosen" if row is None else _NO_HANDLE if handle is None else ""
         asked = handle is not None and handle.wish is not None and handle.running
         reasons = {
-            self.pause: nothing or ("" if state in ("running", "queued") and not asked else f"it is {state}"),
+            self.look: nothing or ("it was ordered here" if handle is None or handle.ours else ""),
+            self.pause: nothing or ("" if state in ("running", "queued") and not asked else _is(state)),
             self.go_on: nothing or self._why_not_on(state),
-            self.cancel: nothing
-            or ("" if state in ("running", "queued", "paused", "interrupted") else f"it is {state}"),
+            self.cancel: nothing or ("" if state in ("running", "queued", "paused", "interrupted") else _is(state)),
             self.again: nothing or ("it is running" if state in ("running", "queued") else ""),
             self.remove: nothing or ("it is running" if state == "running" else ""),
             self.copy: nothing,
         }
         for button, reason in reasons.items():
             button.setEnabled(not reason)
+            if button is self.look:
+                button.setVisible(not reason)
             button.setToolTip(tip(_TIPS[button.text()] + (f"\nNot now: {reason}." if reason else "")))
 
     def _why_not_on(self, state: str) -> str:
+        if self.handle is not None and not self.handle.ours:
+            return _ELSEWHERE
         if state == "queued":
             return "another job runs before it" if self.queue.busy else ""
-        return "" if state in _AGAIN else f"it is {state}"
+        return "" if state in _AGAIN else _is(state)
 
     # What the buttons do ----------------------------------------------------------------------------------------
 
@@ -258,13 +265,22 @@ class JobPanel(QWidget):
         if self.handle is not None:
             self.againWanted.emit(self.handle)
 
+    def _on_look(self) -> None:
+        if self.handle is not None and not self.handle.ours:
+            ForeignJob(self.queue, self.handle.job, self).open()
+
     def _on_copy(self) -> None:
         if self.handle is not None:
             order = self.handle.job.order
             QGuiApplication.clipboard().setText(command_line(order.verb, order.arguments))
 
 
+def _is(state: str) -> str:
+    return _ELSEWHERE if state == "foreign" else f"it is {state}"
+
+
 _TIPS = {
+    "Look…": "See exactly what a job that came with the project would do, and order it here or remove it",
     "Pause": "Stop at the last checkpoint and free the memory; it can go on at any time, also in another window",
     "Go on": "Run it once more; what was finished is not done again",
     "Cancel": "End it; what it finished stays in the project",

@@ -57,6 +57,7 @@ class JobsPart(Part):
         w.jobs.heard.connect(self._on_heard)
         w.jobs.ended.connect(self._on_ended)
         w.jobs.found.connect(self._on_found)
+        w.jobs.foundForeign.connect(self._on_foreign)
         return (Dock("jobs", "Jobs", self.panel, "bottom"),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -189,6 +190,14 @@ class JobsPart(Part):
 
     def _on_found(self, handles: list[JobHandle]) -> None:
         self.workspace.notices.warning(f"{waiting_words(handles)} The Jobs panel offers to go on.")
+        self.show_panel()
+
+    def _on_foreign(self, handles: list[JobHandle]) -> None:
+        one = len(handles) == 1
+        self.workspace.notices.warning(
+            f"{len(handles)} job{' was' if one else 's were'} ordered elsewhere and came with this project; "
+            f"{'it is' if one else 'they are'} not run. The Jobs panel shows what {'it' if one else 'they'} would do."
+        )
         self.show_panel()
 
 

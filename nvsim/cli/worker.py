@@ -13,13 +13,18 @@ import sys
 import time
 from pathlib import Path
 
+from nvsim.atomic import as_input_error
+from nvsim.cli.orders import check_order
+from nvsim.errors import InputError
 from nvsim.events import Done, Event, Failed, Log
+from nvsim.nofollow import read_end
 from nvsim.opening import own_file
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList
 
 NICE = 15  # the drawing process has 5, and is asked for pictures while a submap trains
 LIGHT_NICE = 5
+_LAST = 1 << 16  # bytes of what it printed that are looked at for its last words
 _started: list[subprocess.Popen[bytes]] = []
 
 
@@ -35,12 +40,16 @@ def main(arguments: list[str]) -> int:
     """The exit code of the job, 0 where there was nothing to do."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # the worker that started this one had it ignored
     jobs = JobList(Path(arguments[0]))
-    job = jobs.claim(int(arguments[1]) if len(arguments) > 1 else None)
+    try:
+        job = jobs.claim(int(arguments[1]) if len(arguments) > 1 else None)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
     if job is None:
         return 0
     if hasattr(os, "nice"):
         os.nice(NICE if job.order.heavy else LIGHT_NICE)
-    code, message = _run(job)
+    code, message = _run(jobs, job)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the work is over; only its end is to be written down
     standing = jobs.finish(job, code, message)
     # What waits behind a failure most often builds on it, and waits for the person.
@@ -49,16 +58,20 @@ def main(arguments: list[str]) -> int:
     return code
 
 
-def _run(job: Job) -> tuple[int, str]:
+def _run(jobs: JobList, job: Job) -> tuple[int, str]:
     """The exit code, and one sentence about the end."""
     from nvsim.cli.console import heard_by
     from nvsim.cli.main import main as command
 
-    _redirect(1, job.output)
-    _redirect(2, job.messages)
+    try:
+        _redirect(1, job.output)
+        _redirect(2, job.messages)
+        events = own_file(job.events, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    except OSError as error:
+        return 2, str(as_input_error(Path(error.filename or job.folder), error))
     message = ""
 
-    with os.fdopen(own_file(job.events, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "a", buffering=1) as file:
+    with os.fdopen(events, "a", buffering=1) as file:
 
         def write(event: Event) -> None:
             file.write(event_line(event, time.time()))
@@ -73,8 +86,12 @@ def _run(job: Job) -> tuple[int, str]:
 
         hear(Log("Started." if job.standing.worked == 0 else "Goes on."))
         try:
+            check_order(jobs.root, job.order.verb, job.order.arguments)
             with heard_by(hear):
                 code = command([*job.order.verb.split(), *job.order.arguments])
+        except InputError as error:
+            code, message = 2, str(error)
+            write(Failed(job.order.verb, message, code))
         except SystemExit as stop:  # a wrong option; the parser has said so on stderr
             code = stop.code if isinstance(stop.code, int) else 2
             if code:
@@ -86,7 +103,10 @@ def _run(job: Job) -> tuple[int, str]:
 def _last_words(output: Path) -> str:
     """The last line that was printed, unless it is for programs."""
     sys.stdout.flush()
-    lines = output.read_text(errors="replace").strip().splitlines()
+    try:
+        lines = read_end(output, _LAST).decode(errors="replace").strip().splitlines()
+    except OSError:
+        return ""
     return lines[-1] if lines and not lines[-1].startswith(("{", "[")) else ""
 
 

@@ -102,4 +102,16 @@ def from_data(data: Any) -> Event:
         event: Event = kind(**{k: v for k, v in data.items() if k != "event"})
     except TypeError as error:
         raise ValueError(f"not an event: {error}") from error
+    for field in dataclasses.fields(kind):
+        if not _fits(getattr(event, field.name), field.type):
+            raise ValueError(f"not an event: its {field.name} is not of the type {field.type}")
     return event
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Whether a value is of a field's type; a whole number counts as a float."""
+    if kind in ("int", "float"):
+        return (isinstance(value, int) and not isinstance(value, bool)) or (
+            kind == "float" and isinstance(value, float)
+        )
+    return isinstance(value, str if kind == "str" else dict)

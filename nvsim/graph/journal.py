@@ -9,19 +9,23 @@ and closed.
 from __future__ import annotations
 
 import sqlite3
+import struct
 import threading
+import zlib
 from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.graph.delta import Delta
 from nvsim.graph.history import History, Step
+from nvsim.graph.journal_check import check_steps
 from nvsim.graph.journal_file import JournalFile, Newer, Written
 from nvsim.graph.journal_rows import encode_delta, encode_selection, fingerprint
 from nvsim.graph.retained import Retained
 from nvsim.graph.selection import NOTHING, present
 from nvsim.graph.types import NavGraph
 from nvsim.locking import Held, WriterLock
+from nvsim.tables import check_files
 
 KEPT_STEPS = 1000
 """So many a journal keeps when it is opened and closed, the oldest become part of its first graph."""
@@ -67,7 +71,9 @@ class Journal:
     @staticmethod
     def open(path: Path, *, plain: bool = False) -> Journal:
         """The journal at `path`, made with its first step. `plain`: the file it belongs to can hold only what an R2R
-        connectivity file can. Where it cannot be written, or not safely, it refuses and says why."""
+        connectivity file can. Raises InputError where something else than a database lies there; where it cannot be
+        written, or not safely, it refuses and says why."""
+        check_files(path)
         lock_path = path.with_name(f"{path.name}.lock")
         name = path.parent.name if not plain else path.name.removeprefix(".").removesuffix(".edits")
         try:
@@ -248,10 +254,16 @@ class Journal:
         try:
             if self.refusal is None:
                 self._trim()
-            return self._file.read()
+            written = self._file.read()
+            if written is not None:
+                check_steps(written.base, (delta for _, delta in written.steps))
+            return written
         except Newer:
             raise
-        except (InputError, sqlite3.DatabaseError, ValueError, KeyError, TypeError, IndexError, EOFError) as error:
+        except (
+            *(InputError, sqlite3.Error, ValueError, KeyError, TypeError, IndexError, EOFError),
+            *(AttributeError, RecursionError, OverflowError, struct.error, zlib.error),
+        ) as error:
             if self.refusal is not None:
                 return None
             aside = self._file.set_aside()

@@ -21,6 +21,7 @@ from nvsim.graph.journal_rows import decode_delta, decode_selection
 from nvsim.graph.journal_trim import trim
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
+from nvsim.tables import BLOB, COUNT, FLAG, NUMBER, TEXT, check_files, check_schema, harden, read, reading_rows
 
 _VERSION = 2  # 2: a step may say in what order things come
 _SCHEMA = """
@@ -29,6 +30,16 @@ CREATE TABLE base (graph BLOB NOT NULL, at REAL NOT NULL);
 CREATE TABLE steps (number INTEGER PRIMARY KEY, text TEXT NOT NULL, at REAL NOT NULL, edit INTEGER NOT NULL,
     merge TEXT, operation TEXT, selection BLOB NOT NULL, delta BLOB NOT NULL);
 """
+_STEP = {
+    "number": COUNT,
+    "text": TEXT,
+    "at": NUMBER,
+    "edit": FLAG,
+    "merge": TEXT.or_null,
+    "operation": TEXT.or_null,
+    "selection": BLOB,
+    "delta": BLOB,
+}
 
 
 _EDIT, _OUTSIDE = 1, 2  # in the column "edit"; 0 is a step that only selects
@@ -59,9 +70,11 @@ class JournalFile:
     """Every method raises InputError when the disk or the file refuses."""
 
     def __init__(self, path: Path, read_only: bool = False) -> None:
+        """Raises InputError where something else than a file lies there."""
         self.path = path
         self._read_only = read_only
         self._connection: sqlite3.Connection | None = None
+        check_files(path)
         self.exists = path.is_file() and path.stat().st_size > 0
 
     def create(self, base: NavGraph, saved: str) -> None:
@@ -120,20 +133,26 @@ class JournalFile:
             raise Newer(
                 f"The history of edits {self.path} was written by a newer NVSim; update NVSim to go on from it."
             )
-        blob, begun = connection.execute("SELECT graph, at FROM base").fetchone()
-        marks = dict(connection.execute("SELECT name, value FROM marks"))
+        check_schema(connection, self.path, _SCHEMA)
+        bases = read(connection, self.path, "base", {"graph": BLOB, "at": NUMBER}, "LIMIT 1")
+        if not bases:
+            raise ValueError("its first graph is missing")
+        blob, begun = bases[0]
+        with reading_rows(connection, self.path):
+            marks = dict(connection.execute("SELECT name, value FROM marks LIMIT 100"))
         steps: list[tuple[Step, Delta]] = []
         try:
-            for row in connection.execute(
-                "SELECT number, text, at, edit, merge, operation, selection, delta FROM steps ORDER BY number"
+            for number, text, at, edit, merge, operation, selection, delta in read(
+                connection, self.path, "steps", _STEP, "ORDER BY number"
             ):
-                number, text, at, edit, merge, operation, selection, delta = row
                 if number != len(steps) + 1:
                     raise ValueError(f"step {len(steps) + 1} is missing")
                 found = None if operation is None else json.loads(operation)
+                if found is not None and not isinstance(found, dict):
+                    raise ValueError(f"step {number} names no edit")
                 step = Step(text, decode_selection(selection), at, edit == _EDIT, merge, found, edit == _OUTSIDE)
                 steps.append((step, decode_delta(delta)))
-        except (zlib.error, struct.error) as error:
+        except (zlib.error, struct.error, RecursionError, OverflowError) as error:
             raise ValueError(str(error)) from error
         index, clean = int(marks["index"]), int(marks["clean"])
         if not (0 <= index <= len(steps) and -1 <= clean <= len(steps)):
@@ -147,6 +166,7 @@ class JournalFile:
         connection = self._open()
         if int(connection.execute("PRAGMA user_version").fetchone()[0]) not in range(1, _VERSION + 1):
             return 0
+        check_schema(connection, self.path, _SCHEMA)
         try:
             return trim(connection, steps, size)
         except sqlite3.OperationalError as error:
@@ -184,6 +204,7 @@ class JournalFile:
             refuse_unless_plain_database(self.path)
             try:
                 self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
+                harden(self._connection)
                 self._connection.execute("PRAGMA journal_mode=WAL")
                 self._connection.execute("PRAGMA synchronous=FULL")
             except sqlite3.OperationalError as error:

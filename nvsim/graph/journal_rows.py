@@ -16,12 +16,14 @@ from nvsim.graph.store import (
     edge_of,
     edge_row,
     encode_evidence,
+    inflated,
     viewpoint_of,
     viewpoint_row,
 )
 from nvsim.graph.types import NavGraph
 
 _PARTS, _WHOLE = b"P", b"W"
+_MOST = 256 << 20  # bytes of a step or a selection, inflated
 
 
 def encode_delta(delta: Delta) -> bytes:
@@ -52,20 +54,24 @@ def decode_delta(data: bytes) -> Delta:
     if data[:1] != _PARTS:
         raise ValueError("a step of an unknown kind")
     (size,) = struct.unpack_from("<I", data, 1)
-    values = json.loads(zlib.decompress(data[5 : 5 + size]))
+    values = json.loads(inflated(data[5 : 5 + size], _MOST))
     evidence, at = [], 5 + size
     for length in values.get("evidence", ()):
         evidence.append(decode_evidence(data[at : at + length]))
         at += length
+    no_viewpoints, ignored, scan = values.get("no_viewpoints", ()), values.get("ignored"), values.get("scan")
+    texts = [*no_viewpoints, *(ignored or {}).values(), *([] if scan is None else [scan])]
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError("a step with values of a wrong type")
     return Delta(
         tuple(map(viewpoint_of, values.get("viewpoints", ()))),
         tuple(map(edge_of, values.get("edges", ()))),
         tuple(evidence),
-        tuple(values.get("no_viewpoints", ())),
+        tuple(no_viewpoints),
         tuple((a, b) for a, b in values.get("no_edges", ())),
         tuple((id, direction) for id, direction in values.get("no_evidence", ())),
-        values.get("ignored"),
-        values.get("scan"),
+        ignored,
+        scan,
         _orders(values.get("orders", ((), (), ()))),
     )
 
@@ -84,7 +90,7 @@ def decode_selection(data: bytes) -> GraphSelection:
     """Raises like `decode_delta`."""
     if not data:
         return NOTHING
-    viewpoints, edges = json.loads(zlib.decompress(data))
+    viewpoints, edges = json.loads(inflated(data, _MOST))
     return GraphSelection(frozenset(viewpoints), frozenset((a, b) for a, b in edges))
 
 

@@ -16,7 +16,18 @@ from nvsim.graph.operation_table import OPERATIONS, Operation, Surroundings
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 
-__all__ = ["OPERATIONS", "Operation", "Surroundings", "apply", "describe", "parse_line", "perform", "record", "usage"]
+__all__ = [
+    "OPERATIONS",
+    "Operation",
+    "Surroundings",
+    "apply",
+    "describe",
+    "line_of",
+    "parse_line",
+    "perform",
+    "record",
+    "usage",
+]
 
 
 def apply(
@@ -80,10 +91,28 @@ def parse_line(line: str) -> tuple[str, dict[str, Any]]:
     return name, values
 
 
+def line_of(edit: Mapping[str, Any]) -> str:
+    """The line of a script that does {"edit": name, ...arguments}: of an operation that there is, with arguments of
+    their types. Raises EditError on anything else."""
+    name = edit.get("edit")
+    if not isinstance(name, str):
+        raise EditError('It has no "edit", the name of an operation.')
+    arguments = {key: value for key, value in edit.items() if key != "edit"}
+    for each in arguments.get("edits") or () if name == "together" else ():
+        if isinstance(each, Mapping):
+            line_of(each)
+    checked(name, _named(name).arguments, arguments)
+    try:
+        return json.dumps(record(name, arguments), allow_nan=False)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise EditError(f"The arguments of {name} cannot be written: {error}.") from error
+
+
 def _named(name: str) -> Operation:
     operation = OPERATIONS.get(name)
     if operation is None:
-        raise EditError(f"There is no edit {name!r}; there are {', '.join(OPERATIONS)}.")
+        shown = name if len(name) <= 60 else name[:57] + "..."
+        raise EditError(f"There is no edit {shown!r}; there are {', '.join(OPERATIONS)}.")
     return operation
 
 

@@ -1,29 +1,91 @@
-"""A history as a script: the lines that do again what was done."""
+"""A history as a script: the lines that do again what was done.
+
+A history may come with a project of anyone's, so each line is made from a named edit with arguments of its types, never
+from text as it stands there; and a script takes the place of no file but a script.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import json
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
+from nvsim.atomic import write_text
+from nvsim.errors import InputError
 from nvsim.graph.delta import Delta, delta_between
+from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
+from nvsim.graph.operations import line_of, parse_line
+from nvsim.nofollow import read_regular
+from nvsim.reading import as_reading_error
+
+HEAD = "# Edits of a navigation graph, for `nvsim graph replay`"
+_MOST_WORDS = 200  # characters of a comment
+_MOST_BYTES = 64 << 20
 
 
 def script(history: History) -> list[str]:
     """JSON lines that lead from the first to the current step. A step without a named edit is written as a patch of its
     viewpoints and edges; where that does not say it all (evidence, another order), and where nobody edited but a job or
-    another program changed the graph, as a comment."""
+    another program changed the graph, as a comment. Raises InputError where a step names no edit that there is, or has
+    arguments that the edit does not take."""
     lines = []
     for index, step in enumerate(history.steps[1 : history.index + 1], 1):
-        if step.operation is not None:
-            lines.append(json.dumps(step.operation))
-        elif step.edit:
+        found = step.operation
+        if found is None and step.edit:
             found = _patch(delta_between(history.graph_at(index - 1), history.graph_at(index)), step.text)
-            lines.append(f"# {step.text}" if found is None else json.dumps(found))
-        elif step.outside:
-            lines.append(f"# {step.text}")
+            if found is None:
+                lines.append(comment(step.text))
+        if found is None and step.outside:
+            lines.append(comment(step.text))
+        if found is not None:
+            try:
+                lines.append(line_of(found))
+            except EditError as error:
+                raise InputError(f"Step {index} of the history cannot be written as a script: {error}") from error
     return lines
+
+
+def comment(text: str) -> str:
+    """One line that says no more than words."""
+    plain = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return f"# {plain if len(plain) <= _MOST_WORDS else plain[: _MOST_WORDS - 3] + '...'}"
+
+
+def write_script(path: Path, lines: Iterable[str]) -> None:
+    """Writes a new script, or one in the place of another. Raises InputError where `path` is a file of another kind,
+    which stays as it is, or cannot be written."""
+    if path.is_symlink() or path.exists():
+        try:
+            begin = read_regular(path, _MOST_BYTES).decode("utf-8").splitlines()
+        except (OSError, UnicodeDecodeError):
+            begin = ["no script"]
+        if not _is_script(begin):
+            raise InputError(f"{path} is there already and is no script of edits; choose another name, or remove it.")
+    write_text(path, "".join(f"{line}\n" for line in (HEAD, *lines)))
+
+
+def script_lines(path: Path) -> list[str]:
+    """The lines of a script. Raises InputError where it is no text, or too long."""
+    try:
+        return read_regular(path, _MOST_BYTES).decode("utf-8").splitlines()
+    except OSError as error:
+        raise as_reading_error(path, error) from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"Cannot read {path}: it is not text; name a file of JSON lines.") from error
+
+
+def _is_script(lines: list[str]) -> bool:
+    """Whether it begins as ours do, or with an edit as those of older versions do; an empty file is nothing to lose."""
+    first = next((line for line in lines if line.strip() and not line.startswith("# ")), None)
+    if first is None:
+        return not lines or lines[0] == HEAD
+    try:
+        parse_line(first)
+    except EditError:
+        return False
+    return True
 
 
 def _patch(delta: Delta, text: str) -> dict[str, Any] | None:

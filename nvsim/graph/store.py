@@ -26,6 +26,10 @@ from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint
 T = TypeVar("T")
 _VERSION = 1
 _BLOCK = 256
+_FAR = 1e12  # metres
+_MOST_CELLS = 1 << 20  # of a piece of evidence; a corridor has some 500
+_MOST_HEADER = 1 << 16  # bytes
+_MOST_INDEX, _MOST_EVIDENCE = 256 << 20, 1 << 30  # bytes of a graph's parts
 _ARRAYS = ("alpha", "up", "support")
 _SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in _ARRAYS)
 _BLOB = "_blob"  # evidence keeps the blob it was read from, so that writing it again costs nothing
@@ -38,12 +42,35 @@ edge_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Edge)))
 def viewpoint_of(row: Sequence[Any]) -> Viewpoint:
     """The viewpoint of a row. Raises one of ValueError, TypeError, IndexError on anything else."""
     x, y, z = row[1]
-    return Viewpoint(row[0], (x, y, z), *row[2:])
+    found = Viewpoint(row[0], (x, y, z), *row[2:])
+    texts, numbers = (found.id, found.origin), (x, y, z, found.height, found.submap)
+    if not (_are(texts, str) and _are((found.included, found.reviewed, found.locked), bool) and found.id):
+        raise ValueError("a viewpoint with values of a wrong type")
+    if not all(type(n) in (int, float) and abs(n) < _FAR for n in numbers) or type(found.submap) is not int:
+        raise ValueError(f"the viewpoint {found.id[:40]!r} at no place")
+    return found
 
 
 def edge_of(row: Sequence[Any]) -> Edge:
-    """The edge of a row. Raises TypeError on anything else."""
-    return Edge(*row)
+    """The edge of a row. Raises TypeError or ValueError on anything else."""
+    found = Edge(*row)
+    if not _are((found.a, found.b, found.origin), str) or not _are((found.reviewed, found.locked), bool):
+        raise ValueError("an edge with values of a wrong type")
+    return found
+
+
+def _are(values: Iterable[Any], kind: type) -> bool:
+    return all(type(value) is kind for value in values)
+
+
+def inflated(data: bytes, most: int) -> bytes:
+    """Deflated bytes as they were. Raises ValueError where that is more than `most` bytes, zlib.error where it is
+    none."""
+    stream = zlib.decompressobj()
+    found = stream.decompress(data, most)
+    if not stream.eof:
+        raise ValueError("it ends too early" if len(found) < most else f"it is larger than {most} bytes")
+    return found
 
 
 def encode_evidence(evidence: Evidence) -> bytes:
@@ -66,10 +93,14 @@ def decode_evidence(blob: bytes) -> Evidence:
         version, size = struct.unpack_from("<BI", blob)
         if version != _VERSION:
             raise InputError(f"The evidence is of version {version}, newer than this program; install a newer NVSim.")
+        if size > _MOST_HEADER:
+            raise ValueError("a header too long")
         header = json.loads(blob[5 : 5 + size])
         rows, cells = header.pop("shape")
         count = rows * cells
-        data = zlib.decompress(blob[5 + size :])
+        if not (_are((rows, cells), int) and rows >= 0 and cells >= 0 and count <= _MOST_CELLS):
+            raise ValueError("no number of cells")
+        data = inflated(blob[5 + size :], 2 * count + (count + 7) // 8 + 1)
         if len(data) != 2 * count + (count + 7) // 8:
             raise ValueError("wrong number of cells")
         header["target"] = (float(header["target"][0]), float(header["target"][1]))
@@ -81,12 +112,25 @@ def decode_evidence(blob: bytes) -> Evidence:
             .reshape(rows, cells),
             **header,
         )
+        _check_evidence(evidence)
         evidence.__dict__[_BLOB] = bytes(blob)
         return evidence
-    except (struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError, zlib.error) as error:
+    except (
+        *(struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError, zlib.error),
+        *(OverflowError, RecursionError),
+    ) as error:
         raise InputError(
             f"The stored evidence is damaged ({error}); build the graph again with `nvsim map`."
         ) from error
+
+
+def _check_evidence(evidence: Evidence) -> None:
+    e = evidence
+    numbers = (e.heading, e.length, e.near, e.depth, e.width, *e.target)
+    if not (_are((e.viewpoint, e.joins, e.decision), str) and _are((e.direction, e.submap), int)):
+        raise ValueError("values of a wrong type")
+    if type(e.stale) is not bool or not all(type(n) in (int, float) and abs(n) < _FAR for n in numbers):
+        raise ValueError("values that are no numbers")
 
 
 def encode_graph(graph: NavGraph) -> bytes:
@@ -124,8 +168,8 @@ def decode_graph(blob: bytes) -> NavGraph:
     """Raises InputError when `blob` is not whole or comes from a newer version."""
     try:
         with zipfile.ZipFile(io.BytesIO(blob)) as archive:
-            index = json.loads(archive.read("graph.json"))
-            data = archive.read("evidence.bin")
+            index = json.loads(_member(archive, "graph.json", _MOST_INDEX))
+            data = _member(archive, "evidence.bin", _MOST_EVIDENCE)
         if index["version"] != _VERSION:
             raise InputError(
                 f"The graph file is of version {index['version']}, newer than this program; install a newer NVSim."
@@ -139,9 +183,24 @@ def decode_graph(blob: bytes) -> NavGraph:
             found = decode_evidence(data[at : at + size])
             evidence[found.key] = found
             at += size
-        return NavGraph(str(index["scan"]), viewpoints, edges, evidence, index.get("ignored", {}))
-    except (zipfile.BadZipFile, zlib.error, ValueError, KeyError, IndexError, TypeError, EOFError) as error:
+        ignored = index.get("ignored", {})
+        if not isinstance(ignored, dict) or not _are(ignored.values(), str):
+            raise ValueError("reasons that are no texts")
+        return NavGraph(str(index["scan"]), viewpoints, edges, evidence, ignored)
+    except (
+        *(zipfile.BadZipFile, zlib.error, ValueError, KeyError, IndexError, TypeError, EOFError, AttributeError),
+        *(OverflowError, RecursionError, NotImplementedError, RuntimeError, struct.error),
+    ) as error:
         raise InputError(f"The graph file is damaged ({error}); export it again.") from error
+
+
+def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
+    """A file of the archive. Raises ValueError where it is larger than `most` bytes, whatever the archive says."""
+    with archive.open(name) as member:
+        data = member.read(most + 1)
+    if len(data) > most:
+        raise ValueError(f"{name} is larger than {most} bytes")
+    return data
 
 
 def same_graph(a: NavGraph, b: NavGraph) -> bool:

@@ -11,6 +11,7 @@ from pathlib import Path
 from nvsim.atomic import as_input_error
 from nvsim.databases import open_to_read, refuse_unless_plain_database
 from nvsim.errors import InputError
+from nvsim.tables import check_files, check_schema, harden
 
 VERSION = 2
 
@@ -64,6 +65,7 @@ def create(path: Path) -> sqlite3.Connection:
 
 def connect(path: Path, read_only: bool) -> sqlite3.Connection:
     """The database of an existing project. Raises InputError when it is missing, damaged or newer."""
+    check_files(path)
     if not path.is_file():
         raise InputError(f"{path.parent} is not an NVSim project: it has no {path.name}; `nvsim import` makes one.")
     try:
@@ -72,7 +74,7 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
         else:
             refuse_unless_plain_database(path)
             connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
-        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+        version = check(connection, path, read_only)
         if version == 0 and not read_only:
             connection.close()
             return create(path)
@@ -87,13 +89,30 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
         raise InputError(f"Cannot open {path}: {error}; check {reason}.") from error
     except sqlite3.DatabaseError as error:
         raise InputError(f"{path} is damaged ({error}); restore the project from a copy or import it again.") from error
-    if version > VERSION:
-        connection.close()
-        raise InputError(
-            f"{path.parent} was written by a newer NVSim (project version {version}, this program reads up to "
-            f"{VERSION}); update NVSim to open it."
-        )
     return connection
+
+
+def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
+    """The version of the database, which holds our tables of that version and nothing else; 0 where it is empty still,
+    which only a writer may open. Raises InputError, and closes the connection then; sqlite3.Error where the file is
+    none."""
+    try:
+        harden(connection)
+        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+        if version > VERSION:
+            raise InputError(
+                f"{path.parent} was written by a newer NVSim (project version {version}, this program reads up to "
+                f"{VERSION}); update NVSim to open it."
+            )
+        if version == 0 and connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None:
+            if read_only:
+                raise InputError(f"{path} is empty, as a program leaves it that is ended at its start; import again.")
+            return 0
+        check_schema(connection, path, _SCHEMA + "".join(_MIGRATIONS[v] for v in range(2, version + 1)))
+    except InputError:
+        connection.close()
+        raise
+    return version
 
 
 def _since(version: int) -> str:

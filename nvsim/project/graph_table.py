@@ -3,35 +3,59 @@
 from __future__ import annotations
 
 import sqlite3
+from pathlib import Path
 
+from nvsim import tables
+from nvsim.errors import InputError
 from nvsim.graph.store import decode_evidence, encode_evidence
 from nvsim.graph.types import Edge, NavGraph, Viewpoint
+from nvsim.tables import BLOB, COUNT, FLAG, NAME, NUMBER, TEXT
+
+_NOTED = {"reviewed": FLAG, "locked": FLAG}
+_VIEWPOINT = {
+    "id": NAME,
+    "x": NUMBER,
+    "y": NUMBER,
+    "z": NUMBER,
+    "height": NUMBER,
+    "submap": COUNT,
+    "included": FLAG,
+    "origin": TEXT,
+}
 
 
-def read(connection: sqlite3.Connection) -> NavGraph | None:
-    """The stored graph, or None."""
-    row = connection.execute("SELECT value FROM meta WHERE key = 'scan'").fetchone()
-    if row is None:
+def read(connection: sqlite3.Connection, path: Path) -> NavGraph | None:
+    """The stored graph, or None. Raises InputError where the database at `path` is damaged."""
+    scan = tables.read(connection, path, "meta", {"value": TEXT}, "WHERE key = 'scan'")
+    if not scan:
         return None
     # A project that was opened for reading only keeps the columns of the version that wrote it.
-    marks = ", reviewed, locked" if int(connection.execute("PRAGMA user_version").fetchone()[0]) >= 2 else ""
+    marked = int(connection.execute("PRAGMA user_version").fetchone()[0]) >= 2
+    noted = _NOTED if marked else {}
     viewpoints = {
-        id: Viewpoint(id, (x, y, z), height, submap, bool(included), origin, *map(bool, noted))
-        for id, x, y, z, height, submap, included, origin, *noted in connection.execute(
-            f"SELECT id, x, y, z, height, submap, included, origin{marks} FROM viewpoints ORDER BY seq"
+        id: Viewpoint(id, (x, y, z), height, submap, bool(included), origin, *map(bool, marks))
+        for id, x, y, z, height, submap, included, origin, *marks in tables.read(
+            connection, path, "viewpoints", _VIEWPOINT | noted, "ORDER BY seq"
         )
     }
     edges = {
-        (a, b): Edge(a, b, origin, *map(bool, noted))
-        for a, b, origin, *noted in connection.execute(f"SELECT a, b, origin{marks} FROM edges ORDER BY seq")
+        (a, b): Edge(a, b, origin, *map(bool, marks))
+        for a, b, origin, *marks in tables.read(
+            connection, path, "edges", {"a": NAME, "b": NAME, "origin": TEXT} | noted, "ORDER BY seq"
+        )
     }
-    ignored = dict(connection.execute("SELECT key, reason FROM ignored ORDER BY seq")) if marks else {}
-    evidence = {
-        e.key: e
-        for (blob,) in connection.execute("SELECT data FROM evidence ORDER BY seq")
-        for e in (decode_evidence(blob),)
-    }
-    return NavGraph(str(row[0]), viewpoints, edges, evidence, ignored)
+    for number, (a, b) in enumerate(edges, 1):
+        if not (a < b and a in viewpoints and b in viewpoints):
+            raise InputError(f"{path}: row {number} of the table edges joins no two viewpoints; build the graph again.")
+    ignored = tables.read(connection, path, "ignored", {"key": NAME, "reason": TEXT}, "ORDER BY seq") if marked else []
+    evidence = {}
+    for number, (blob,) in enumerate(tables.read(connection, path, "evidence", {"data": BLOB}, "ORDER BY seq"), 1):
+        try:
+            found = decode_evidence(blob)
+        except InputError as error:
+            raise InputError(f"{path}, row {number} of the table evidence: {error}") from error
+        evidence[found.key] = found
+    return NavGraph(scan[0][0], viewpoints, edges, evidence, dict(ignored))
 
 
 def write(connection: sqlite3.Connection, graph: NavGraph) -> None:

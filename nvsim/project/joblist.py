@@ -10,64 +10,55 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import json
+import itertools
+import math
 import os
 import shutil
 import signal
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
-import psutil
-
-from nvsim.atomic import make_folder, write_text
+from nvsim.atomic import as_input_error, make_folder, write_text
 from nvsim.errors import InputError
+from nvsim.nofollow import is_folder, open_regular, read_end
+from nvsim.project import worker_lock
 from nvsim.project.layout import Layout
+from nvsim.project.orders import VERBS, Order, encode_order, order_path, read_order
+from nvsim.project.standing import (
+    FULFILLED,
+    STANDING,
+    WISH,
+    Standing,
+    State,
+    Wish,
+    encode_standing,
+    read_standing,
+    wish_in,
+)
 
-State = Literal["queued", "running", "paused", "done", "failed", "cancelled", "interrupted"]
-Wish = Literal["pause", "cancel"]
-STATES: tuple[State, ...] = ("queued", "running", "paused", "done", "failed", "cancelled", "interrupted")
+__all__ = ["Job", "JobList", "Order", "Standing", "State", "Wish"]
+
 KEPT = 60  # ended jobs whose folders are kept
-_ORDER, _STANDING, _WISH, _RAN = "order.json", "standing.json", "wish", "ran.txt"
-
-
-@dataclass(frozen=True)
-class Order:
-    """What is to be run: `nvsim VERB ARGUMENTS`. A heavy job waits until no other heavy one runs on the project.
-    `ordered` in seconds since the epoch; `title` is for the person."""
-
-    verb: str
-    arguments: tuple[str, ...]
-    title: str
-    heavy: bool = True
-    ordered: float = 0.0
-
-
-@dataclass(frozen=True)
-class Standing:
-    """How a job stands. pid and its birth name the process; seconds since the epoch; `worked` seconds of former runs;
-    `code` the exit code once it ended; `message` one sentence about its end."""
-
-    state: State = "queued"
-    pid: int = 0
-    born: float = 0.0
-    started: float | None = None
-    finished: float | None = None
-    worked: float = 0.0
-    code: int | None = None
-    message: str = ""
+_MOST_JOBS = 500  # the newest, of which anything is read
+_MOST_FOLDERS = 20_000
+_MOST_RAN = 1 << 16  # bytes
+_DIGITS = 9
+_RAN = "ran.txt"
 
 
 @dataclass(frozen=True)
 class Job:
-    """One job and its folder. Jobs are numbered in the order in which they were ordered."""
+    """One job and its folder. Jobs are numbered in the order in which they were ordered. ours: this user ordered it on
+    this machine; what somebody else did comes with a project, is never run, and is "foreign" while it is not over."""
 
     number: int
     folder: Path
     order: Order
     standing: Standing
+    ours: bool = True
 
     @property
     def events(self) -> Path:
@@ -91,76 +82,128 @@ class JobList:
     def __init__(self, root: Path) -> None:
         self.root = Path(root).expanduser().absolute()
         self.folder = Layout(self.root).jobs
+        self._orders: dict[int, tuple[Any, Order, bool]] = {}  # number -> what its file was like, what it held
 
     # Reading ----------------------------------------------------------------------------------------------------
 
     def jobs(self) -> list[Job]:
         """All jobs in their order. One whose process is gone is "interrupted", or what it was asked to become."""
-        found = []
-        with contextlib.suppress(OSError):
-            names = sorted(e.name for e in os.scandir(self.folder) if e.name.isdigit())
-            found = [job for name in names if (job := self.job(int(name))) is not None]
-        return found
+        newest = self._numbers()[-_MOST_JOBS:]
+        return [job for number in newest if (job := self.job(number)) is not None]
 
     def job(self, number: int) -> Job | None:
         """One job; None where there is none, or only a damaged one."""
         folder = self.folder / f"{number:06d}"
-        try:
-            data = json.loads((folder / _ORDER).read_text())
-            order = Order(**{**data, "arguments": tuple(data["arguments"])})
-        except (OSError, ValueError, TypeError, KeyError):
+        if not (is_folder(self.folder.parent) and is_folder(self.folder) and is_folder(folder)):
             return None
         try:
-            standing = Standing(**json.loads((folder / _STANDING).read_text()))
-        except (OSError, ValueError, TypeError):
-            standing = Standing()
-        if standing.state == "running" and not alive(standing.pid, standing.born):
+            order, ours = self._order(number, folder)
+        except (OSError, ValueError):
+            return None
+        standing = read_standing(folder)
+        if standing.state == "running" and not worker_lock.is_held(folder):
             standing = self._left_by_the_dead(folder, standing)
-        return Job(number, folder, order, standing)
+        if not ours and standing.state in ("queued", "paused", "interrupted"):
+            standing = replace(standing, state="foreign", message="")
+        return Job(number, folder, order, standing, ours)
+
+    def _order(self, number: int, folder: Path) -> tuple[Order, bool]:
+        """Read anew only when the file is another one."""
+        found = os.lstat(order_path(folder))
+        stamp = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
+        known = self._orders.get(number)
+        if known is None or known[0] != stamp:
+            known = self._orders[number] = (stamp, *read_order(self.root, number, folder))
+        return known[1:]
+
+    def _numbers(self) -> list[int]:
+        """Of the folders that may be jobs, in order."""
+        if not (is_folder(self.folder.parent) and is_folder(self.folder)):
+            return []
+        with contextlib.suppress(OSError), os.scandir(self.folder) as entries:
+            names = [entry.name for entry in itertools.islice(entries, _MOST_FOLDERS)]
+            return sorted(int(n) for n in names if n.isascii() and n.isdigit() and 6 <= len(n) <= _DIGITS)
+        return []
 
     @staticmethod
     def _left_by_the_dead(folder: Path, standing: Standing) -> Standing:
-        wish = _wish(folder)
+        wish = wish_in(folder)
         try:
-            finished = max((folder / n).stat().st_mtime for n in (_STANDING, "events.jsonl") if (folder / n).exists())
-        except (OSError, ValueError):
+            finished = os.lstat(folder / STANDING).st_mtime
+            with contextlib.suppress(FileNotFoundError):
+                finished = max(finished, os.lstat(folder / "events.jsonl").st_mtime)
+        except OSError:
             finished = standing.started or 0.0
         message = "Its process ended without a word, most often by a kill or for want of memory." if not wish else ""
         worked = standing.worked + max(0.0, finished - (standing.started or finished))
-        state: State = "interrupted" if wish is None else _FULFILLED[wish]
+        state: State = "interrupted" if wish is None else FULFILLED[wish]
         return replace(standing, state=state, finished=finished, message=message, worked=worked)
 
     def ran(self) -> dict[int, float]:
         """Process number -> when it took its job, for every run there was, of forgotten jobs too: the project's own
         record of commands (`project.jobs`) has a row for each of them."""
         try:
-            lines = (self.folder / _RAN).read_text().splitlines()
-            return {int(pid): float(started) for pid, started in (line.split() for line in lines)}
-        except (OSError, ValueError):
+            lines = read_end(self.folder / _RAN, _MOST_RAN).decode("ascii", "replace").splitlines()
+        except OSError:
             return {}
+        found = {}
+        for pid, _, started in (line.partition(" ") for line in lines):
+            with contextlib.suppress(ValueError):
+                if math.isfinite(at := float(started)):
+                    found[int(pid[:20])] = at
+        return found
 
     # Ordering ---------------------------------------------------------------------------------------------------
 
     def add(self, verb: str, arguments: Sequence[str], title: str, heavy: bool = True) -> Job:
-        """A new job at the end of the queue; nothing is started. Raises InputError when the disk refuses."""
-        make_folder(self.folder)
+        """A new job at the end of the queue; nothing is started. Raises InputError when the disk refuses, or no job can
+        be of that verb."""
+        if verb not in VERBS:
+            raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")
+        self._make_folder()
         with self._locked():
             self._prune()
-            numbers = [int(e.name) for e in os.scandir(self.folder) if e.name.isdigit()]
-            number = max(numbers, default=0) + 1
-            folder = make_folder(self.folder / f"{number:06d}")
+            number = max(self._numbers(), default=0) + 1
+            if number >= 10**_DIGITS:
+                raise InputError(f"{self.folder} holds a job of the number {number - 1}; remove that folder.")
             order = Order(verb, tuple(arguments), title, heavy, time.time())
-            write_text(folder / _ORDER, json.dumps(asdict(order)))
+            text = encode_order(self.root, number, order)
+            folder = make_folder(self.folder / f"{number:06d}")
+            write_text(order_path(folder), text)
         return Job(number, folder, order, Standing())
 
     def again(self, number: int) -> None:
-        """Puts a job that does not run back into the queue; it goes on from where it was."""
+        """Puts a job that does not run back into the queue; it goes on from where it was. Raises InputError where
+        somebody else ordered it."""
         with self._locked():
             job = self._need(number)
+            if not job.ours:
+                raise InputError(f"“{job.order.title}” was ordered elsewhere; look at what it does and order it anew.")
             if job.standing.state in ("queued", "running"):
                 return
-            (job.folder / _WISH).unlink(missing_ok=True)
+            try:
+                (job.folder / WISH).unlink(missing_ok=True)
+            except OSError as error:
+                raise as_input_error(job.folder / WISH, error) from error
             self._write(job, Standing(worked=job.standing.worked))
+
+    def order_anew(self, seen: Job) -> None:
+        """What somebody else ordered becomes this user's own order, and waits. `seen` is the job as the user was shown
+        it. Raises InputError where it is another one meanwhile."""
+        with self._locked():
+            job = self._need(seen.number)
+            if job.order != seen.order:
+                raise InputError(f"“{seen.order.title}” was changed meanwhile; look at what it does once more.")
+            if job.ours or job.standing.state == "running":
+                return
+            self._orders.pop(job.number, None)
+            order = replace(job.order, ordered=time.time())
+            text = encode_order(self.root, job.number, order)
+            try:
+                shutil.rmtree(job.folder)  # whatever else lay in it
+            except OSError as error:
+                raise as_input_error(job.folder, error) from error
+            write_text(order_path(make_folder(job.folder)), text)
 
     def ask(self, number: int, wish: Wish) -> None:
         """Asks a job to pause or to be cancelled. One that waits obeys at once, one that runs as soon as it can."""
@@ -168,18 +211,16 @@ class JobList:
             job = self._need(number)
             state = job.standing.state
             if state == "running":
-                write_text(job.folder / _WISH, wish)
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(job.standing.pid, signal.SIGTERM)
+                write_text(job.folder / WISH, wish)
+                worker_lock.send(job.folder, job.standing.pid, signal.SIGTERM)
             elif state in ("queued", "paused", "interrupted", "failed"):
-                self._write(job, replace(job.standing, state=_FULFILLED[wish], message=""))
+                self._write(job, replace(job.standing, state=FULFILLED[wish], message=""))
 
     def kill(self, number: int) -> None:
         """Ends a running job that does not obey, with everything it started."""
         job = self._need(number)
         if job.standing.state == "running":
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(job.standing.pid, signal.SIGKILL)
+            worker_lock.send(job.folder, job.standing.pid, signal.SIGKILL, everything=True)
 
     def forget(self, number: int) -> None:
         """Removes a job that does not run from the list; what it made stays in the project."""
@@ -192,35 +233,45 @@ class JobList:
 
     def claim(self, number: int | None = None) -> Job | None:
         """Takes the job, or the next heavy one that waits, for this process. None when there is none, when it does not
-        wait, or when it is heavy and another heavy one runs."""
+        wait, when it is heavy and another heavy one runs, or when somebody else ordered it."""
         with self._locked():
             jobs = self.jobs()
             busy = any(j.order.heavy and j.standing.state == "running" for j in jobs)
             for job in jobs:
                 wanted = job.order.heavy if number is None else job.number == number
-                if not wanted or job.standing.state != "queued" or (job.order.heavy and busy):
+                if not wanted or not job.ours or job.standing.state != "queued" or (job.order.heavy and busy):
                     continue
-                me = psutil.Process()
-                taken = Standing("running", me.pid, me.create_time(), time.time(), worked=job.standing.worked)
-                self._write(job, taken)
-                with open(self.folder / _RAN, "a") as file:
+                try:
+                    worker_lock.hold(job.folder)
+                except BlockingIOError:
+                    continue  # what the former run started is at work still
+                except OSError as error:
+                    raise as_input_error(job.folder, error) from error
+                try:
+                    taken = Standing("running", os.getpid(), time.time(), worked=job.standing.worked)
+                    self._write(job, taken)
+                    ran = open_regular(self.folder / _RAN, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+                except OSError as error:
+                    raise as_input_error(self.folder / _RAN, error) from error
+                with open(ran, "a") as file:
                     file.write(f"{taken.pid} {taken.started}\n")
                 return replace(job, standing=taken)
         return None
 
     def finish(self, job: Job, code: int, message: str) -> Standing:
         """Writes down how the job of this process ended, by its exit code and by what was asked of it."""
-        wish = _wish(job.folder)
+        wish = wish_in(job.folder)
         state: State = "failed"
         if code == 0:
             state = "done"
         elif code == 130:
-            state = "interrupted" if wish is None else _FULFILLED[wish]
+            state = "interrupted" if wish is None else FULFILLED[wish]
             message = "Something outside of NVSim asked it to stop." if wish is None else ""
         now = time.time()
-        worked = job.standing.worked + now - (job.standing.started or now)
+        worked = job.standing.worked + max(0.0, now - (job.standing.started or now))
         standing = replace(job.standing, state=state, finished=now, worked=worked, code=code, message=message)
         self._write(job, standing)
+        worker_lock.let_go(job.folder)
         return standing
 
     # Inside -----------------------------------------------------------------------------------------------------
@@ -233,36 +284,28 @@ class JobList:
 
     @staticmethod
     def _write(job: Job, standing: Standing) -> None:
-        write_text(job.folder / _STANDING, json.dumps(asdict(standing)))
+        write_text(job.folder / STANDING, encode_standing(standing))
 
     def _prune(self) -> None:
         ended = [j for j in self.jobs() if j.standing.state in ("done", "failed", "cancelled")]
         for job in ended[: max(0, len(ended) - KEPT)]:
             shutil.rmtree(job.folder, ignore_errors=True)
 
+    def _make_folder(self) -> None:
+        for folder in (self.folder.parent, self.folder):
+            if folder.is_symlink():
+                raise InputError(f"{folder} is a symbolic link, which is not followed here; remove it.")
+        make_folder(self.folder)
+
     @contextlib.contextmanager
     def _locked(self) -> Iterator[None]:
-        """One process at a time changes the list; held for milliseconds."""
-        with open(self.folder / ".lock", "a+") as file:
+        """One process at a time changes the list; held for milliseconds. Raises InputError when the disk refuses."""
+        self._make_folder()
+        path = self.folder / ".lock"
+        try:
+            descriptor = open_regular(path, os.O_RDWR | os.O_CREAT)
+        except OSError as error:
+            raise as_input_error(path, error) from error
+        with open(descriptor, "r+") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
-
-
-_FULFILLED: dict[Wish, State] = {"pause": "paused", "cancel": "cancelled"}
-
-
-def _wish(folder: Path) -> Wish | None:
-    try:
-        text = (folder / _WISH).read_text()
-    except OSError:
-        return None
-    return "pause" if text == "pause" else "cancel" if text == "cancel" else None
-
-
-def alive(pid: int, born: float) -> bool:
-    """Whether the process of that number and birth is at work."""
-    try:
-        process = psutil.Process(pid)
-        return abs(process.create_time() - born) < 1.0 and process.status() != psutil.STATUS_ZOMBIE
-    except psutil.Error:
-        return False

@@ -7,10 +7,12 @@ import os
 import sqlite3
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
-import psutil
-
+from nvsim import tables
 from nvsim.events import Event, Listener, Progress
+from nvsim.project.worker_lock import has_open
+from nvsim.tables import COUNT, NUMBER, TEXT
 
 _BEAT = 1.0  # seconds between updates of a job's row
 
@@ -30,27 +32,30 @@ class JobRecord:
     pid: int = 0
 
 
-def read_jobs(connection: sqlite3.Connection) -> list[JobRecord]:
-    """All jobs, newest first."""
-    rows = connection.execute(
-        "SELECT id, stage, pid, state, started, finished, done, total, message FROM jobs ORDER BY id DESC LIMIT 200"
-    ).fetchall()
+_JOB = {
+    "id": COUNT,
+    "stage": TEXT,
+    "pid": COUNT,
+    "state": TEXT,
+    "started": NUMBER,
+    "finished": NUMBER.or_null,
+    "done": COUNT,
+    "total": COUNT,
+    "message": TEXT,
+}
+
+
+def read_jobs(connection: sqlite3.Connection, path: Path, lock: Path) -> list[JobRecord]:
+    """All jobs, newest first. `lock` is the file of the project's one writer: the process that has it open is the one
+    that runs. Raises InputError where the database at `path` is damaged."""
+    rows = tables.read(connection, path, "jobs", _JOB, "ORDER BY id DESC LIMIT 200")
     result = []
     for id, stage, pid, state, started, finished, done, total, message in rows:
-        if state == "running" and not _alive(pid, started):
+        if state == "running" and not has_open(pid, lock):
             state = "interrupted"
         share = 1.0 if state == "done" else (done / total if total else 0.0)
         result.append(JobRecord(id, stage, state, share, started, finished, message, pid))
     return result
-
-
-def _alive(pid: int, started: float) -> bool:
-    try:
-        # A process that began after the job has only inherited the number.
-        process = psutil.Process(pid)
-        return bool(process.create_time() <= started + 1.0 and process.status() != psutil.STATUS_ZOMBIE)
-    except psutil.Error:
-        return False
 
 
 class JobJournal:

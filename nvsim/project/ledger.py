@@ -10,7 +10,10 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+from nvsim.errors import InputError
 from nvsim.project.project import Project
+from nvsim.reading import reading
+from nvsim.tables import NUMBER, TEXT
 
 
 @dataclass(frozen=True)
@@ -35,11 +38,19 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
+_STAGE = {"key": TEXT, "state": TEXT, "seconds": NUMBER, "summary": TEXT}
+
+
 def record(project: Project, stage: str, part: int = 0) -> StageRecord | None:
-    row = project.connection.execute(
-        "SELECT key, state, seconds, summary FROM stages WHERE stage = ? AND part = ?", (stage, part)
-    ).fetchone()
-    return None if row is None else StageRecord(row[0], row[1], row[2], json.loads(row[3]))
+    rows = project.read("stages", _STAGE, "WHERE stage = ? AND part = ?", (stage, part))
+    if not rows:
+        return None
+    key, state, seconds, text = rows[0]
+    with reading(project.layout.database, f"a database with a summary of the stage {stage}", "run the stage again"):
+        summary = json.loads(text)
+    if not isinstance(summary, dict):
+        raise InputError(f"{project.layout.database}: the stage {stage} has no summary; run it again.")
+    return StageRecord(key, state, seconds, summary)
 
 
 def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:

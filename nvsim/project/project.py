@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from nvsim import tables
 from nvsim.atomic import make_folder
 from nvsim.databases import Snapshot, stamp
 from nvsim.errors import InputError
@@ -20,7 +21,9 @@ from nvsim.project import database, graph_table
 from nvsim.project.corrections import mask_in_use
 from nvsim.project.jobs import JobRecord, read_jobs
 from nvsim.project.layout import Layout
+from nvsim.reading import reading
 from nvsim.submaps.types import Submap
+from nvsim.tables import COUNT, FLAG, NAME, TEXT, Kind, Row
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Capture
@@ -86,7 +89,7 @@ class Project:
     def discard_if_new(self) -> None:
         """Takes back a project that was made a moment ago and in which no stage began: a refused import leaves no
         trace. Other files in its folder stay."""
-        if not self._fresh or self.connection.execute("SELECT 1 FROM stages").fetchone():
+        if not self._fresh or self.read("stages", {"stage": TEXT}, "LIMIT 1"):
             return
         self.close()
         for name in (self.layout.database.name, *(f"{self.layout.database.name}-{s}" for s in ("wal", "shm"))):
@@ -122,15 +125,20 @@ class Project:
 
     # Reading ----------------------------------------------------------------------------------------------------
 
+    def read(self, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()) -> list[Row]:
+        """Rows of the database, each cell of its kind; see `nvsim.tables`. Raises InputError where it is damaged."""
+        return tables.read(self.connection, self.layout.database, table, columns, rest, given)
+
     def revision(self) -> int:
-        """A number that changes whenever another connection commits something."""
+        """A number that changes whenever another connection commits something. Raises InputError."""
         if isinstance(self.connection, Snapshot):
             now = stamp(self.layout.database)
             if now != self._stamp:
                 self.connection.close()
                 self.connection, self._stamp = database.connect(self.layout.database, read_only=True), now
             return hash(now)
-        return int(self.connection.execute("PRAGMA data_version").fetchone()[0])
+        with tables.reading_rows(self.connection, self.layout.database):
+            return int(self.connection.execute("PRAGMA data_version").fetchone()[0])
 
     def capture(self) -> Capture | None:
         """The imported capture, read once for as long as its file stays the same."""
@@ -152,12 +160,16 @@ class Project:
         return capture
 
     def submaps(self) -> tuple[Submap, ...]:
-        rows = self.connection.execute(
-            "SELECT submap, frame, core FROM submap_frames ORDER BY submap, frame"
-        ).fetchall()
+        rows = self.read("submap_frames", {"submap": COUNT, "frame": COUNT, "core": FLAG}, "ORDER BY submap, frame")
         if not rows:
             return ()
         positions = self.need_capture().positions
+        for submap, frame, _ in rows:
+            if submap < 0 or not 0 <= frame < len(positions):
+                raise InputError(
+                    f"{self.layout.database}: submap {submap} has frame {frame}, and the capture has {len(positions)}; "
+                    "run `nvsim submaps --project` again."
+                )
         result = []
         for index in sorted({row[0] for row in rows}):
             frames = tuple(f for s, f, _ in rows if s == index)
@@ -173,7 +185,7 @@ class Project:
         return submaps
 
     def graph(self) -> NavGraph | None:
-        return graph_table.read(self.connection)
+        return graph_table.read(self.connection, self.layout.database)
 
     def need_graph(self) -> NavGraph:
         """Raises InputError while no map was built."""
@@ -231,19 +243,25 @@ class Project:
         return observed_occupancy(self, capture, support)
 
     def jobs(self) -> list[JobRecord]:
-        return read_jobs(self.connection)
+        return read_jobs(self.connection, self.layout.database, self.layout.lock)
 
     def results(self) -> dict[str, dict[str, Any]]:
         """Name of an evaluation -> its figures."""
-        return {n: json.loads(f) for n, f in self.connection.execute("SELECT name, figures FROM results ORDER BY name")}
+        found = {}
+        for name, text in self.read("results", {"name": NAME, "figures": TEXT}, "ORDER BY name"):
+            with reading(self.layout.database, "a database of results", "run the evaluation again"):
+                found[name] = json.loads(text)
+            if not isinstance(found[name], dict):
+                raise InputError(f"{self.layout.database}: the result {name} has no figures; run the evaluation again.")
+        return found
 
     def mask_path(self, frame: int) -> Path:
         """The floor mask of a frame that counts: a person's correction, else what the floors stage found."""
         return mask_in_use(self.layout, self.need_capture().frames[frame], frame)
 
     def meta(self, key: str) -> str | None:
-        row = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-        return None if row is None else str(row[0])
+        rows = self.read("meta", {"value": TEXT}, "WHERE key = ?", (key,))
+        return rows[0][0] if rows else None
 
     # Committing -------------------------------------------------------------------------------------------------
 

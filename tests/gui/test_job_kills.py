@@ -23,7 +23,8 @@ from app.panels.jobs import JobPanel
 from app.render_link import RESTARTS
 from app.session import Session
 from nvsim.project.job_events import EventFile
-from nvsim.project.joblist import Job, JobList, alive
+from nvsim.project.joblist import Job, JobList
+from nvsim.project.worker_lock import is_held
 
 CHILD = Path(__file__).with_name("window_child.py")
 SECONDS = 120.0
@@ -102,7 +103,7 @@ def test_a_training_outlives_the_window_that_is_killed(project: Path, start_wind
     mine = [c for c in children if c.pid != job.standing.pid]
     os.kill(window.pid, signal.SIGKILL)
     window.wait()
-    assert alive(job.standing.pid, job.standing.born)
+    assert is_held(job.folder)
     until(lambda: job_of(project).standing.state != "running")
     assert job_of(project).standing.state == "done"
     assert (project / "models" / "submap_000" / "model.json").is_file()

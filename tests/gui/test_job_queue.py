@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import demo_project
+import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
@@ -14,8 +15,9 @@ from app.jobs.history import MOST_POINTS, History, Series
 from app.jobs.queue import JobHandle, JobQueue
 from nvsim.events import Failed, Log, Metric, Progress
 from nvsim.project import ledger
-from nvsim.project.joblist import JobList, alive
+from nvsim.project.joblist import JobList
 from nvsim.project.project import Project
+from nvsim.project.worker_lock import is_held
 
 SECONDS = 60_000
 
@@ -99,10 +101,11 @@ def test_a_job_outlives_the_process_that_ordered_it(qtbot: QtBot, project: Path)
 def test_a_cancelled_job_leaves_no_process(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
     handle = queue.start("floors", ["--project", str(project)], project, "Find the floor")
     until(qtbot, handle, "running")
-    standing = handle.job.standing
+    pid = handle.job.standing.pid
     queue.cancel(handle)
     until(qtbot, handle, "cancelled", "failed")
-    qtbot.waitUntil(lambda: not alive(standing.pid, standing.born), timeout=SECONDS)
+    qtbot.waitUntil(lambda: not is_held(handle.job.folder), timeout=SECONDS)
+    qtbot.waitUntil(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == "zombie", timeout=SECONDS)
 
 
 def test_what_waits_for_a_person_is_found_when_the_project_opens(qtbot: QtBot, project: Path) -> None:

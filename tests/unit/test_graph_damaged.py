@@ -1,4 +1,4 @@
-"""Connectivity files, lists of scans and notes that lie or are damaged: one sentence each, in little time and memory."""
+"""Connectivity files, lists of scans and notes that lie or are damaged: one sentence each, in little time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from hypothesis import strategies as st
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import list_scan, read_connectivity
 from nvsim.graph.foreign import ForeignFile, connectivity_files
-from nvsim.graph.foreign.picture_size import picture_size
 
 MEGABYTE = 1 << 20
 READERS: list[Callable[[Path], Any]] = [ForeignFile.open, read_connectivity]
@@ -241,12 +240,6 @@ def pictured(folder: Path, data: bytes, id: str = "a") -> ForeignFile:
 
 def jpeg(width: int, height: int) -> bytes:
     return bytes(cv2.imencode(".jpg", np.zeros((height, width, 3), np.uint8))[1])
-
-
-def test_the_size_of_a_picture_is_told_by_its_head() -> None:
-    png = bytes(cv2.imencode(".png", np.zeros((7, 9, 3), np.uint8))[1])
-    assert picture_size(jpeg(60, 10)) == (60, 10) and picture_size(png) == (9, 7)
-    assert picture_size(b"") is None and picture_size(b"\xff\xd8" + b"\xff" * 99) is None
 
 
 def test_a_picture_that_says_to_have_gigapixels_is_not_decoded(tmp_path: Path) -> None:

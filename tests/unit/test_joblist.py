@@ -64,7 +64,7 @@ def test_jobs_are_done_in_the_order_they_were_ordered(jobs: JobList) -> None:
 
 def test_a_light_job_does_not_wait_for_a_heavy_one(jobs: JobList) -> None:
     jobs.add("train", [], "Train")
-    light = jobs.add("panorama", [], "Panorama", heavy=False)
+    light = jobs.add("export r2r", [], "Export", heavy=False)
     assert jobs.claim() is not None and jobs.claim(light.number) is not None
 
 

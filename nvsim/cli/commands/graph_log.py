@@ -16,22 +16,21 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     script: Path | None = None
-    """Write what leads to the current step as JSON lines into this file."""
+    """Write what leads to the current step as JSON lines into this file; no file but a script is replaced."""
     json: bool = False
     """Print one JSON object."""
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.atomic import write_text
     from nvsim.cli.graph_target import GraphTarget
-    from nvsim.graph.scripts import script
+    from nvsim.graph.scripts import script, write_script
 
     target = GraphTarget(arguments.graph)
     with target.journal() as journal:
         history = journal.history(target.read())
         steps, index, clean = history.steps, history.index, history.saved_index
         if arguments.script is not None:
-            write_text(arguments.script, "".join(f"{line}\n" for line in script(history)))
+            write_script(arguments.script, script(history))
     if arguments.json:
         rows = [{"text": s.text, "when": s.when, "edit": s.edit, "operation": s.operation} for s in steps]
         print(json.dumps({"steps": rows, "index": index, "saved": clean}))

@@ -39,12 +39,13 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.atomic import write_text
+
     from nvsim.cli import show
     from nvsim.cli.graph_source import one_source
     from nvsim.errors import InputError
     from nvsim.graph.findings.viewpoints import short
     from nvsim.graph.proposals import propose_edges, propose_viewpoints
+    from nvsim.graph.scripts import write_script
 
     for name in ("reach", "sees"):
         if not 0 < getattr(arguments, name) < 100:
@@ -65,7 +66,7 @@ def run(arguments: Arguments) -> int:
             source.graph, source.occupancy, sees=arguments.sees, radius=radius, reach=arguments.reach, most=count
         )
     if arguments.script is not None:
-        write_text(arguments.script, "".join(f"{line}\n" for line in _script(edges, places)))
+        write_script(arguments.script, _script(edges, places))
     if arguments.json:
         print(json.dumps({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
     else:
@@ -80,12 +81,13 @@ def run(arguments: Arguments) -> int:
 def _script(edges: tuple[EdgeProposal, ...], places: tuple[PlaceProposal, ...]) -> Iterator[str]:
     """An edge each, and each viewpoint followed by its edges, after a comment that says why."""
     from nvsim.graph.operations import record
+    from nvsim.graph.scripts import comment
 
     for e in edges:
-        yield f"# {e.words}"
+        yield comment(e.words)
         yield json.dumps(record("add_edges", {"pairs": [e.edge]}))
     for p in places:
-        yield f"# {p.words}"
+        yield comment(p.words)
         yield json.dumps(record("add_viewpoint", {"position": p.position, "height": p.height, "id": p.new_id}))
         if p.joins:
             yield json.dumps(record("add_edges", {"pairs": [(p.new_id, other) for other in p.joins]}))

@@ -31,10 +31,10 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli.graph_target import GraphTarget, refused_as_input
     from nvsim.graph.history import History, counted
     from nvsim.graph.operations import parse_line, perform
-    from nvsim.regular import read_text
+    from nvsim.graph.scripts import script_lines
 
     target = GraphTarget(arguments.graph, arguments.occupancy)
-    lines = read_text(arguments.script, "a script of edits", "name a file of JSON lines").split("\n")
+    lines = script_lines(arguments.script)
     surroundings = target.surroundings()
 
     def play(history: History) -> str:

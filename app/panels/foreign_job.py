@@ -1,0 +1,78 @@
+"""What a job that came with a project would do, shown before anything runs: the user orders it here, or removes it."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QFontDatabase
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPlainTextEdit, QPushButton, QVBoxLayout, QWidget
+
+from app import colors
+from app.forms.arguments import command_line
+from app.jobs.queue import JobQueue
+from nvsim.errors import InputError
+from nvsim.project.joblist import Job
+
+_MOST = 20_000  # characters of a command that are shown
+
+
+class ForeignJob(QDialog):
+    """Shows the order as it was read; only exactly that is ordered."""
+
+    def __init__(self, queue: JobQueue, job: Job, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("A job that was ordered elsewhere")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._queue, self._job = queue, job
+        about = self._label(
+            "This job came with the project; you did not order it on this machine. Ordered here, it runs this command:"
+        )
+        command = command_line(job.order.verb, job.order.arguments)
+        self.command = QPlainTextEdit(command[:_MOST], self)
+        self.command.setReadOnly(True)
+        self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
+        reason = queue.why_not_anew(job)
+        if len(command) > _MOST:
+            reason = "Its command is too long to be looked at."
+        self.problem = self._label(reason)
+        self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
+        self.problem.setVisible(bool(reason))
+        buttons = QDialogButtonBox(self)
+        self.order = QPushButton("Order it here", self)
+        self.order.setAutoDefault(False)
+        self.order.setEnabled(not reason)
+        self.order.setToolTip(reason or "It joins the queue as your own job")
+        self.remove = QPushButton("Remove", self)
+        self.remove.setAutoDefault(False)
+        buttons.addButton(self.order, QDialogButtonBox.ButtonRole.AcceptRole)
+        buttons.addButton(self.remove, QDialogButtonBox.ButtonRole.DestructiveRole)
+        buttons.addButton(QDialogButtonBox.StandardButton.Close).setDefault(True)
+        self.order.clicked.connect(self._on_order)
+        self.remove.clicked.connect(self._on_remove)
+        buttons.rejected.connect(self.reject)
+        column = QVBoxLayout(self)
+        for widget in (about, self.command, self.problem, buttons):
+            column.addWidget(widget)
+        self.resize(620, 260)
+
+    def _label(self, text: str) -> QLabel:
+        label = QLabel(self)
+        label.setTextFormat(Qt.TextFormat.PlainText)
+        label.setWordWrap(True)
+        label.setText(text)
+        return label
+
+    def _on_order(self) -> None:
+        try:
+            self._queue.order_anew(self._job)
+        except InputError as error:
+            self.problem.setText(str(error))
+            self.problem.show()
+            self.order.setEnabled(False)
+            return
+        self.accept()
+
+    def _on_remove(self) -> None:
+        handle = self._queue.handle(self._job.number)
+        if handle is not None:
+            self._queue.forget(handle)
+        self.accept()

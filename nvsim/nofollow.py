@@ -1,0 +1,63 @@
+"""Opening a file that anyone may have put there: a regular file itself, never a link, a pipe or a device.
+
+A pipe would wait for a writer and a device never end; a link leads to a file that was not meant. All are refused before
+they are opened, since to open one may already have an effect.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+
+def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o644) -> int:
+    """A descriptor of the file at `path`. A file to be written must have no second name (a hard link) either. Raises
+    OSError, with errno ELOOP for a link and EINVAL for whatever else is no file."""
+    try:
+        _check(os.lstat(path), path, flags)
+    except FileNotFoundError:
+        if not flags & os.O_CREAT:
+            raise
+    descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, mode)
+    try:
+        _check(os.fstat(descriptor), path, flags)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def read_regular(path: Path, most: int) -> bytes:
+    """All of the file at `path`. Raises OSError like `open_regular`, with errno EFBIG where there are more than `most`
+    bytes."""
+    with open(open_regular(path), "rb") as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return data
+
+
+def read_end(path: Path, most: int) -> bytes:
+    """The last `most` bytes of the file at `path`. Raises OSError like `open_regular`."""
+    with open(open_regular(path), "rb") as file:
+        file.seek(max(0, os.fstat(file.fileno()).st_size - most))
+        return file.read(most)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether `path` is a folder itself, not a link to one."""
+    try:
+        return stat.S_ISDIR(os.lstat(path).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def _check(found: os.stat_result, path: Path, flags: int) -> None:
+    if stat.S_ISLNK(found.st_mode):
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "it is not a file", str(path))
+    if flags & (os.O_WRONLY | os.O_RDWR) and found.st_nlink > 1:
+        raise OSError(errno.EINVAL, "the file has another name elsewhere", str(path))

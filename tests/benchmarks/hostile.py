@@ -1,0 +1,252 @@
+"""Opens projects that somebody with bad intentions would send, from the command line and in real windows, and looks for
+whatever they may not do: write outside of the project, run anything, open a pipe, signal a process, hang, or end in a
+traceback. Linux only, as it asks the kernel who opens a file.
+
+python tests/benchmarks/hostile.py [--only WORDS] [--no-window] [--json]
+
+Exit code 1 when any of it happens. A window takes some ten seconds for each kind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import hashlib
+import json
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+HERE = Path(__file__).resolve()
+sys.path[:0] = [str(HERE.parent), str(HERE.parents[1] / "gui")]
+
+import hostile_projects  # noqa: E402
+
+SECONDS = 120.0  # that the commands may take together
+WINDOW_SECONDS = 90.0
+_IN_OPEN = 0x20
+
+
+@dataclass
+class Outcome:
+    """What one hostile project did to one way of opening it; `wrong` is empty when all is well."""
+
+    project: str
+    opened: str
+    seconds: float
+    wrong: list[str] = field(default_factory=list)
+
+
+class Watch:
+    """Who opens these files from now on, as the kernel sees it."""
+
+    def __init__(self, *paths: Path) -> None:
+        libc = ctypes.CDLL(None, use_errno=True)
+        self._descriptor = libc.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
+        for path in paths:
+            libc.inotify_add_watch(self._descriptor, os.fsencode(path), _IN_OPEN)
+
+    def opened(self) -> int:
+        """How often since the last call."""
+        try:
+            data = os.read(self._descriptor, 1 << 16)
+        except BlockingIOError:
+            return 0
+        return len(data) // struct.calcsize("iIII")
+
+    def close(self) -> None:
+        os.close(self._descriptor)
+
+
+def tree(folder: Path) -> dict[str, str]:
+    """Every path below `folder` with a digest of what it is."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        about = os.lstat(path)
+        held = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+        found[str(path.relative_to(folder))] = f"{about.st_mode:o} {about.st_size} {held}"
+    return found
+
+
+def honest_project(folder: Path) -> Path:
+    """A project with a walk, a model and a graph."""
+    from demo_project import write_project
+
+    return write_project(folder / "honest.nvsim", count=500, models=1)
+
+
+class Trial:
+    """A copy of an honest project with one trap, and the bait around it."""
+
+    def __init__(self, folder: Path, honest: Path, name: str) -> None:
+        self.name = name
+        canary = folder / "canary"
+        canary.mkdir(parents=True)
+        (canary / "precious").write_text("precious\n")
+        os.mkfifo(folder / "pipe")
+        self._victim = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], start_new_session=True)
+        self.bait = hostile_projects.Bait(canary, folder / "pipe", self._victim.pid)
+        self.root = Path(shutil.copytree(honest, folder / "house.nvsim"))
+        hostile_projects.TRAPS[name](self.root, self.bait)
+        self._before = tree(canary)
+        self._watch = Watch(self.bait.pipe)
+        self.environment = {**os.environ, "QT_QPA_PLATFORM": "offscreen", "XDG_STATE_HOME": str(folder / "state"),
+                            "XDG_CONFIG_HOME": str(folder / "config"), "TMPDIR": str(folder / "tmp")}  # fmt: skip
+        self.folder = folder
+        (folder / "tmp").mkdir()
+
+    def run(self, opened: str, command: list[str], seconds: float, codes: tuple[int, ...] = (0, 2)) -> Outcome:
+        begun = time.monotonic()
+        process = subprocess.Popen(
+            command, env=self.environment, cwd=self.folder, stdin=subprocess.DEVNULL, text=True, errors="replace",
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
+        wrong = []
+        try:
+            said, _ = process.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            said, _ = process.communicate()
+            wrong.append(f"did not end in {seconds:.0f} s")
+        else:
+            if process.returncode not in codes:
+                wrong.append(f"exit code {process.returncode}")
+        if "Traceback" in said or "our mistake" in said:
+            wrong.append("traceback: " + " ".join(said.strip().splitlines()[-1:])[:160])
+        return Outcome(self.name, opened, time.monotonic() - begun, wrong + self.harm())
+
+    def harm(self) -> list[str]:
+        """What was done that may not be."""
+        now, wrong = tree(self.bait.canary), []
+        changed = sorted(name for name in {*now, *self._before} if now.get(name) != self._before.get(name))
+        if changed:
+            wrong.append(f"wrote outside: {', '.join(changed)}")
+            self._before = now
+        if self._watch.opened():
+            wrong.append("opened a pipe")
+        if self._victim.poll() is not None:
+            wrong.append("signalled a process")
+        return wrong
+
+    def close(self) -> None:
+        self._watch.close()
+        self._victim.kill()
+        self._victim.wait()
+
+
+def play_commands(root: Path) -> int:
+    """Runs commands that read the project one after another, and says how each ended."""
+    from nvsim.cli.main import main as command
+
+    folder = root.parent
+    verbs = {
+        "graph check": [str(root)],
+        "graph review": [str(root)],
+        "graph log": [str(root), "--script", str(folder / "script.jsonl")],
+        "graph log over a file": [str(root), "--script", str(folder / "canary" / "precious")],
+        "evaluate graph": ["--project", str(root)],
+        "export r2r": ["--project", str(root), "--out", str(folder / "out")],
+        "submaps": ["--project", str(root)],
+    }
+    codes = {name: command([*name.removesuffix(" over a file").split(), *words]) for name, words in verbs.items()}
+    print(codes, flush=True)
+    return 0 if set(codes.values()) <= {0, 2} and codes["graph log over a file"] == 2 else 1
+
+
+def trial(folder: Path, honest: Path, name: str, window: bool) -> list[Outcome]:
+    made = Trial(folder, honest, name)
+    try:
+        line = [sys.executable, str(HERE), "--commands", str(made.root)]
+        found = [made.run("seven commands", line, SECONDS, (0,))]
+        if window:
+            child = [sys.executable, str(HERE), "--window", str(made.root)]
+            found.append(made.run("a window, Run everything", child, WINDOW_SECONDS))
+            real = [sys.executable, "-P", "-m", "app", str(made.root), "--seconds", "4"]
+            found.append(made.run("python -m app", real, WINDOW_SECONDS))
+        return found
+    finally:
+        made.close()
+
+
+def play_window(root: Path) -> int:
+    """Opens the project in a window, looks at every job, runs everything, looks on for a while, and closes."""
+    from PySide6.QtCore import QSettings
+    from PySide6.QtTest import QTest
+
+    from app.application import make_application
+    from app.main import check_project
+    from app.panels.jobs import JobPanel
+    from app.session import Session
+    from nvsim.errors import InputError
+
+    settings = QSettings(str(root.parent / "window.ini"), QSettings.Format.IniFormat)
+    application = make_application("dark", settings)
+    try:
+        check_project(root)
+    except InputError as error:
+        print(error)  # the program says this and does not open
+        return 2
+    session = Session(settings)
+    session.window.show()
+    session.open(root)
+    QTest.qWait(1500)
+    panel = session.window.panels["jobs"]
+    assert isinstance(panel, JobPanel)
+    for tab in range(panel.tabs.count()):
+        panel.tabs.setCurrentIndex(tab)
+        for handle in session.window.jobs.handles[:8]:
+            panel.choose(handle)
+            QTest.qWait(60)
+    action = session.window.actions_table["run_everything"]
+    if action.isEnabled():
+        action.trigger()
+    for _ in range(40):
+        QTest.qWait(200)
+        if not any(h.state in ("queued", "running") and h.ours for h in session.window.jobs.handles):
+            break
+    for handle in session.window.jobs.handles:
+        if handle.ours and handle.state in ("queued", "running"):
+            session.window.jobs.cancel(handle)
+    QTest.qWait(300)
+    session.close()
+    application.processEvents()
+    return 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="projects with these words in their name")
+    parser.add_argument("--no-window", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--window", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--commands", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.commands is not None:
+        return play_commands(given.commands)
+    if given.window is not None:
+        return play_window(given.window)
+    found: list[Outcome] = []
+    with tempfile.TemporaryDirectory(prefix="nvsim-hostile-") as name:
+        honest = honest_project(Path(name))
+        for number, trap in enumerate(t for t in hostile_projects.TRAPS if given.only in t):
+            outcomes = trial(Path(name) / str(number), honest, trap, not given.no_window)
+            found += outcomes
+            if not given.json:
+                for each in outcomes:
+                    print(
+                        f"{each.project:<20} {each.opened:<26} {each.seconds:6.1f} s  {'; '.join(each.wrong) or 'fine'}"
+                    )
+    if given.json:
+        print(json.dumps([asdict(each) for each in found], indent=1))
+    return 1 if any(each.wrong for each in found) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

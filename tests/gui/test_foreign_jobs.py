@@ -1,0 +1,137 @@
+"""A project that somebody sent holds jobs: the window shows them, runs none, and lets the user order one here."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from demo_project import write_project
+from PySide6.QtCore import QSettings, Qt
+from pytestqt.qtbot import QtBot
+
+from app.forms.arguments import Settings
+from app.jobs.queue import JobQueue
+from app.panels.foreign_job import ForeignJob
+from app.panels.jobs import JobPanel
+from app.session import Session
+from nvsim.errors import InputError
+from nvsim.events import Preview
+from nvsim.project.job_events import event_line
+from nvsim.project.joblist import JobList
+
+SECONDS = 60_000
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return write_project(tmp_path / "house.nvsim", count=300, models=1)
+
+
+def foreign(project: Path, verb: str, *arguments: str, state: str = "queued") -> Path:
+    """A job as it comes with a project: ordered, but not here."""
+    job = JobList(project).add(verb, arguments, "Theirs")
+    data = json.loads((job.folder / "order.json").read_text())
+    (job.folder / "order.json").write_text(json.dumps({**data, "proof": "0" * 64}))
+    (job.folder / "standing.json").write_text(json.dumps({"state": state}))
+    return job.folder
+
+
+def test_run_everything_runs_nothing_that_came_with_the_project(
+    project: Path, tmp_path: Path, qtbot: QtBot, settings: QSettings
+) -> None:
+    canary = tmp_path / "canary"
+    folders = [
+        foreign(project, "export r2r", "--project", str(project), "--force", "--out", str(canary)),
+        foreign(project, "floors", "--project", str(project), "--discard-corrections", state="interrupted"),
+    ]
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    jobs = session.window.jobs
+    with qtbot.waitSignal(jobs.foundForeign, timeout=SECONDS) as found:
+        session.open(project)
+    assert [h.state for h in found.args[0]] == ["foreign", "foreign"]
+    qtbot.waitUntil(lambda: session.window.actions_table["run_everything"].isEnabled(), timeout=SECONDS)
+    session.window.actions_table["run_everything"].trigger()
+    own = [h for h in jobs.handles if h.ours]
+    qtbot.waitUntil(lambda: own[0].state in ("done", "failed"), timeout=SECONDS)
+    jobs.begin_waiting()
+    jobs.resume(jobs.handles[1])
+    for handle in own[1:]:
+        jobs.cancel(handle)
+    qtbot.waitUntil(lambda: not jobs.running, timeout=SECONDS)
+    assert [h.state for h in jobs.handles[:2]] == ["foreign", "foreign"]
+    assert not canary.exists() and not any((folder / "events.jsonl").exists() for folder in folders)
+    assert any("ordered elsewhere" in text for text in session.window.notice_area.texts)
+    panel = session.window.panels["jobs"]
+    assert isinstance(panel, JobPanel)
+    panel.choose(jobs.handles[0])
+    assert panel.look.isVisible() and not panel.go_on.isEnabled() and "ordered elsewhere" in panel.go_on.toolTip()
+    assert panel.model.index(panel.table.currentIndex().row(), 1).data() == "ordered elsewhere"
+    session.close()
+
+
+def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project: Path, qtbot: QtBot) -> None:
+    foreign(project, "export r2r", "--project", str(project), "--out", "/tmp/somewhere else")
+    queue = JobQueue()
+    queue.follow(project)
+    dialog = ForeignJob(queue, queue.handles[0].job)
+    qtbot.addWidget(dialog)
+    assert "--out '/tmp/somewhere else'" in dialog.command.toPlainText()
+    assert not dialog.order.isEnabled() and "outside of the project" in dialog.problem.text()
+    with pytest.raises(InputError, match="outside of the project"):
+        queue.order_anew(queue.handles[0].job)
+    qtbot.mouseClick(dialog.remove, Qt.MouseButton.LeftButton)
+    assert queue.handles == []
+    queue.stop()
+
+
+def test_what_the_user_orders_here_after_a_look_is_run(project: Path, qtbot: QtBot) -> None:
+    foreign(project, "submaps", "--project", str(project), "--count", "1")
+    queue = JobQueue()
+    queue.follow(project)
+    (handle,) = queue.handles
+    dialog = ForeignJob(queue, handle.job)
+    qtbot.addWidget(dialog)
+    assert dialog.order.isEnabled()
+    qtbot.mouseClick(dialog.order, Qt.MouseButton.LeftButton)
+    assert handle.ours
+    qtbot.waitUntil(lambda: handle.state in ("done", "failed"), timeout=SECONDS)
+    queue.stop()
+
+
+def test_a_picture_that_a_job_tells_of_is_looked_for_among_those_of_the_project(project: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.jpg")
+    folder = foreign(project, "train", state="failed")
+    (folder / "events.jsonl").write_text(event_line(Preview("train", str(tmp_path / "pipe.jpg")), 1.0))
+    queue = JobQueue()
+    queue.follow(project)
+    (handle,) = queue.handles
+    handle.read_events()
+    (project / "pictures").mkdir(exist_ok=True)
+    (path,) = handle.history.previews
+    assert handle.picture(path) == project / "pictures" / "pipe.jpg"
+    queue.stop()
+
+
+def test_places_that_came_with_the_settings_of_a_project_are_not_used(project: Path, tmp_path: Path) -> None:
+    (project / "settings.json").write_text(
+        json.dumps({"evaluate graph": {"picture": str(tmp_path / "theirs.png"), "robot_radius": 0.5}})
+    )
+    assert Settings(project).changed("evaluate graph") == {"robot_radius": 0.5}
+    Settings(project).keep("evaluate graph", "", {"picture": str(tmp_path / "mine.png"), "robot_radius": 0.4})
+    assert Settings(project).changed("evaluate graph") == {
+        "picture": str(tmp_path / "mine.png"),
+        "robot_radius": 0.4,
+    }
+    text = (project / "settings.json").read_text().replace("mine.png", "other.png")
+    (project / "settings.json").write_text(text)
+    assert Settings(project).changed("evaluate graph") == {"robot_radius": 0.4}
+    inside = str(project / "pictures" / "map.png")
+    (project / "settings.json").write_text(json.dumps({"evaluate graph": {"picture": inside}}))
+    assert Settings(project).changed("evaluate graph") == {"picture": inside}
+    (project / "settings.json").unlink()
+    os.mkfifo(project / "settings.json")
+    assert Settings(project).changed("evaluate graph") == {}
