@@ -12,7 +12,7 @@ from pathlib import Path
 from nvsim.atomic import as_input_error
 from nvsim.errors import InputError
 
-VERSION = 2
+VERSION = 3
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -45,6 +45,9 @@ ALTER TABLE edges ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE edges ADD COLUMN locked INTEGER NOT NULL DEFAULT 0;
 CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason TEXT NOT NULL);
 """,
+    # Results may lie in numbered folders, which the table `meta` names (see `results`): an older program would take
+    # a result that was replaced for the one in use.
+    3: "",
 }
 
 
