@@ -1,4 +1,4 @@
-"""A division of the walk into submaps as a file of its own: floors and models keep theirs while the newest is another."""
+"""A cut of the walk into submaps as a file of its own: floors and models keep theirs while the newest is another."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
 
 def load_cut(path: Path) -> tuple[Submap, ...]:
     """What `save_cut` wrote. Raises InputError when it is missing or damaged."""
-    with reading(path, "a division into submaps"), np.load(path, allow_pickle=False) as data:
+    with reading(path, "a cut into submaps"), np.load(path, allow_pickle=False) as data:
         rows, positions = data["rows"], data["positions"].astype(np.float64)
         result: list[Submap] = []
         at = 0
@@ -36,7 +36,7 @@ def load_cut(path: Path) -> tuple[Submap, ...]:
 
 
 def same_cut(a: Sequence[Submap], b: Sequence[Submap]) -> bool:
-    """Whether two divisions have the same submaps at the same places."""
+    """Whether two cuts have the same submaps at the same places."""
     return len(a) == len(b) and all(
         (x.index, x.core, x.frames) == (y.index, y.core, y.frames) and np.allclose(x.positions, y.positions, atol=1e-9)
         for x, y in zip(a, b, strict=True)

@@ -310,7 +310,7 @@ class Project:
         results.put_places(c, results.places(c) | {"cut/submaps": cut})
 
     def fix_cut(self) -> None:
-        """Notes with floors and models, in use and kept, which cut they belong to, before the newest becomes another."""
+        """Notes with floors and models, in use and kept, which cut is theirs, before the newest becomes another."""
         c, places = self.connection, results.places(self.connection)
         if "cut/submaps" not in places:
             submaps = self._submaps_in_table()

@@ -27,6 +27,7 @@ STAGES = ("import", "submaps", "floors", "train", "map")
 NOWHERE = "models/none"
 """The place of a model that a result does not have."""
 _PLACE = re.compile(r"((imported|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)")
+_NAME = re.compile(r"imported|masks|floor|models/submap_\d{3,}|cut/(submaps|floors|train)")
 _MADE = re.compile(r"(imported|masks|floor|submap_\d{3,})(\.\d+)?|\d+\.npz|graph\.\d+")
 _NAMES = {"import": ("imported",), "submaps": (), "floors": ("masks", "floor"), "map": ()}
 _FINISHED = {"imported": "capture.json", "floor": "support.npz", "models": "model.json"}
@@ -87,7 +88,7 @@ def places(c: sqlite3.Connection) -> dict[str, str]:
 
 def _trusted(found: Any) -> dict[str, str]:
     items = found.items() if isinstance(found, dict) else ()
-    return {str(n): p for n, p in items if isinstance(p, str) and _PLACE.fullmatch(p)}
+    return {n: p for n, p in items if isinstance(p, str) and _PLACE.fullmatch(p) and _NAME.fullmatch(n)}
 
 
 def put_places(c: sqlite3.Connection, found: dict[str, str]) -> None:
@@ -218,8 +219,16 @@ def in_use(c: sqlite3.Connection, root: Path, stage: str) -> Result | None:
     return Result(rows, own, values)
 
 
+def model_folders(layout: Layout) -> dict[int, Path]:
+    """Submap -> folder of the model in use, of those that have one."""
+    names = {name for name, _ in layout.places if name.startswith("models/")}
+    names |= {f"models/{name}" for name in _models(layout.root)}
+    folders = {int(name.removeprefix("models/submap_")): layout.in_use(name) for name in sorted(names)}
+    return {index: folder for index, folder in folders.items() if (folder / "model.json").is_file()}
+
+
 def _models(root: Path) -> list[str]:
-    return [p.parent.name for p in root.glob("models/submap_*/model.json") if "." not in p.parent.name]
+    return [p.parent.name for p in root.glob("models/submap_*/model.json") if p.parent.name[7:].isdecimal()]
 
 
 def put_to_use(c: sqlite3.Connection, stage: str, result: Result) -> None:
@@ -278,9 +287,8 @@ def tidy(c: sqlite3.Connection, root: Path) -> None:
             place = path.relative_to(root).as_posix()
             if not _PLACE.fullmatch(place) or not _MADE.fullmatch(path.name) or place in wanted:
                 continue
-            if place in ("imported", "masks", "floor") or re.fullmatch(r"models/submap_\d+", place):
-                if place not in named:
-                    continue  # in use under its own name
+            if "." not in place and place not in named:
+                continue  # in use under its own name
             if path.is_dir() and not path.is_symlink():
                 remove_folder(path)
             elif path.parent != root:

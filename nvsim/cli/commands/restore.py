@@ -1,4 +1,4 @@
-"""Go back to what a stage made before its last run; doing it twice changes nothing. Without a stage, list what is kept."""
+"""Go back to what a stage made before its last run, or forth again. Without a stage, list what is kept."""
 
 from __future__ import annotations
 

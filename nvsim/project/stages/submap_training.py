@@ -25,8 +25,8 @@ def train(
     project: Project, index: int, config: TrainingConfig, listen: Listener, ready: Callable[[], None] = lambda: None
 ) -> tuple[float, dict[str, Any]]:
     """Trains submap `index`, from its checkpoint where there is one, and saves its model where the ledger says that it
-    is made, beside the one in use; returns the seconds it took and figures. Calls `ready` when everything is read and the first kernel about to run. Raises InputError for images
-    or a floor that cannot be read."""
+    is made, beside the one in use; returns the seconds it took and figures. Calls `ready` when everything is read and
+    the first kernel about to run. Raises InputError for images or a floor that cannot be read."""
     from nvsim.splats.files import save_model
     from nvsim.training.trainer import train_submap
 

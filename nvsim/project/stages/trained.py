@@ -17,8 +17,8 @@ from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
-from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.project.stages.submap_training import train, training_frames, training_views
+from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
 
