@@ -140,7 +140,7 @@ def test_an_import_that_is_refused_or_cut_off_leaves_the_capture(project: Projec
     source = project.need_capture().source
     before = project.need_capture()
 
-    def no_disk(*_: object) -> None:
+    def no_disk(*_: object, **__: object) -> None:
         raise Killed
 
     monkeypatch.setattr(ledger, "finish", no_disk)
