@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
-    "results",
+    "results", "training",
 )  # fmt: skip
 
 
@@ -42,12 +43,22 @@ _GROWN = {
 }
 
 
+_FORMER = {
+    "floors": "The floor was found with a former cut into submaps.",
+    "train": "The models in use are of a former cut into submaps.",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Contents:
     """A project as last read; views compare its parts by identity.
 
     scene_stamp   changes whenever a model was written; None while there is no model at all
-    model_info    submap index -> what its training recorded ("psnr", "gaussians", ...)
+    model_info    submap index -> what its training recorded ("psnr", "gaussians", ...); empty while the models in use
+                  are of a former cut
+    training      submap index -> steps of a training that goes on or was cut off, of what it saved last
+    former        those of "floors" and "train" whose result in use belongs to a former cut into submaps
+    kept          the stages of which an earlier result can be restored
     stages        names of the stages that ended well
     outdated      those among them that ended before the capture was what it is now
     thresholds    what the graph was decided with
@@ -69,6 +80,9 @@ class Contents:
     scene_stamp: Hashable | None = None
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
     stages: frozenset[str] = frozenset()
+    training: dict[int, int] = field(default_factory=dict)
+    former: frozenset[str] = frozenset()
+    kept: frozenset[str] = frozenset()
     outdated: frozenset[str] = frozenset()
     outline: NDArray[np.float64] | None = None
     thresholds: MappingConfig = field(default_factory=MappingConfig)
@@ -104,8 +118,9 @@ class Contents:
 
     @property
     def _outdated_verb(self) -> str:
-        """The first stage that was done for another capture than there is now."""
-        return next((verb for verb in ("submaps", "floors", "train", "map") if verb in self.outdated), "")
+        """The first stage that was done for another capture, or another cut, than there is now."""
+        wanted = self.outdated | self.former
+        return next((verb for verb in ("submaps", "floors", "train", "map") if verb in wanted), "")
 
     @property
     def missing(self) -> tuple[str, str] | None:
@@ -118,7 +133,8 @@ class Contents:
         if self.capture is None and self.graph is None:
             return "This project has no capture yet.", f"nvsim import CAPTURE {project}"
         if self._outdated_verb:
-            return _GROWN[self._outdated_verb], f"nvsim {self._outdated_verb} {project}"
+            words = _GROWN if self._outdated_verb in self.outdated else _FORMER
+            return words[self._outdated_verb], f"nvsim {self._outdated_verb} {project}"
         if self.capture is not None and not self.submaps:
             return "The trajectory is not divided into submaps yet.", f"nvsim submaps {project}"
         if self.missing_verb == "floors":
@@ -174,6 +190,7 @@ class ProjectReader:
         self._revision: int | None = None
         self._child: OccupancyChild | None = None
         self._interrupted = False
+        self._live: dict[Path, tuple[tuple[int, int] | None, int]] = {}  # description -> its stamp and steps
 
     def close(self) -> None:
         self._interrupted = True
@@ -193,7 +210,10 @@ class ProjectReader:
         from nvsim.project.thresholds import thresholds_of
 
         project = self._project
-        models = self._models()
+        models, training = self._models(), self._training()
+        if training != self._contents.training:
+            self._contents = replace(self._contents, training=training)
+            yield self._contents
         revision = project.revision()
         if revision != self._revision:
             self._contents = replace(self._contents, jobs=tuple(project.jobs()))
@@ -208,7 +228,7 @@ class ProjectReader:
             "capture": capture,
             "submaps": (capture, stages),
             "graph": stages,
-            "stages": stages,
+            "stages": (stages, *self._standing()),
             "results": tuple(project.read("results", {"name": NAME, "created": NUMBER}, "ORDER BY name")),
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support)),
@@ -240,12 +260,14 @@ class ProjectReader:
             if part in ("capture", "occupancy"):
                 self._contents = prepared(self._contents)
             if part == "stages":
-                self._contents = replace(self._contents, outdated=_outdated(stages))
+                former, kept = self._standing()
+                self._contents = replace(self._contents, outdated=_outdated(stages), former=former, kept=kept)
             if part == "graph":
                 self._contents = prepared(replace(self._contents, thresholds=thresholds_of(project)))
             if part == "scene_stamp":
-                info = self._model_info()
-                self._contents = replace(self._contents, model_info=info, live=value is not None and not info)
+                self._contents = replace(
+                    self._contents, model_info=self._model_info(), live=value is not None and not self._folders()
+                )
             yield self._contents
 
     def _occupancy(self) -> OccupancyMap | None:
@@ -267,7 +289,7 @@ class ProjectReader:
     def _context_stamp(self, stages: Hashable, stamp_of_map: Hashable) -> Hashable:
         layout = self._project.layout
         floors = tuple((p.name, _file_stamp(p)) for p in sorted(layout.floor.glob("*.npz")))
-        return stages, floors, stamp_of_map, tuple(p.parent.name for p in sorted(layout.models.glob("*/model.json")))
+        return stages, floors, stamp_of_map, tuple(self._folders())
 
     def _context(self) -> Context | None:
         from nvsim.project.graph_context import context_on
@@ -281,22 +303,57 @@ class ProjectReader:
         figures = self._project.results()
         return {name: (at, figures[name]) for name, at in created if name in figures}
 
+    def _standing(self) -> tuple[frozenset[str], frozenset[str]]:
+        """What is of a former cut, and of what an earlier result is kept."""
+        from nvsim.project import results
+
+        c = self._project.connection
+        former = frozenset(stage for stage in ("floors", "train") if results.is_former(c, stage))
+        return former, frozenset(stage for stage in results.STAGES if results.kept(c, stage) is not None)
+
+    def _folders(self) -> dict[int, Path]:
+        from nvsim.project.results import model_folders
+
+        return model_folders(self._project.layout)
+
     def _models(self) -> Hashable | None:
-        layout = self._project.layout
-        found: list[Hashable] = [(p.parent.name, _file_stamp(p)) for p in sorted(layout.models.glob("*/model.json"))]
-        # Who draws looks for new states of these by itself.
-        found += [p.parent.name for p in sorted(layout.checkpoints.glob("live_*/model.json"))]
+        from nvsim.project.results import is_former
+
+        layout, folders = self._project.layout, self._folders()
+        found: list[Hashable] = [(f.name, _file_stamp(f / "model.json")) for f in folders.values()]
+        if folders and is_former(self._project.connection, "train"):
+            return ("former", *found)
+        # Who draws looks for new states of these by itself; of a submap that has a finished model none is drawn.
+        live = sorted(p.parent.name for p in layout.checkpoints.glob("live_*/model.json"))
+        found += [name for name in live if name not in {layout.live(i).name for i in folders}]
         return tuple(found) or None
+
+    def _training(self) -> dict[int, int]:
+        import json
+
+        found = {}
+        for path in sorted(self._project.layout.checkpoints.glob("live_*/model.json")):
+            stamp = _file_stamp(path)
+            if path not in self._live or self._live[path][0] != stamp:
+                with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # replaced at this moment
+                    self._live[path] = stamp, int(json.loads(path.read_text())["info"]["steps"])
+            index = path.parent.name.removeprefix("live_")
+            if index.isdecimal() and path in self._live:
+                found[int(index)] = self._live[path][1]
+        return found
 
     def _model_info(self) -> dict[int, dict[str, object]]:
         import json
 
         result: dict[int, dict[str, object]] = {}
-        for path in sorted(self._project.layout.models.glob("submap_*/model.json")):
+        if "train" in self._standing()[0]:
+            return result
+        for index, folder in self._folders().items():
+            path = folder / "model.json"
             try:
                 data = json.loads(path.read_text())
                 info = {"gaussians": data.get("count"), **data.get("info", {})}
-                result[int(path.parent.name.removeprefix("submap_"))] = info
+                result[index] = info
             except (OSError, ValueError) as error:
                 raise InputError(f"{path} is damaged ({error}); run `nvsim train` again.") from error
         return result

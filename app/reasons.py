@@ -59,6 +59,11 @@ def with_selection(document: Document) -> Reason:
     return None if document.selection else "nothing is selected"
 
 
+def with_earlier(document: Document) -> Reason:
+    kept = document.contents.kept
+    return None if kept else "no earlier result is kept; there is one when a stage has been run again"
+
+
 def with_frame(document: Document) -> Reason:
     return None if document.selection.frame is not None else "no frame is selected"
 
@@ -67,6 +72,6 @@ def with_masks(document: Document) -> Reason:
     """Also a folder that may be written, as a correction is a file there."""
     if document.selection.frame is None or document.path is None:
         return "no frame is selected"
-    if not Layout(document.path).masks.is_dir():
+    if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
         return "the floors are not found yet"
     return None if os.access(document.path, os.W_OK) else "the project's folder may not be written"

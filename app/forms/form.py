@@ -27,6 +27,7 @@ from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
 from app.forms.rows import Row
 from app.plain_text import SENTENCE, Label, plain
+from nvsim.errors import InputError
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key until the values are tried
@@ -75,6 +76,9 @@ class CommandForm(QDialog):
         about = (command_of(self.verb).__doc__ or "").split("\n\n")[0]
         intro = Label(" ".join(about.split()), self)
         intro.setWordWrap(True)
+        self.replaces = Label(self._replaced(), self)
+        self.replaces.setWordWrap(True)
+        self.replaces.setVisible(bool(self.replaces.text()))
         self.presets = QComboBox(self)
         self.presets.addItems(presets_of(self.verb))
         self.presets.setCurrentText(self._settings.preset(self.verb))
@@ -133,11 +137,27 @@ class CommandForm(QDialog):
         buttons.rejected.connect(self.reject)
         layout = QVBoxLayout(self)
         layout.addWidget(intro)
+        layout.addWidget(self.replaces)
         layout.addLayout(above)
         layout.addLayout(middle, 1)
         layout.addWidget(self.problem)
         layout.addLayout(line)
         layout.addWidget(buttons)
+
+    def _replaced(self) -> str:
+        """What the command replaces, as it says itself when it begins; "" where that is nothing."""
+        from nvsim.project.project import Project
+        from nvsim.project.replaced import what_is_replaced
+        from nvsim.project.results import STAGES
+
+        if self.verb not in STAGES:
+            return ""
+        try:
+            with Project.open(self._project) as project:
+                sentence = what_is_replaced(project, self.verb)
+        except InputError:  # whoever starts the command is told
+            return ""
+        return sentence and f"{sentence[0].upper()}{sentence[1:]}"
 
     def _sections(self) -> dict[str, list[Field]]:
         result: dict[str, list[Field]] = {}

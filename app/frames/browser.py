@@ -23,7 +23,7 @@ from app.notices import Notices
 from app.plain_text import marked, plain
 from app.scene_view import SceneView
 from nvsim.perception.hybrid import HybridSteps
-from nvsim.project.layout import Layout
+from nvsim.project.results import layout_of
 
 TOOLS = ("brush", "points")
 _HINTS = {
@@ -142,7 +142,7 @@ class FrameBrowser(QObject):
         self.index = index
         self.candidates.open(path, index)
         self.page.canvas.note = "Reading the image…"
-        self._reader.open(Layout(path), capture.frames[index], index)
+        self._reader.open(layout_of(path), capture.frames[index], index)
         self._say_title()
 
     def _drop(self) -> None:
@@ -163,7 +163,7 @@ class FrameBrowser(QObject):
             return
         again = self.matter is not None and self.matter.index == matter.index
         self.matter = matter
-        self.corrector.open(Layout(path), matter)
+        self.corrector.open(layout_of(path), matter)
         for layer in self.layers:
             layer.painted = None
         self._show_mask(matter)

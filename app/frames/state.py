@@ -7,7 +7,7 @@ from PySide6.QtCore import QObject, Signal
 from app.document import Document
 from app.frames.link import FrameLink
 from nvsim.project.corrections import corrected_frames
-from nvsim.project.layout import Layout
+from nvsim.project.results import layout_of
 
 
 class FrameState(QObject):
@@ -42,8 +42,9 @@ class FrameState(QObject):
             return
         if "capture" in parts:
             self.coverage = {}
-        self.corrected = frozenset() if capture is None else corrected_frames(Layout(path), capture.frames)
-        if capture is not None and Layout(path).masks.is_dir():
+        layout = layout_of(path)
+        self.corrected = frozenset() if capture is None else corrected_frames(layout, capture.frames)
+        if capture is not None and layout.masks.is_dir():
             self._link.ask_coverage()
         self.changed.emit()
 

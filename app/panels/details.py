@@ -12,6 +12,7 @@ from app import colors
 from app.document import Document
 from app.evidence_words import Finding, findings
 from app.graph_details import marks_of, of_edge, of_several
+from app.model_words import model_words
 from app.overlays import short_id
 from app.plain_text import Label, MarkedLabel, marked, plain, tip
 
@@ -164,6 +165,7 @@ class DetailsPanel(QScrollArea):
             submap = next(s for s in contents.submaps if s.index == selection.submap)
             info = contents.model_info.get(submap.index)
             facts = {"Frames": str(len(submap.core)), "Shared frames": str(len(submap.frames) - len(submap.core))}
+            facts["Model"] = model_words(contents, submap.index)
             facts |= {_plain(k): _figure(v) for k, v in (info or {}).items() if isinstance(v, str | int | float)}
             self._show(f"Submap {submap.index}", facts, [])
             if info is None:

@@ -10,18 +10,20 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxL
 from app import colors
 from app.document import Document
 from app.icons import swatch
+from app.model_words import model_words
 from app.panels.hint import Hint
 from app.plain_text import tip
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
-_COLUMNS = ("Submap", "Frames", "Overlap", "PSNR", "Gaussians")
+_COLUMNS = ("Submap", "Frames", "Overlap", "PSNR", "Gaussians", "Model")
 _TIPS = (
     "A part of the walk that becomes one model",
     "Frames that belong to this submap alone",
     "Frames it shares with its neighbours",
     "Decibels; of the training frames where nothing better is known",
     "Gaussians of the trained model",
+    "Which model is shown, and what is being made",
 )
 
 
@@ -34,7 +36,7 @@ class SubmapModel(QAbstractTableModel):
         document.contentsChanged.connect(self._on_contents)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if parts & {"submaps", "model_info"}:
+        if parts & {"submaps", "model_info", "stages", "training", "jobs"}:
             self.beginResetModel()
             self.endResetModel()
 
@@ -60,7 +62,7 @@ class SubmapModel(QAbstractTableModel):
         submap = self._document.contents.submaps[index.row()]
         if role == Qt.ItemDataRole.DecorationRole and index.column() == 0:
             return swatch(colors.submap_color(submap.index))
-        if role == Qt.ItemDataRole.TextAlignmentRole and index.column() > 0:
+        if role == Qt.ItemDataRole.TextAlignmentRole and 0 < index.column() < len(_COLUMNS) - 1:
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         if role != Qt.ItemDataRole.DisplayRole:
             return None
@@ -72,6 +74,7 @@ class SubmapModel(QAbstractTableModel):
             str(len(submap.frames) - len(submap.core)),
             f"{psnr:.1f}" if isinstance(psnr, int | float) else "–",
             f"{count / 1000:,.0f} k" if isinstance(count, int) else "–",
+            model_words(self._document.contents, submap.index),
         )[index.column()]
 
 

@@ -12,11 +12,15 @@ from app.forms.arguments import Settings
 from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
 from app.jobs.stages import EVALUATIONS, GIVES_RESULT, PIPELINE, STAGES, with_capture
+from app.panels.earlier import EarlierResults
 from app.panels.jobs import JobPanel, waiting_words
 from app.panels.stage_bar import JobStatus, StageBar
 from app.parts.part import Dock, Part
+from app.reasons import with_earlier
 from nvsim.errors import InputError
 from nvsim.events import Preview
+from nvsim.project.project import Project
+from nvsim.project.restored import kept_results
 
 
 def _action(verb: str, section: int, tip: str, shortcut: str = "") -> Action:
@@ -46,6 +50,14 @@ class JobsPart(Part):
         _action("evaluate floor", 2, "Overlap of the floor masks with a truth"),
         _action("evaluate graph", 2, "Validity and coverage of the graph against an occupancy map"),
         _action("evaluate ablation", 2, "Train the rows of the paper's ablation table and compare the presets"),
+        Action(
+            "earlier_results",
+            "Ea&rlier results…",
+            "Go back to what a stage had made before its last run, or let go of it",
+            "&Jobs",
+            4,
+            enabled=with_earlier,
+        ),
         _action("export r2r", 3, "Write the graph as R2R connectivity, which agents load unchanged"),
         _action("export splats", 3, "Write the trained submaps as splat files for other programs"),
     )
@@ -65,7 +77,7 @@ class JobsPart(Part):
             f"job_{verb.replace(' ', '_')}": lambda _=False, v=verb: self.open_form(v)
             for verb in (*PIPELINE, *EVALUATIONS, "export r2r", "export splats")
         }
-        return {"run_everything": self.run_everything, **opened}
+        return {"run_everything": self.run_everything, "earlier_results": self.open_earlier, **opened}
 
     def restore(self, settings: QSettings) -> None:
         state = settings.value("jobs_splitter")
@@ -128,6 +140,37 @@ class JobsPart(Part):
         form.started.connect(lambda arguments: self.run_stage(verb, arguments))
         form.open()
         return form
+
+    def open_earlier(self) -> EarlierResults | None:
+        """What can be restored."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        try:
+            with Project.open(project) as opened:
+                kept = kept_results(opened)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        dialog = EarlierResults(kept, self.workspace.window)
+        dialog.chosen.connect(self.restore_result)
+        dialog.open()
+        return dialog
+
+    def restore_result(self, stage: str, discard: bool = False) -> JobHandle | None:
+        """Queues that the earlier result of a stage comes back, or goes for good."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        words = ["--project", str(project), stage, *(["--discard"] if discard else [])]
+        title = f"{'Let go of' if discard else 'Restore'} the earlier result of {stage}"
+        try:
+            handle = self.workspace.jobs.start("restore", words, project, title)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.show_panel()
+        return handle
 
     def show_panel(self) -> None:
         """Brings the jobs to the front of their dock."""

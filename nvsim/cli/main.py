@@ -21,6 +21,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "floors": ("floors", "find the floor in every frame"),
     "train": ("train", "fit the floor-aware Gaussian model of each submap"),
     "map": ("map", "walk the models and build the navigation graph"),
+    "restore": ("restore", "go back to the result of a stage before its last run, or let go of what is kept"),
     "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
     "graph select": ("graph_select", "list the viewpoints and edges for which an expression holds"),
     "graph edit": ("graph_edit", "edit the graph of a project or an R2R connectivity file by name"),

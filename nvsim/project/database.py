@@ -13,7 +13,7 @@ from nvsim.databases import open_to_read, refuse_unless_plain_database
 from nvsim.errors import InputError
 from nvsim.tables import check_files, check_schema, harden
 
-VERSION = 2
+VERSION = 3
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -46,6 +46,9 @@ ALTER TABLE edges ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE edges ADD COLUMN locked INTEGER NOT NULL DEFAULT 0;
 CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason TEXT NOT NULL);
 """,
+    # Results may lie in numbered folders, which the table `meta` names (see `results`): an older program would take
+    # a result that was replaced for the one in use.
+    3: "",
 }
 
 

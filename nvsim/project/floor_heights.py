@@ -18,13 +18,13 @@ def floor_of(project: Project) -> FloorSurface:
     """One surface over the walk and what can be seen from it; flat at z = 0 while no floor was estimated."""
     from scipy.spatial import cKDTree
 
-    surfaces = {s.index: project.surface(s.index) for s in project.submaps()}
+    surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
     known = {index: s for index, s in surfaces.items() if s is not None}
     if not known:
         return FloorSurface.flat(0.0)
     if len(known) == 1:
         return next(iter(known.values()))
-    submaps = [s for s in project.submaps() if s.index in known]
+    submaps = [s for s in project.submaps("floors") if s.index in known]
     places = np.concatenate([s.positions[:, :2] for s in submaps])
     owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
     low, high = places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN
@@ -42,13 +42,13 @@ def floor_of(project: Project) -> FloorSurface:
 def floor_beneath(project: Project) -> Callable[[float, float, float], float] | None:
     """(x, y, z) -> height of the floor under what is at z, metres, world: that of the submap whose camera passed
     nearest, so that storeys stay apart. None while no floor was estimated."""
-    surfaces = {s.index: project.surface(s.index) for s in project.submaps()}
+    surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
     known = {index: s for index, s in surfaces.items() if s is not None}
     if not known:
         return None
     from scipy.spatial import cKDTree
 
-    submaps = [s for s in project.submaps() if s.index in known]
+    submaps = [s for s in project.submaps("floors") if s.index in known]
     tree = cKDTree(np.concatenate([s.positions for s in submaps]))
     owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
 

@@ -26,6 +26,6 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 
 def untrained(project: Project) -> frozenset[int]:
     """Submaps without a model; -1 stands for no model at all. Empty while the walk is not divided."""
-    submaps = [submap.index for submap in project.submaps()]
+    submaps = [submap.index for submap in project.submaps("train")]
     missing = frozenset(i for i in submaps if not (project.layout.model(i) / "model.json").is_file())
     return missing | {-1} if submaps and len(missing) == len(submaps) else missing

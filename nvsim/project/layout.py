@@ -9,11 +9,22 @@ from urllib.parse import quote
 from nvsim.opening import PROJECT_DATABASE
 
 
+def model_name(submap: int) -> str:
+    """What `Layout.in_use` calls the model of a submap."""
+    return f"models/submap_{submap:03d}"
+
+
 @dataclass(frozen=True)
 class Layout:
     """The folder NAME.nvsim: a database for what is edited or queried, plain files for what is big."""
 
     root: Path
+    places: tuple[tuple[str, str], ...] = ()
+    """Name of a result -> where the one in use lies below `root`, for those that do not lie under their name."""
+
+    def in_use(self, name: str) -> Path:
+        """The path of a result, "masks" or "models/submap_000": that of the generation in use."""
+        return self.root / next((place for known, place in self.places if known == name), name)
 
     @property
     def database(self) -> Path:
@@ -31,7 +42,7 @@ class Layout:
     @property
     def imported(self) -> Path:
         """The capture as it was read: capture.json and the cloud. The images stay where they are."""
-        return self.root / "imported"
+        return self.in_use("imported")
 
     @property
     def built_in_capture(self) -> Path:
@@ -45,7 +56,7 @@ class Layout:
 
     @property
     def masks(self) -> Path:
-        return self.root / "masks"
+        return self.in_use("masks")
 
     @property
     def corrections(self) -> Path:
@@ -59,7 +70,7 @@ class Layout:
 
     @property
     def floor(self) -> Path:
-        return self.root / "floor"
+        return self.in_use("floor")
 
     @property
     def support(self) -> Path:
@@ -102,7 +113,7 @@ class Layout:
         return self.floor / f"surface_{submap:03d}.npz"
 
     def model(self, submap: int) -> Path:
-        return self.models / f"submap_{submap:03d}"
+        return self.in_use(model_name(submap))
 
     def checkpoint(self, submap: int) -> Path:
         return self.checkpoints / f"submap_{submap:03d}.ckpt"

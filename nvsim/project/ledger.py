@@ -6,11 +6,14 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import sqlite3
 import time
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.project import results
 from nvsim.project.project import Project
 from nvsim.reading import reading
 from nvsim.tables import NUMBER, TEXT
@@ -18,7 +21,7 @@ from nvsim.tables import NUMBER, TEXT
 
 @dataclass(frozen=True)
 class StageRecord:
-    """key of the inputs, state "running" or "done", seconds of work so far, summary figures."""
+    """The finished result in use: key of its inputs, seconds of work, summary figures."""
 
     key: str
     state: str
@@ -42,7 +45,8 @@ _STAGE = {"key": TEXT, "state": TEXT, "seconds": NUMBER, "summary": TEXT}
 
 
 def record(project: Project, stage: str, part: int = 0) -> StageRecord | None:
-    rows = project.read("stages", _STAGE, "WHERE stage = ? AND part = ?", (stage, part))
+    """What is in use of a part of a stage, whether or not it is being made again; None while it never was finished."""
+    rows = project.read("stages", _STAGE, "WHERE stage = ? AND part = ? AND state = 'done'", (stage, part))
     if not rows:
         return None
     key, state, seconds, text = rows[0]
@@ -55,33 +59,67 @@ def record(project: Project, stage: str, part: int = 0) -> StageRecord | None:
 
 def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
     found = record(project, stage, part)
-    return found is not None and found.state == "done" and found.key == key
+    return found is not None and found.key == key
 
 
 def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
-    """Marks the stage as running. Returns whether unfinished work for the same inputs may be continued."""
-    found = record(project, stage, part)
-    resumed = found is not None and found.key == key
-    with project.transaction() as c:
-        if not resumed:
-            c.execute(
-                "INSERT OR REPLACE INTO stages (stage, part, key, state) VALUES (?, ?, ?, 'running')",
-                (stage, part, key),
-            )
-        else:
-            c.execute("UPDATE stages SET state = 'running' WHERE stage = ? AND part = ?", (stage, part))
-    return resumed
+    """Notes that a part is being made; what is in use stays so. Returns whether unfinished work for the same inputs may
+    be continued."""
+    c = project.connection
+    found = results.work(c, stage, part)
+    if found is not None and found[0] == key:
+        return True
+    # Versions before 3 wrote down in the same row what was under way.
+    before = c.execute(
+        "SELECT key FROM stages WHERE stage = ? AND part = ? AND state != 'done'", (stage, part)
+    ).fetchone()
+    with project.transaction():
+        results.begin_work(c, project.root, stage, part, key)
+        c.execute("DELETE FROM stages WHERE stage = ? AND part = ? AND state != 'done'", (stage, part))
+    results.tidy(c, project.root)
+    return before is not None and before[0] == key
 
 
-def finish(project: Project, stage: str, seconds: float, summary: dict[str, Any], part: int = 0) -> None:
-    with project.transaction() as c:
-        c.execute(
-            "UPDATE stages SET state = 'done', seconds = ?, finished = ?, summary = ? WHERE stage = ? AND part = ?",
-            (seconds, time.time(), json.dumps(summary), stage, part),
-        )
+def finish(
+    project: Project,
+    stage: str,
+    seconds: float,
+    summary: dict[str, Any],
+    part: int = 0,
+    *,
+    write: Callable[[sqlite3.Connection], None] | None = None,
+    values: Mapping[str, str] | None = None,
+    also: Mapping[int, str] | None = None,
+) -> None:
+    """Puts to use what was made of a part since `begin`, in one transaction with what `write` writes and the keys of
+    the parts in `also`. The result that it replaces is kept, with `values`, as the last one of the stage."""
+    c = project.connection
+    found = results.work(c, stage, part)
+    # What was never begun, as in a project of an older version, goes by the key it has.
+    key = found[0] if found is not None else getattr(record(project, stage, part), "key", "")
+    now = time.time()
+    with project.transaction():
+        before = results.in_use(c, project.root, stage) if part == 0 else None
+        if before is not None:
+            results.keep(c, stage, replace(before, values={**before.values, **(values or {})}))
+        if part == 0:
+            made = results.made_at(c, stage)
+            own = results.places(c) | {name: place for name, place in made.items() if (project.root / place).exists()}
+            newest = own.get("cut/submaps")
+            if stage == "floors" and newest is not None:
+                own["cut/floors"] = newest
+            results.put_places(c, own)
+        results.put_row(c, stage, part, results.Row(key, seconds, now, summary))
+        for other, its_key in (also or {}).items():
+            results.put_row(c, stage, other, results.Row(its_key, 0.0, now, {}))
+        results.drop_work(c, stage, part)
+        if write is not None:
+            write(c)
+    results.tidy(c, project.root)
 
 
 def forget(project: Project, stage: str) -> None:
     """The stage was never run."""
     with project.transaction() as c:
         c.execute("DELETE FROM stages WHERE stage = ?", (stage,))
+        c.execute("DELETE FROM meta WHERE key LIKE ?", (f"work {stage} %",))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import sqlite3
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from nvsim import tables
 from nvsim.atomic import make_folder
@@ -17,8 +19,9 @@ from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.locking import WriterLock
 from nvsim.opening import refuse_links_out
-from nvsim.project import database, graph_table
+from nvsim.project import database, graph_table, results
 from nvsim.project.corrections import mask_in_use
+from nvsim.project.cuts import load_cut, same_cut, save_cut
 from nvsim.project.jobs import JobRecord, read_jobs
 from nvsim.project.layout import Layout
 from nvsim.reading import reading
@@ -33,16 +36,33 @@ if TYPE_CHECKING:
     from nvsim.splats.scene import SceneModel
 
 
+Cut = Literal["submaps", "floors", "train"]
+"""Whose cut of the walk into submaps: the newest one, or that of the floors or models in use."""
+
+
 class Project:
     """An open project. Readers may be many; `writable=True` takes the one writer's lock."""
 
     def __init__(self, layout: Layout, connection: sqlite3.Connection, lock: WriterLock | None) -> None:
-        self.layout = layout
+        self.root = layout.root
         self.connection = connection
         self._lock = lock
-        self._capture: tuple[int, Capture] | None = None
+        self._capture: tuple[tuple[Path, int], Capture] | None = None
+        self._cut: tuple[Path, tuple[Submap, ...]] | None = None
         self._fresh = False
         self._stamp = stamp(layout.database)
+        self._instead: dict[str, str] = {}  # places, see `making`
+
+    @property
+    def layout(self) -> Layout:
+        """Where things lie now: a stage that finishes puts its new result to use, at another place."""
+        return Layout(self.root, tuple((results.places(self.connection) | self._instead).items()))
+
+    def making(self, places: Mapping[str, str]) -> Project:
+        """The same open project for whoever makes a new result: those named in `places` lie there for it alone."""
+        other = copy.copy(self)
+        other._instead = {**self._instead, **places}
+        return other
 
     # Opening ----------------------------------------------------------------------------------------------------
 
@@ -89,14 +109,16 @@ class Project:
     def discard_if_new(self) -> None:
         """Takes back a project that was made a moment ago and in which no stage began: a refused import leaves no
         trace. Other files in its folder stay."""
-        if not self._fresh or self.read("stages", {"stage": TEXT}, "LIMIT 1"):
+        begun = self.read("stages", {"stage": TEXT}, "LIMIT 1") or results.works(self.connection)
+        if not self._fresh or begun:
             return
         self.close()
-        for name in (self.layout.database.name, *(f"{self.layout.database.name}-{s}" for s in ("wal", "shm"))):
-            (self.layout.root / name).unlink(missing_ok=True)
-        self.layout.lock.unlink(missing_ok=True)
-        if not any(self.layout.root.iterdir()):
-            self.layout.root.rmdir()
+        layout = Layout(self.root)
+        for name in (layout.database.name, *(f"{layout.database.name}-{s}" for s in ("wal", "shm"))):
+            (layout.root / name).unlink(missing_ok=True)
+        layout.lock.unlink(missing_ok=True)
+        if not any(layout.root.iterdir()):
+            layout.root.rmdir()
 
     def close(self) -> None:
         self.connection.close()
@@ -145,11 +167,11 @@ class Project:
         path = self.layout.imported / "capture.json"
         if not path.is_file():
             return None
-        stamp = path.stat().st_mtime_ns
+        stamp = path, path.stat().st_mtime_ns
         if self._capture is None or self._capture[0] != stamp:
             from nvsim.capture.store import load_capture
 
-            self._capture = (stamp, load_capture(self.layout.imported))
+            self._capture = (stamp, load_capture(path.parent))
         return self._capture[1]
 
     def need_capture(self) -> Capture:
@@ -159,7 +181,18 @@ class Project:
             raise InputError(f"{self.layout.root} has no capture yet; run `nvsim import CAPTURE --project` first.")
         return capture
 
-    def submaps(self) -> tuple[Submap, ...]:
+    def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
+        """The newest cut of the walk, or that which the floors or the models in use were made with."""
+        places = results.places(self.connection) | self._instead
+        place = places.get(f"cut/{of}", places.get("cut/submaps"))
+        if place is None:
+            return self._submaps_in_table()
+        path = self.root / place
+        if self._cut is None or self._cut[0] != path:
+            self._cut = path, load_cut(path)
+        return self._cut[1]
+
+    def _submaps_in_table(self) -> tuple[Submap, ...]:
         rows = self.read("submap_frames", {"submap": COUNT, "frame": COUNT, "core": FLAG}, "ORDER BY submap, frame")
         if not rows:
             return ()
@@ -210,17 +243,20 @@ class Project:
         return FloorSupport.load(self.layout.support)
 
     def scene(self, memory_budget: int | None = None, live: bool = False) -> SceneModel | None:
-        """The ensemble of the submap models that exist, with `memory_budget` bytes for those in memory (see
-        SceneModel); None while there is none. With `live` the models in training stand in for those that are not
-        finished."""
-        submaps = self.submaps()
-        places = [[self.layout.model(s.index), *([self.layout.live(s.index)] if live else [])] for s in submaps]
+        """The ensemble of the submap models in use, with `memory_budget` bytes for those in memory (see SceneModel);
+        None while there is none. With `live` the models in training stand in for those that were never finished, as
+        long as all are of one cut."""
+        submaps, layout = self.submaps("train"), self.layout
+        live = live and not results.is_former(self.connection, "train")
+        places = [[layout.model(s.index), *([layout.live(s.index)] if live else [])] for s in submaps]
         found = [next((f for f in folders if (f / "model.json").is_file()), None) for folders in places]
         if not any(found):
             return None
         from nvsim.splats.scene import SceneModel
 
-        return SceneModel(submaps, found, memory_budget)
+        root = self.root
+        # A folder goes when its training ends, or when two newer models took its place while this scene was open.
+        return SceneModel(submaps, found, memory_budget, moved=lambda index: results.layout_of(root).model(index))
 
     @property
     def may_have_occupancy(self) -> bool:
@@ -270,13 +306,52 @@ class Project:
             c.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, value))
 
     def set_submaps(self, submaps: tuple[Submap, ...]) -> None:
+        cut = self.store_cut(submaps)
         with self.transaction() as c:
-            c.execute("DELETE FROM submap_frames")
-            for s in submaps:
-                core = set(s.core)
-                c.executemany(
-                    "INSERT INTO submap_frames VALUES (?, ?, ?)", [(s.index, f, int(f in core)) for f in s.frames]
-                )
+            self.write_submaps(c, submaps, cut)
+
+    def store_cut(self, submaps: tuple[Submap, ...]) -> str:
+        """Writes a cut to a file of its own and returns its place, for `write_submaps`; the newest one's place where
+        nothing differs."""
+        self.fix_cut()
+        place = results.places(self.connection).get("cut/submaps")
+        if place is not None and same_cut(self.submaps(), submaps):
+            return place
+        with self.transaction() as c:
+            number = results.new_number(c)
+        place = f"cuts/{number}.npz"
+        save_cut(self.root / place, submaps)
+        return place
+
+    def write_submaps(self, c: sqlite3.Connection, submaps: tuple[Submap, ...], cut: str) -> None:
+        """Makes the cut that lies at `cut` the newest; inside a transaction."""
+        c.execute("DELETE FROM submap_frames")
+        for s in submaps:
+            core = set(s.core)
+            c.executemany(
+                "INSERT INTO submap_frames VALUES (?, ?, ?)", [(s.index, f, int(f in core)) for f in s.frames]
+            )
+        results.put_places(c, results.places(c) | {"cut/submaps": cut})
+
+    def fix_cut(self) -> None:
+        """Notes with floors and models, in use and kept, which cut is theirs, before the newest becomes another."""
+        c, places = self.connection, results.places(self.connection)
+        if "cut/submaps" not in places:
+            submaps = self._submaps_in_table()
+            if not submaps:
+                return
+            with self.transaction():
+                places["cut/submaps"] = f"cuts/{results.new_number(c)}.npz"
+            save_cut(self.root / places["cut/submaps"], submaps)
+        with self.transaction():
+            for stage in ("floors", "train"):
+                if results.in_use(c, self.root, stage) is not None:
+                    places.setdefault(f"cut/{stage}", places["cut/submaps"])
+                former = results.kept(c, stage)
+                if former is not None and f"cut/{stage}" not in former.places:
+                    own = {**former.places, f"cut/{stage}": places["cut/submaps"]}
+                    results.keep(c, stage, replace(former, places=own))
+            results.put_places(c, places)
 
     def set_graph(self, graph: NavGraph) -> None:
         with self.transaction() as c:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.splats.files import load_model, memory_needed
+from nvsim.errors import InputError
+from nvsim.splats.files import DESCRIPTION, load_model, memory_needed
 from nvsim.splats.types import SubmapModel
 from nvsim.submaps.types import Submap
 
+T = TypeVar("T")
 GIBIBYTE = 1 << 30
 NEAR_BORDER = 3.0
 """Metres by which the second nearest submap may be farther than the nearest to be loaded ahead: the eye is then at most
@@ -30,6 +33,8 @@ class SceneModel:
     memory_budget   bytes of arrays; None takes `default_budget`
     ahead           whether `model_at` loads the next submap in a thread of its own when the position is near its
                     border, if it fits without the one in use being let go
+    moved           asked for the folder of a submap's model when the known one vanished: its training has ended, or
+                    another model took its place
 
     Raises ValueError when the lists do not match or no submap has a model.
     """
@@ -40,6 +45,7 @@ class SceneModel:
         folders: Sequence[Path | None],
         memory_budget: int | None = None,
         ahead: bool = True,
+        moved: Callable[[int], Path] | None = None,
     ) -> None:
         if len(submaps) != len(folders):
             raise ValueError(f"{len(submaps)} submaps but {len(folders)} folders")
@@ -49,6 +55,7 @@ class SceneModel:
             raise ValueError("a scene model needs at least one trained submap")
         self._budget = default_budget() if memory_budget is None else memory_budget
         self._ahead = ahead
+        self._moved = moved
         self._positions = np.concatenate([s.positions for s in self._submaps])
         self._firsts = np.cumsum([0, *(len(s.positions) for s in self._submaps[:-1])])
         self._asking = threading.Lock()  # held by the one thread that loads what was asked for
@@ -92,13 +99,14 @@ class SceneModel:
 
     def model(self, index: int) -> SubmapModel:
         """The model of a submap. Raises KeyError when it has none, InputError when its files cannot be read."""
-        folder = self._folders[index]
+        if index not in self._folders:
+            raise KeyError(index)
         with self._changed:
             found = self._find(index)
         if found is not None:
             return found
         with self._asking:
-            needed = memory_needed(folder)
+            needed = self._with_folder(index, memory_needed)
             with self._changed:
                 found = self._find(index)  # another thread may have been faster
                 if found is not None:
@@ -111,10 +119,24 @@ class SceneModel:
                     self._let_go(keep=0)
             model = None
             try:
-                model = load_model(folder)
+                model = self._with_folder(index, load_model)
             finally:
                 self._end(index, model)
             return model
+
+    def _with_folder(self, index: int, read: Callable[[Path], T]) -> T:
+        """What `read` makes of the folder of a model, and of the one that it moved to when it vanishes meanwhile."""
+        folder = self._folders[index]
+        try:
+            return read(folder)
+        except InputError:
+            if self._moved is None or (folder / DESCRIPTION).is_file():
+                raise
+            now = self._moved(index)
+            if now == folder or not (now / DESCRIPTION).is_file():
+                raise
+            self._folders[index] = now
+            return self._with_folder(index, read)
 
     def _find(self, index: int) -> SubmapModel | None:
         """The model if it is in memory, or on its way there in another thread."""
@@ -137,7 +159,7 @@ class SceneModel:
     def _run_ahead(self, index: int) -> None:
         model = None
         try:
-            needed = memory_needed(self._folders[index])
+            needed = self._with_folder(index, memory_needed)
             with self._changed:
                 self._needed[index] = needed
                 fits = self._fits_beside_the_last(needed)
@@ -145,7 +167,7 @@ class SceneModel:
                     self._loading[index] = needed
                     self._let_go(keep=1)
             if fits:
-                model = load_model(self._folders[index])
+                model = self._with_folder(index, load_model)
         except Exception:
             # Whoever asks for this model is told what is wrong with it; a guess bothers nobody.
             with self._changed:

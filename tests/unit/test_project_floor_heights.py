@@ -15,7 +15,7 @@ from nvsim.submaps.types import Submap
 class House:
     """Two storeys over one another, a submap each, and a shed whose floor nobody estimated."""
 
-    def submaps(self) -> list[Submap]:
+    def submaps(self, of: str = "submaps") -> list[Submap]:
         places = np.column_stack([np.arange(5.0), np.zeros(5), np.full(5, 1.5)])
         shifts = ([0, 0, 0], [0, 0, 3], [20, 0, 0])
         return [Submap(i, tuple(range(5)), tuple(range(5)), places + shift) for i, shift in enumerate(shifts)]

@@ -12,6 +12,7 @@ import numpy as np
 from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
+from nvsim.project import results
 from nvsim.project.project import Project
 from nvsim.splats.floor_mesh import FloorMesh, floor_mesh
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
@@ -41,7 +42,7 @@ def export_splats(
     missing = sorted(set(only) - set(scene.indices))
     if missing:
         raise InputError(f"submap {missing[0]} is not trained; trained are {', '.join(map(str, scene.indices))}.")
-    chosen = [s for s in project.need_submaps() if s.index in (only or scene.indices) and s.index in scene.indices]
+    chosen = [s for s in project.submaps("train") if s.index in (only or scene.indices) and s.index in scene.indices]
     atomic.make_folder(out)
     alignment = capture.alignment
     back, shrink = alignment.rotation.T, 1 / alignment.scale
@@ -51,7 +52,10 @@ def export_splats(
     for done, submap in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen)))
         model = scene.model(submap.index)
-        middle = np.mean([capture.frames[i].camera.position for i in submap.frames], axis=0)
+        # Of a former cut nothing says that its frames are those of the capture.
+        former = results.is_former(project.connection, "train")
+        places = submap.positions if former else [capture.frames[i].camera.position for i in submap.frames]
+        middle = np.mean(places, axis=0)
         gaussians, mesh = model.gaussians_at(middle), floor_mesh(model)
         if moved:
             gaussians = turned(gaussians, back, shrink)

@@ -12,13 +12,14 @@ from nvsim.atomic import replacing
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.project import ledger
+from nvsim.project import ledger, results
 from nvsim.project.config import CaptureConfig, held_out
 from nvsim.project.corrections import corrected_frames, corrections_key, discard_corrections
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
+from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_config
-from nvsim.project.stages.submaps import submaps_key
+from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 
 STAGE = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
@@ -38,14 +39,19 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
         return
     from nvsim.perception.segment import segment_capture
 
-    layout = project.layout
+    capture, submaps = project.need_capture(), submaps_of_capture(project)
+    listen_to_what_is_replaced(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
+    # Found beside the floors in use, and with the newest cut.
+    making = results.made_at(project.connection, STAGE)
+    newest = results.places(project.connection).get("cut/submaps")
+    project = project.making({**making, **({"cut/floors": newest} if newest else {})})
+    layout = project.layout
     if not resumed:
         shutil.rmtree(layout.masks, ignore_errors=True)
         shutil.rmtree(layout.floor, ignore_errors=True)
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, "floor heights"))
-    capture, submaps = project.need_capture(), project.need_submaps()
     surface_of: dict[int, FloorSurface] = {}
     for submap in submaps:
         surface = _surface(project, submap.index, capture.positions[list(submap.frames)], config)
@@ -55,9 +61,7 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
     support_key = _support_key(project, key)
     coverage = _support(project)
     summary = {"frames": len(capture.frames), "supported_m2": round(coverage, 1)}
-    ledger.finish(project, STAGE, time.monotonic() - started, summary)
-    ledger.begin(project, STAGE, support_key, _SUPPORT)
-    ledger.finish(project, STAGE, 0.0, {}, _SUPPORT)
+    ledger.finish(project, STAGE, time.monotonic() - started, summary, also={_SUPPORT: support_key})
     corrected = len(corrected_frames(layout, capture.frames))
     words = f"floor masks of {len(capture.frames)} frames" + (f", {corrected} of them corrected" if corrected else "")
     listen(Done(STAGE, f"{words}, {coverage:.0f} m² of supported floor", summary))

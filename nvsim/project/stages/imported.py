@@ -11,9 +11,10 @@ from pathlib import Path
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
-from nvsim.project import ledger
+from nvsim.project import ledger, results
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
+from nvsim.project.replaced import listen_to_what_is_replaced
 
 STAGE = "import"
 _CONFIG = "capture_config"
@@ -54,12 +55,16 @@ def run(
             f"{source} has no metric scale: say how high the cameras are above the floor (--camera-height METRES) or "
             "how many metres a unit is (--scale METRES)."
         )
+    listen_to_what_is_replaced(project, STAGE, listen)
+    with contextlib.suppress(InputError):  # a capture that cannot be read is what is imported again
+        project.fix_cut()
     ledger.begin(project, STAGE, key)
-    save_capture(capture, project.layout.imported)
-    project.set_meta(_CONFIG, json.dumps(dataclasses.asdict(config)))
+    save_capture(capture, project.making(results.made_at(project.connection, STAGE)).layout.imported)
     points = 0 if capture.cloud is None else len(capture.cloud.points)
     summary = {"frames": len(capture.frames), "points": points, "format": capture.format}
-    ledger.finish(project, STAGE, time.monotonic() - started, summary)
+    understood = json.dumps(dataclasses.asdict(config))
+    seconds = time.monotonic() - started
+    ledger.finish(project, STAGE, seconds, summary, write=lambda c: results.put(c, _CONFIG, understood))
     listen(Progress(STAGE, 1, 1))
     listen(Done(STAGE, f"{len(capture.frames)} frames and {points} points from a {capture.format} capture", summary))
     return capture

@@ -14,10 +14,12 @@ from nvsim.events import Done, Listener, Log
 from nvsim.geometry.camera import Camera
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.mapping.config import MappingConfig
-from nvsim.project import ledger
+from nvsim.project import graph_table, ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.floor_heights import floor_of
+from nvsim.project.graph_files import graph_in_file
 from nvsim.project.project import Project
+from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.floors import refresh_support, supporting_frames
 from nvsim.project.thresholds import recorded
 from nvsim.render.backends import Backend
@@ -60,6 +62,7 @@ def run(
 
     key = map_key(project, config)
     if ledger.is_current(project, STAGE, key):
+        project.layout.partial_map.unlink(missing_ok=True)  # of a map that was begun with other settings
         listen(Log("The navigation graph is up to date.", STAGE))
         return
     refresh_support(project, listen)
@@ -70,6 +73,7 @@ def run(
     if reapply and previous is None:
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
     started = time.monotonic()
+    listen_to_what_is_replaced(project, STAGE, listen)
     partial = project.layout.partial_map
     if not ledger.begin(project, STAGE, key):
         partial.unlink(missing_ok=True)
@@ -88,8 +92,9 @@ def run(
         listen=listen,
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
-    project.set_graph(result.graph)
-    ledger.finish(project, STAGE, time.monotonic() - started, {**result.report, **recorded(config)})
+    seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
+    before = graph_in_file(project)
+    ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, result.graph))
     partial.unlink(missing_ok=True)
     graph = result.graph
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))
@@ -97,7 +102,8 @@ def run(
 
 def map_key(project: Project, config: MappingConfig) -> str:
     """What the graph depends on: every trained submap, the floor that corrected masks support, and the thresholds."""
-    trained = [ledger.record(project, "train", s.index) for s in project.need_submaps()]
+    project.need_submaps()
+    trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
     return ledger.key_of(STAGE, [t.key if t and t.state == "done" else "" for t in trained], config, *corrected)
 

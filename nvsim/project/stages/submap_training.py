@@ -3,14 +3,16 @@ process can do it."""
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from nvsim.errors import InputError
 from nvsim.events import Listener
+from nvsim.project import results
 from nvsim.project.config import held_out
+from nvsim.project.corrections import mask_in_use
+from nvsim.project.layout import model_name
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
 from nvsim.training.config import TrainingConfig
@@ -22,15 +24,14 @@ if TYPE_CHECKING:
 def train(
     project: Project, index: int, config: TrainingConfig, listen: Listener, ready: Callable[[], None] = lambda: None
 ) -> tuple[float, dict[str, Any]]:
-    """Trains submap `index`, from its checkpoint where there is one, and saves its model; returns the seconds it took
-    and figures. Calls `ready` when everything is read and the first kernel about to run. Raises InputError for images
-    or a floor that cannot be read."""
+    """Trains submap `index`, from its checkpoint where there is one, and saves its model where the ledger says that it
+    is made, beside the one in use; returns the seconds it took and figures. Calls `ready` when everything is read and
+    the first kernel about to run. Raises InputError for images or a floor that cannot be read."""
     from nvsim.splats.files import save_model
     from nvsim.training.trainer import train_submap
 
     layout, capture = project.layout, project.need_capture()
-    folder = layout.model(index)
-    shutil.rmtree(folder, ignore_errors=True)
+    place = results.made_at(project.connection, "train", index)[model_name(index)]
     started = time.monotonic()
     surface = project.surface(index)
     if surface is None:
@@ -48,8 +49,7 @@ def train(
         preview=layout.preview(index),
         live=layout.live(index),
     )
-    save_model(model, folder)
-    shutil.rmtree(layout.live(index), ignore_errors=True)
+    save_model(model, layout.root / place)
     return time.monotonic() - started, {"gaussians": len(model.gaussians), "views": len(views), **model.info}
 
 
@@ -68,13 +68,13 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
     from nvsim.perception.segment import read_mask
     from nvsim.training.views import TrainingView
 
-    capture = project.need_capture()
+    capture, layout = project.need_capture(), project.layout
 
     def view(index: int) -> TrainingView:
         frame = capture.frames[index]
         size = frame.intrinsics.within(config.image_size)
         camera = frame.camera.scaled(size.width, size.height)
-        mask = read_mask(project.mask_path(index), size.width, size.height)
+        mask = read_mask(mask_in_use(layout, frame, index), size.width, size.height)
         return TrainingView(frame.name, camera, read_image(frame, size), mask)
 
     with ThreadPoolExecutor(2) as pool:

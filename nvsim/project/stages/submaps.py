@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
+
+from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.project import ledger
 from nvsim.project.project import Project
+from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_key
 from nvsim.submaps.split import SubmapConfig, split
 from nvsim.submaps.types import Submap
@@ -27,12 +31,28 @@ def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Subma
     ledger.begin(project, STAGE, key)
     positions = project.need_capture().positions
     submaps = split(positions, config)
-    draw_submaps(positions, submaps, project.layout.pictures / "submaps.png")
-    project.set_submaps(submaps)
+    listen_to_what_is_replaced(project, STAGE, listen)
+    cut = project.store_cut(submaps)
     summary = {"submaps": len(submaps), "frames": [len(s.frames) for s in submaps]}
-    ledger.finish(project, STAGE, time.monotonic() - started, summary)
+    seconds = time.monotonic() - started
+    ledger.finish(project, STAGE, seconds, summary, write=lambda c: project.write_submaps(c, submaps, cut))
+    draw_submaps(positions, submaps, project.layout.pictures / "submaps.png")
     listen(Progress(STAGE, 1, 1))
     listen(Done(STAGE, f"{len(submaps)} submaps of {', '.join(str(len(s.frames)) for s in submaps)} frames", summary))
+    return submaps
+
+
+def submaps_of_capture(project: Project) -> tuple[Submap, ...]:
+    """The newest cut, for a stage that reads its frames. Raises InputError when it was made of another capture than
+    there is now."""
+    submaps, positions = project.need_submaps(), project.need_capture().positions
+    for submap in submaps:
+        core = np.array(submap.core)
+        if core.max(initial=-1) >= len(positions) or not np.allclose(positions[core], submap.positions, atol=1e-6):
+            raise InputError(
+                f"{project.layout.root} holds another capture than was cut into submaps; run `nvsim submaps --project` "
+                "first."
+            )
     return submaps
 
 

@@ -4,7 +4,6 @@ model folder per submap."""
 from __future__ import annotations
 
 import dataclasses
-import shutil
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,12 +11,14 @@ import psutil
 
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress
-from nvsim.project import ledger
+from nvsim.project import ensemble, ledger, results
 from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
+from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.submap_training import train, training_frames, training_views
+from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
 
@@ -34,9 +35,14 @@ def run(
 ) -> None:
     """Trains the submaps named in `only`, or all, `at_once` at a time; 0 decides by cores, free memory and their
     number. Raises InputError when the masks are missing or a submap is."""
-    submaps = project.need_submaps()
+    submaps = submaps_of_capture(project)
     if not floors_key(project):
         raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
+    if results.is_former(project.connection, "floors"):
+        raise InputError(
+            f"The floors of {project.layout.root} were found with another cut into submaps; run "
+            "`nvsim floors --project` first."
+        )
     unknown = sorted(set(only) - {s.index for s in submaps})
     if unknown:
         raise InputError(f"there is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
@@ -45,13 +51,19 @@ def run(
     chosen = [s for s in submaps if not only or s.index in only]
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
+    keys = {s.index: train_key(project, s, config) for s in chosen}
     for submap in chosen:
-        if ledger.is_current(project, STAGE, train_key(project, submap, config), submap.index):
+        if ensemble.trained_key(project, submap.index) == keys[submap.index]:
             listen(Log(f"Submap {submap.index} is trained already.", STAGE))
             merged.finished(submap.index)
         else:
             left.append(submap)
+    unfinished = {s.index: results.work(project.connection, STAGE, s.index) for s in submaps}
+    current = {s.index for s in chosen} - {s.index for s in left}
+    others = {i for i, work in unfinished.items() if work is not None and work[0] == keys.get(i, work[0])} - current
+    ensemble.clear_unfinished(project, others)
     if left:
+        listen_to_what_is_replaced(project, STAGE, listen, tuple(s.index for s in left))
         from nvsim.training.compilation import compile_ahead
 
         compile_ahead(listen)
@@ -61,36 +73,44 @@ def run(
     waiting = [t for t in tasks if t.submap in {s.index for s in left}]
 
     def begin(index: int) -> None:
-        submap = next(s for s in chosen if s.index == index)
-        if not ledger.begin(project, STAGE, train_key(project, submap, config), index):
+        if not ledger.begin(project, STAGE, keys[index], index):
             project.layout.checkpoint(index).unlink(missing_ok=True)
-            shutil.rmtree(project.layout.live(index), ignore_errors=True)
+            results.remove_folder(project.layout.live(index))
 
     if all(t.alone for t in waiting):
         for task in waiting:
             begin(task.submap)
             share = dataclasses.replace(config, threads=task.threads)
-            _finish(project, task.submap, *train(project, task.submap, share, merged.of(task.submap)), listen)
+            _finish(project, task.submap, config, *train(project, task.submap, share, merged.of(task.submap)), listen)
         return
     for index, message in training_pool.train_together(project.layout.root, config, waiting, together, begin):
         if isinstance(message, training_pool.Trained):
-            _finish(project, index, message.seconds, message.figures, listen)
+            _finish(project, index, config, message.seconds, message.figures, listen)
         else:
             merged.of(index)(message)
 
 
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     """What the model of a submap depends on: neither the number of threads nor how often it is saved."""
-    default = TrainingConfig()
-    same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
     corrected = corrections_key(project, training_frames(project, submap.index))
-    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, same, *corrected)
+    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected)
 
 
-def _finish(project: Project, index: int, seconds: float, figures: dict[str, Any], listen: Listener) -> None:
-    ledger.finish(project, STAGE, seconds, figures, index)
-    project.layout.checkpoint(index).unlink(missing_ok=True)
+def _same(config: TrainingConfig) -> TrainingConfig:
+    default = TrainingConfig()
+    return dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
+
+
+def _finish(
+    project: Project, index: int, config: TrainingConfig, seconds: float, figures: dict[str, Any], listen: Listener
+) -> None:
+    batch = ledger.key_of(floors_key(project), _same(config))
+    used = ensemble.add_model(project, index, seconds, figures, batch)
     listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
+    if not used:
+        former = len(project.submaps("train"))
+        words = f"The models of the former {former} submaps stay in use until all {len(project.submaps())} are trained."
+        listen(Log(words, STAGE))
 
 
 def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:

@@ -1,0 +1,51 @@
+"""The earlier results that a project keeps: one of each stage, to go back to or to let go of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QListWidget, QListWidgetItem, QVBoxLayout, QWidget
+
+from nvsim.project.restored import Kept, megabytes
+
+
+class EarlierResults(QDialog):
+    """chosen(str stage, bool): the user wants the earlier result of a stage back, or with True to let it go."""
+
+    chosen = Signal(str, bool)
+
+    def __init__(self, kept: Sequence[Kept], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Earlier results")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        intro = QLabel(
+            "Each is what its stage had made before its last run. Restoring it keeps the present one in its place; the "
+            "stages after it stay as they are.",
+            self,
+        )
+        intro.setWordWrap(True)
+        self.list = QListWidget(self)
+        for one in kept:
+            item = QListWidgetItem(f"{one.stage}: {one.words}, {megabytes(one.bytes)}", self.list)
+            item.setData(Qt.ItemDataRole.UserRole, one.stage)
+        self.list.setCurrentRow(0)
+        self.list.itemDoubleClicked.connect(lambda _: self._choose(False))
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        self.restore_button = buttons.addButton("Restore", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.discard_button = buttons.addButton("Let go", QDialogButtonBox.ButtonRole.DestructiveRole)
+        self.discard_button.setToolTip("Frees the disk; what is in use stays")
+        self.restore_button.clicked.connect(lambda: self._choose(False))
+        self.discard_button.clicked.connect(lambda: self._choose(True))
+        buttons.rejected.connect(self.reject)
+        layout = QVBoxLayout(self)
+        layout.addWidget(intro)
+        layout.addWidget(self.list)
+        layout.addWidget(buttons)
+        self.resize(620, 260)
+
+    def _choose(self, discard: bool) -> None:
+        item = self.list.currentItem()
+        if item is not None:
+            self.chosen.emit(item.data(Qt.ItemDataRole.UserRole), discard)
+            self.accept()

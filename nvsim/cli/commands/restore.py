@@ -1,0 +1,55 @@
+"""Go back to what a stage made before its last run, or forth again. Without a stage, list what is kept."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+from nvsim.cli import show
+from nvsim.cli.arguments import Positional
+from nvsim.cli.session import working
+from nvsim.errors import InputError
+from nvsim.events import Done
+from nvsim.project.project import Project
+from nvsim.project.restored import discard, kept_results, megabytes, restore
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: Path
+    """The project folder."""
+    stage: Positional[Literal["", "import", "submaps", "floors", "train", "map"]] = ""
+    """Whose result to put back; the stages after it stay as they are."""
+    discard: bool = False
+    """Let go of what is kept, to free the disk; what is in use stays."""
+    json: bool = False
+    """Print typed events as JSON lines, or the list as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    if not arguments.stage:
+        return _list(arguments)
+    with working(arguments.project, "restore", arguments.json) as (project, listen):
+        if arguments.discard:
+            freed = discard(project, arguments.stage)
+            listen(Done("restore", f"the earlier result of {arguments.stage} is gone, {megabytes(freed)} are free", {}))
+        else:
+            words = restore(project, arguments.stage)
+            listen(Done("restore", f"{words} in use again; the same command goes back", {}))
+    return 0
+
+
+def _list(arguments: Arguments) -> int:
+    if arguments.discard:
+        raise InputError("Say which stage's earlier result to discard: nvsim restore STAGE --discard.")
+    with Project.open(arguments.project) as project:
+        kept = kept_results(project)
+    if arguments.json:
+        print(json.dumps([asdict(k) for k in kept]))
+    elif kept:
+        show.table(["stage", "what is kept", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "kept")
+    else:
+        print("Nothing is kept; an earlier result is, once a stage has been run again.")
+    return 0

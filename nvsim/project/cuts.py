@@ -1,0 +1,43 @@
+"""A cut of the walk into submaps as a file of its own: floors and models keep theirs while the newest is another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from nvsim.atomic import replacing
+from nvsim.reading import reading
+from nvsim.submaps.types import Submap
+
+
+def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
+    """Writes `path`. Raises InputError when the disk refuses."""
+    rows = [(s.index, f, f in core) for s in submaps for core in [set(s.core)] for f in s.frames]
+    table = np.array(rows, np.int64).reshape(-1, 3)
+    positions = np.concatenate([s.positions for s in submaps]) if submaps else np.zeros((0, 3))
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, rows=table, positions=positions)
+
+
+def load_cut(path: Path) -> tuple[Submap, ...]:
+    """What `save_cut` wrote. Raises InputError when it is missing or damaged."""
+    with reading(path, "a cut into submaps"), np.load(path, allow_pickle=False) as data:
+        rows, positions = data["rows"], data["positions"].astype(np.float64)
+        result: list[Submap] = []
+        at = 0
+        for index in dict.fromkeys(rows[:, 0].tolist()):
+            own = rows[rows[:, 0] == index]
+            core = tuple(own[own[:, 2] == 1, 1].tolist())
+            result.append(Submap(int(index), core, tuple(own[:, 1].tolist()), positions[at : at + len(core)]))
+            at += len(core)
+        return tuple(result)
+
+
+def same_cut(a: Sequence[Submap], b: Sequence[Submap]) -> bool:
+    """Whether two cuts have the same submaps at the same places."""
+    return len(a) == len(b) and all(
+        (x.index, x.core, x.frames) == (y.index, y.core, y.frames) and np.allclose(x.positions, y.positions, atol=1e-9)
+        for x, y in zip(a, b, strict=True)
+    )

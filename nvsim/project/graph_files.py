@@ -1,0 +1,20 @@
+"""The graph in use as a file of its own, for when another takes its place in the database."""
+
+from __future__ import annotations
+
+from nvsim.atomic import write_bytes
+from nvsim.graph.store import encode_graph
+from nvsim.project import results
+from nvsim.project.project import Project
+
+
+def graph_in_file(project: Project) -> dict[str, str]:
+    """Writes the graph in use, with its edits, and returns what a kept result says of it: {"graph": place}, nothing
+    while there is no graph. Raises InputError when the disk refuses."""
+    graph = project.graph()
+    if graph is None:
+        return {}
+    with project.transaction() as c:
+        place = f"kept/graph.{results.new_number(c)}"
+    write_bytes(project.root / place, encode_graph(graph))
+    return {"graph": place}

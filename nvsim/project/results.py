@@ -1,0 +1,315 @@
+"""Which results of the stages are in use, and which is the last one before them.
+
+A result whose stage runs again is made beside it, in a folder with a number, and is put to use by one transaction when
+it is finished: a kill at any moment leaves the old result or the new one, whole. What it replaced is kept, one result a
+stage, until the next replaces it in turn or a user lets it go. All of this is said in the table `meta`:
+
+    places           name of a result -> where the one in use lies; a name that is missing lies under itself
+    previous STAGE   the Result before the one in use
+    next train       models of another cut than those in use, until there is one for every submap
+    work STAGE PART  what is being made: key of its inputs, number of its generation
+    generation       the last number that was given away
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sqlite3
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from nvsim.project.layout import Layout, model_name
+
+STAGES = ("import", "submaps", "floors", "train", "map")
+NOWHERE = "models/none"
+"""The place of a model that a result does not have."""
+_PLACE = re.compile(r"((imported|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)")
+_NAME = re.compile(r"imported|masks|floor|models/submap_\d{3,}|cut/(submaps|floors|train)")
+_MADE = re.compile(r"(imported|masks|floor|submap_\d{3,})(\.\d+)?|\d+\.npz|graph\.\d+")
+_NAMES = {"import": ("imported",), "submaps": (), "floors": ("masks", "floor"), "map": ()}
+_FINISHED = {"imported": "capture.json", "floor": "support.npz", "models": "model.json"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """What the ledger says of a part of a stage: `finished` in seconds since the epoch."""
+
+    key: str
+    seconds: float
+    finished: float
+    summary: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Result:
+    """One finished result of a stage: its rows of the ledger by part, its places by name, what else it needs."""
+
+    rows: dict[int, Row] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
+    values: dict[str, str] = field(default_factory=dict)
+
+
+# Meta ----------------------------------------------------------------------------------------------------------------
+
+
+def value(c: sqlite3.Connection, key: str) -> str | None:
+    row = c.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+    return None if row is None else str(row[0])
+
+
+def put(c: sqlite3.Connection, key: str, text: str | None) -> None:
+    """Stores a value, or with None removes it; to be called inside a transaction."""
+    if text is None:
+        c.execute("DELETE FROM meta WHERE key = ?", (key,))
+    else:
+        c.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, text))
+
+
+def _parsed(c: sqlite3.Connection, key: str) -> dict[str, Any]:
+    text = value(c, key)
+    try:
+        found = json.loads(text) if text else {}
+    except ValueError:
+        found = {}
+    return found if isinstance(found, dict) else {}
+
+
+# Places --------------------------------------------------------------------------------------------------------------
+
+
+def places(c: sqlite3.Connection) -> dict[str, str]:
+    """Name -> place of what is in use. One that leads out of the project is left out: a project may come from
+    anybody."""
+    return _trusted(_parsed(c, "places"))
+
+
+def _trusted(found: Any) -> dict[str, str]:
+    items = found.items() if isinstance(found, dict) else ()
+    return {n: p for n, p in items if isinstance(p, str) and _PLACE.fullmatch(p) and _NAME.fullmatch(n)}
+
+
+def put_places(c: sqlite3.Connection, found: dict[str, str]) -> None:
+    put(c, "places", json.dumps(found))
+
+
+def layout_of(root: Path) -> Layout:
+    """The layout of a project that need not be open, with the results in use."""
+    plain = Layout(root)
+    try:
+        from nvsim.project import database
+
+        connection = database.connect(plain.database, read_only=True)
+    except Exception:  # no project, or one that cannot be read: whoever opens it says why
+        return plain
+    try:
+        return Layout(root, tuple(places(connection).items()))
+    except sqlite3.Error:
+        return plain
+    finally:
+        connection.close()
+
+
+def is_former(c: sqlite3.Connection, stage: str) -> bool:
+    """Whether what is in use of "floors" or "train" belongs to another cut than the newest."""
+    found = places(c)
+    newest = found.get("cut/submaps")
+    return found.get(f"cut/{stage}", newest) != newest
+
+
+# Numbers -------------------------------------------------------------------------------------------------------------
+
+
+def new_number(c: sqlite3.Connection) -> int:
+    """The next generation's; inside a transaction."""
+    number = int(value(c, "generation") or 0) + 1
+    put(c, "generation", str(number))
+    return number
+
+
+def numbered(name: str, number: int) -> str:
+    """Where a generation of a result lies; that of number 0 lies under the name itself."""
+    return name if number == 0 else f"{name}.{number}"
+
+
+def names_of(stage: str, part: int) -> tuple[str, ...]:
+    """The names of what a part of a stage makes."""
+    return (model_name(part),) if stage == "train" else _NAMES.get(stage, ()) if part == 0 else ()
+
+
+def begin_work(c: sqlite3.Connection, root: Path, stage: str, part: int, key: str) -> None:
+    """Notes that a part is being made for `key`, and where: under its name while nothing is there, else beside it."""
+    names, found = names_of(stage, part), places(c)
+    taken = c.execute("SELECT 1 FROM stages WHERE stage = ? AND part = ? AND state = 'done'", (stage, part)).fetchone()
+    occupied = any(n in found or (root / n / _FINISHED.get(n.split("/")[0], "-")).is_file() for n in names)
+    number = new_number(c) if names and (taken or occupied) else 0
+    put(c, f"work {stage} {part}", json.dumps({"key": key, "number": number}))
+
+
+def work(c: sqlite3.Connection, stage: str, part: int) -> tuple[str, int] | None:
+    """Key and number of what is being made."""
+    found = _parsed(c, f"work {stage} {part}")
+    try:
+        return str(found["key"]), int(found["number"])
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def works(c: sqlite3.Connection) -> list[tuple[str, int]]:
+    """Stage and part of everything that was begun and is not finished."""
+    rows = [str(k).split(" ") for (k,) in c.execute("SELECT key FROM meta WHERE key LIKE 'work % %'")]
+    return [(r[1], int(r[2])) for r in rows if len(r) == 3 and r[2].isdigit()]
+
+
+def drop_work(c: sqlite3.Connection, stage: str, part: int) -> None:
+    put(c, f"work {stage} {part}", None)
+
+
+def made_at(c: sqlite3.Connection, stage: str, part: int = 0) -> dict[str, str]:
+    """Name -> place of what is being made."""
+    found = work(c, stage, part)
+    return {name: numbered(name, found[1] if found else 0) for name in names_of(stage, part)}
+
+
+# Results -------------------------------------------------------------------------------------------------------------
+
+
+def rows_of(c: sqlite3.Connection, stage: str) -> dict[int, Row]:
+    """The finished parts that are in use."""
+    found = c.execute(
+        "SELECT part, key, seconds, finished, summary FROM stages WHERE stage = ? AND state = 'done'", (stage,)
+    )
+    return {part: Row(key, seconds, at or 0.0, json.loads(text)) for part, key, seconds, at, text in found}
+
+
+def put_rows(c: sqlite3.Connection, stage: str, rows: dict[int, Row]) -> None:
+    """Replaces the rows of a stage."""
+    c.execute("DELETE FROM stages WHERE stage = ?", (stage,))
+    for part, row in rows.items():
+        put_row(c, stage, part, row)
+
+
+def put_row(c: sqlite3.Connection, stage: str, part: int, row: Row) -> None:
+    c.execute(
+        "INSERT OR REPLACE INTO stages (stage, part, key, state, seconds, finished, summary) "
+        "VALUES (?, ?, ?, 'done', ?, ?, ?)",
+        (stage, part, row.key, row.seconds, row.finished, json.dumps(row.summary)),
+    )
+
+
+def in_use(c: sqlite3.Connection, root: Path, stage: str) -> Result | None:
+    """The result of a stage as it stands; None while there is none."""
+    rows, found = rows_of(c, stage), places(c)
+    names = list(_NAMES.get(stage, ()))
+    if stage == "train":
+        names = sorted({n for n in found if n.startswith("models/")} | {f"models/{p}" for p in _models(root)})
+        names = [n for n in names if (root / found.get(n, n) / "model.json").is_file()]
+        if not names:
+            return None
+    elif not rows:
+        return None
+    own = {n: found.get(n, n) for n in names}
+    if f"cut/{stage}" in found:
+        own[f"cut/{stage}"] = found[f"cut/{stage}"]
+    values = {}
+    if stage == "import":
+        values = {"capture_config": value(c, "capture_config") or ""}
+    return Result(rows, own, values)
+
+
+def model_folders(layout: Layout) -> dict[int, Path]:
+    """Submap -> folder of the model in use, of those that have one."""
+    names = {name for name, _ in layout.places if name.startswith("models/")}
+    names |= {f"models/{name}" for name in _models(layout.root)}
+    folders = {int(name.removeprefix("models/submap_")): layout.in_use(name) for name in sorted(names)}
+    return {index: folder for index, folder in folders.items() if (folder / "model.json").is_file()}
+
+
+def _models(root: Path) -> list[str]:
+    return [p.parent.name for p in root.glob("models/submap_*/model.json") if p.parent.name[7:].isdecimal()]
+
+
+def put_to_use(c: sqlite3.Connection, stage: str, result: Result) -> None:
+    """Makes `result` that of the stage: its rows and places; what lies in the database is its owner's affair."""
+    found = places(c)
+    if stage == "train":
+        gone = {n for n in found if n.startswith("models/")} | {p for p in _all_places(c) if p.startswith("models/")}
+        found = {n: p for n, p in found.items() if not n.startswith("models/")}
+        # A folder under its own name may be of the result that goes.
+        found |= {name: NOWHERE for name in {p.split(".")[0] for p in gone} - {NOWHERE}}
+    found.pop(f"cut/{stage}", None)
+    put_places(c, {**found, **result.places})
+    put_rows(c, stage, result.rows)
+    if "capture_config" in result.values:
+        put(c, "capture_config", result.values["capture_config"] or None)
+
+
+def kept(c: sqlite3.Connection, stage: str, slot: str = "previous") -> Result | None:
+    """The result of a stage that is stored and not in use."""
+    found = _parsed(c, f"{slot} {stage}")
+    try:
+        rows = {int(part): Row(**row) for part, row in found["rows"].items()}
+        return Result(rows, _trusted(found["places"]), dict(found["values"]))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return None
+
+
+def keep(c: sqlite3.Connection, stage: str, result: Result | None, slot: str = "previous") -> None:
+    put(c, f"{slot} {stage}", None if result is None else json.dumps(asdict(result)))
+
+
+# Files ---------------------------------------------------------------------------------------------------------------
+
+
+def _all_places(c: sqlite3.Connection) -> set[str]:
+    """Every place that something refers to."""
+    found = set(places(c).values())
+    for stage in STAGES:
+        for slot in ("previous", "next"):
+            result = kept(c, stage, slot)
+            if result is not None:
+                found |= set(result.places.values()) | {v for v in result.values.values() if _PLACE.fullmatch(v)}
+    for stage, part in works(c):
+        found |= set(made_at(c, stage, part).values())
+    return found
+
+
+def tidy(c: sqlite3.Connection, root: Path) -> None:
+    """Removes generations that nothing refers to: what went, and what a kill left. Only the writer may do this."""
+    wanted, named = _all_places(c), places(c)
+    for folder in (root, root / "models", root / "cuts", root / "kept"):
+        for path in sorted(folder.glob("*")):
+            if path.name.startswith(".") and path.name.endswith("-gone"):
+                shutil.rmtree(path, ignore_errors=True)
+                continue
+            place = path.relative_to(root).as_posix()
+            if not _PLACE.fullmatch(place) or not _MADE.fullmatch(path.name) or place in wanted:
+                continue
+            if "." not in place and place not in named:
+                continue  # in use under its own name
+            if path.is_dir() and not path.is_symlink():
+                remove_folder(path)
+            elif path.parent != root:
+                path.unlink(missing_ok=True)
+
+
+def remove_folder(path: Path) -> None:
+    """Removes a folder that others may read: it vanishes as a whole, before its files do."""
+    gone = path.with_name(f".{path.name}-gone")
+    shutil.rmtree(gone, ignore_errors=True)
+    try:
+        path.rename(gone)
+    except OSError:
+        gone = path
+    shutil.rmtree(gone, ignore_errors=True)
+
+
+def bytes_of(root: Path, result: Result, but: Result | None = None) -> int:
+    """What the files of a result take, but for those that another has too."""
+    other = set() if but is None else set(but.places.values())
+    own = {*result.places.values(), *(v for v in result.values.values() if _PLACE.fullmatch(v))} - other
+    paths = [root / place for place in own]
+    files = [f for p in paths for f in (p.rglob("*") if p.is_dir() else [p])]
+    return sum(f.stat().st_size for f in files if f.is_file())
