@@ -12,10 +12,10 @@ from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence, QPalette
 from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
 
-from app.document import Document
-from app.icons import icon
+from app.look.icons import icon
 from app.plain_text import plain, tip
-from app.reasons import Reason, always
+from app.state.document import Document
+from app.state.reasons import Reason, always
 
 MENUS = (
     "&File",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.loading import Contents
+from app.state.loading import Contents
 
 _TRAINS = ("train", "run", "demo")
 

@@ -19,14 +19,14 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDockWidget
 
-from app import theme
-from app.application import make_application
+from app.look import theme
 from app.panels.jobs import JobPanel
 from app.panels.results import ResultPanel
-from app.parts.frames import FramePart
-from app.parts.inspector import InspectorPart
-from app.parts.jobs import JobsPart
-from app.session import Session
+from app.start.application import make_application
+from app.start.session import Session
+from app.wiring.frames import FramePart
+from app.wiring.inspector import InspectorPart
+from app.wiring.jobs import JobsPart
 
 SIZE = (1280, 780)
 STEP = 5  # of 256 to which colours are rounded: what an eye does not see, and half of the bytes

@@ -22,10 +22,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
 from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
 from app.forms.rows import Row
+from app.look import colors
 from app.plain_text import SENTENCE, Label, plain
 from nvsim.errors import InputError
 

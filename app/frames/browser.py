@@ -5,23 +5,23 @@ from __future__ import annotations
 
 from PySide6.QtCore import QObject, Signal
 
-from app import cameras
-from app.document import Document
 from app.frames import pictures
 from app.frames.brush import Box
 from app.frames.candidates import Candidates
 from app.frames.canvas import Tool
 from app.frames.corrector import Corrector
+from app.frames.frame_data import Failure, Matter, Reader
 from app.frames.layers import CANDIDATES, FrameLayer, standard_layers
-from app.frames.matter import Failure, Matter, Reader
 from app.frames.model import coverage_words
 from app.frames.page import FramePage
 from app.frames.rendering import FrameRender
 from app.frames.state import FrameState
 from app.layers.frame_mask import FrameMaskLayer
-from app.notices import Notices
+from app.look.notices import Notices
+from app.painting import cameras
 from app.plain_text import marked, plain
-from app.scene_view import SceneView
+from app.state.document import Document
+from app.views.scene_view import SceneView
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project.results import layout_of
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 
 from app.frames.corrector import Corrector
+from app.frames.frame_data import Reader
 from app.frames.link import FrameLink
-from app.frames.matter import Reader
-from app.notices import Notices
+from app.look.notices import Notices
 from nvsim.errors import InputError
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.perception.prompted_network import prompted_files

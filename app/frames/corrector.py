@@ -11,7 +11,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.frames.brush import Box, Mask
 from app.frames.correction import Correction, Prompt, surfaces
-from app.frames.matter import Matter, Reader
+from app.frames.frame_data import Matter, Reader
 from app.frames.tools import LARGEST, SMALLEST, Brush, Points
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project.layout import Layout

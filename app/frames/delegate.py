@@ -6,8 +6,8 @@ from PySide6.QtCore import QModelIndex, QObject, QPersistentModelIndex, QRect, Q
 from PySide6.QtGui import QColor, QFontMetrics, QPainter, QPalette, QPixmap
 from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
 
-from app import colors
 from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, SUBMAP_ROLE
+from app.look import colors
 
 PICTURE = QSize(84, 63)
 _MARGIN = 4

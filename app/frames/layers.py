@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QSlider, QWidget
 
 from app.frames.pictures import Painted
-from app.icons import swatch
+from app.look.icons import swatch
 from app.plain_text import tip
 
 FLOOR_COLOR = "#2ec4b6"

@@ -6,10 +6,10 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistentModelIndex, QSortFilterProxyModel, Qt
 
-from app.document import Document
 from app.frames.state import FrameState
 from app.frames.thumbnails import Thumbnails
 from app.plain_text import plain, tip
+from app.state.document import Document
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()

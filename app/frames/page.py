@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 
 from app.frames.canvas import Canvas
 from app.frames.layers import FrameLayer, LayerList
-from app.icons import icon
+from app.look.icons import icon
 from app.plain_text import Label, MarkedLabel, tip
 
 _BRUSH = 100  # steps of the size slider

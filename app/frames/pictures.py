@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QImage
 
 from app.frames.brush import Box, Mask
-from app.tones import ramp
+from app.painting.tones import ramp
 
 _RGB32 = QImage.Format.Format_RGB32
 

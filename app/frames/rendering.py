@@ -7,10 +7,10 @@ from itertools import count
 import numpy as np
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from app.frames.matter import Matter
+from app.drawing.render_child import Picture, Request
+from app.frames.frame_data import Matter
 from app.frames.pictures import render
-from app.render_child import Picture, Request
-from app.scene_view import SceneView
+from app.views.scene_view import SceneView
 
 _VIEW = "frame"  # how these requests are told from the 3D view's
 

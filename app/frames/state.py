@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from PySide6.QtCore import QObject, Signal
 
-from app.document import Document
 from app.frames.link import FrameLink
+from app.state.document import Document
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.results import layout_of
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.evidence_words import compass
-from app.graph_arrays import GraphArrays
 from app.plain_text import plain
+from app.state.evidence_words import compass
+from app.state.graph_arrays import GraphArrays
 from nvsim.graph.types import Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS

@@ -6,8 +6,8 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app import colors
 from app.inspector.directions import figure
+from app.look import colors
 from nvsim.mapping.explain import Explanation, Measure
 
 _ROW = 21  # pixels

@@ -21,13 +21,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
-from app.icons import swatch
 from app.inspector.directions import Direction, short
 from app.inspector.measures import MeasureBars
 from app.inspector.panorama_view import PanoramaView
 from app.inspector.panoramas import Panoramas
 from app.inspector.state import Inspection
+from app.look import colors
+from app.look.icons import swatch
 from app.plain_text import Label, plain, tip
 
 CHANNELS = {"rgb": "Colour", "alpha": "Alpha", "normal": "Normals"}

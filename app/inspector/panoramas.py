@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from app.panorama_child import WIDTHS, Panorama, PanoramaRequest
-from app.render_link import RenderLink
+from app.drawing.panorama_child import WIDTHS, Panorama, PanoramaRequest
+from app.drawing.render_link import RenderLink
 from nvsim.errors import InputError
 
 KEPT = 12  # sharp panoramas: 6 MB each

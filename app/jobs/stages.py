@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from app.document import Document
-from app.reasons import Reason, with_graph, with_scene, with_trajectory
+from app.state.document import Document
+from app.state.reasons import Reason, with_graph, with_scene, with_trajectory
 
 
 def _pending(document: Document) -> bool:

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QRectF
 from PySide6.QtGui import QImage, QPainter
 
-from app.document import Document
-from app.dots import MOST, Dots
 from app.layers.layer import Layer
+from app.painting.dots import MOST, Dots
+from app.state.document import Document
 from nvsim.geometry.camera import Camera
 
 MOST_MOVING = 12_000

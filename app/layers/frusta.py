@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from app import colors
-from app.document import Document
 from app.layers.layer import Layer
-from app.picking import NEAR, projected_segments
-from app.primitives import Primitives, disc
+from app.look import colors
+from app.painting.picking import NEAR, projected_segments
+from app.painting.primitives import Primitives, disc
+from app.state.document import Document
 from nvsim.capture.types import Frame
 from nvsim.geometry.camera import Camera
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QRectF
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from app import colors
-from app.document import Document
-from app.graph_arrays import GraphArrays
-from app.graph_ink import LARGE, GraphInk
-from app.kept_drawing import KeptDrawing
 from app.layers.layer import Layer
-from app.picking import NEAR, projected_segments
+from app.look import colors
+from app.painting.drawing_cache import KeptDrawing
+from app.painting.graph_ink import LARGE, GraphInk
+from app.painting.picking import NEAR, projected_segments
+from app.state.document import Document
+from app.state.graph_arrays import GraphArrays
 from nvsim.geometry.camera import Camera
 
 _NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor

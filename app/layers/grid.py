@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from app.document import Document
-from app.graph_arrays import extremes
-from app.kept_drawing import KeptDrawing
 from app.layers.layer import Layer
-from app.picking import projected_segments
-from app.primitives import Primitives
+from app.painting.drawing_cache import KeptDrawing
+from app.painting.picking import projected_segments
+from app.painting.primitives import Primitives
+from app.state.document import Document
+from app.state.graph_arrays import extremes
 from nvsim.geometry.camera import Camera
 
 _SMOOTH = 120  # lines

@@ -7,12 +7,12 @@ import re
 from PySide6.QtCore import QPointF
 from PySide6.QtGui import QColor, QFont, QPainter
 
-from app import colors
-from app.document import Document
 from app.layers.graph import GraphLayer
 from app.layers.layer import Layer
+from app.look import colors
+from app.painting.primitives import chip
 from app.plain_text import plain
-from app.primitives import chip
+from app.state.document import Document
 from nvsim.geometry.camera import Camera
 
 _ID = re.compile(r"\b[0-9a-f]{32}\b")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from app import colors
-from app.document import Document
-from app.graph_surface import walk_on_floor
 from app.layers.layer import Layer
-from app.picking import projected_segments
-from app.primitives import Primitives
+from app.look import colors
+from app.painting.picking import projected_segments
+from app.painting.primitives import Primitives
+from app.state.document import Document
+from app.views.graph_surface import walk_on_floor
 from nvsim.geometry.camera import Camera
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
-from app import hand
-from app.graph_surface import GraphSurface
 from app.modes.ink import dots, label, line
 from app.modes.mode import Mode, Pointer
+from app.state import edit_commands
+from app.views.graph_surface import GraphSurface
 from nvsim.graph.selection import GraphSelection
 
 
@@ -81,7 +81,7 @@ class AddEdgeMode(Mode):
         if there == start:
             self.cancel()
             return
-        hand.add_edge(self.desk.editing, start, there)
+        edit_commands.add_edge(self.desk.editing, start, there)
         self._start = there if go_on else None
         self.desk.refresh()
 

@@ -7,10 +7,10 @@ import numpy as np
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
-from app import hand
-from app.graph_surface import GraphSurface
 from app.modes.ink import dots, label, line
 from app.modes.mode import Mode, Pointer
+from app.state import edit_commands
+from app.views.graph_surface import GraphSurface
 from nvsim.graph.selection import GraphSelection
 
 
@@ -34,13 +34,13 @@ class AddViewpointMode(Mode):
         place = pointer.surface.floor_point(pointer.point)
         if frame is not None:
             x, y, z = (float(v) for v in self.desk.document.trajectory.positions[frame])
-            hand.add_viewpoint(editing, (x, y, z), join=join)
+            edit_commands.add_viewpoint(editing, (x, y, z), join=join)
         elif edge is not None:
-            hand.split_edge(editing, edge, self._share(edge, place))
+            edit_commands.split_edge(editing, edge, self._share(edge, place))
         elif place is None:
             editing.refuse("There is no floor under the cursor.")
         else:
-            hand.add_viewpoint_on_floor(editing, place, join=join)
+            edit_commands.add_viewpoint_on_floor(editing, place, join=join)
         return True
 
     def hover(self, pointer: Pointer) -> bool:
@@ -52,7 +52,7 @@ class AddViewpointMode(Mode):
         elif frame is not None:
             words = "add a viewpoint where this frame was taken"
             place = tuple(
-                self.desk.document.trajectory.positions[frame] - [0.0, 0.0, hand.eye_height(self.desk.editing)]
+                self.desk.document.trajectory.positions[frame] - [0.0, 0.0, edit_commands.eye_height(self.desk.editing)]
             )
         elif edge is not None:
             words = "part this edge by a viewpoint"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QPainter, QPolygonF
 
-from app.graph_surface import GraphSurface
 from app.modes.ink import area
 from app.modes.mode import Mode, Pointer
 from app.modes.picking import choose, choose_what_is_under
+from app.views.graph_surface import GraphSurface
 
 
 class BoxMode(Mode):

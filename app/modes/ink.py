@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
 
-from app import colors
-from app.graph_surface import GraphSurface
-from app.picking import NEAR
-from app.primitives import chip
+from app.look import colors
+from app.painting.picking import NEAR
+from app.painting.primitives import chip
+from app.views.graph_surface import GraphSurface
 
 GHOST = colors.SELECTED
 _LABEL = QColor(16, 20, 26, 225)

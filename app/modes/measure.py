@@ -6,9 +6,9 @@ import numpy as np
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QKeyEvent, QPainter
 
-from app.graph_surface import GraphSurface
 from app.modes.ink import dots, label, line
 from app.modes.mode import Mode, Pointer
+from app.views.graph_surface import GraphSurface
 
 _INK = "#ff9da7"
 

@@ -12,9 +12,9 @@ from typing import ClassVar
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QKeyEvent, QPainter
 
-from app.document import Document
-from app.editing import Editing
-from app.graph_surface import GraphSurface
+from app.state.document import Document
+from app.state.editing import Editing
+from app.views.graph_surface import GraphSurface
 
 _M = Qt.KeyboardModifier
 

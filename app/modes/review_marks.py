@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
 
-from app import colors
-from app.document import Document
-from app.graph_arrays import GraphArrays
-from app.graph_surface import GraphSurface
-from app.picking import NEAR
-from app.primitives import Primitives
+from app.look import colors
+from app.painting.picking import NEAR
+from app.painting.primitives import Primitives
+from app.state.document import Document
+from app.state.graph_arrays import GraphArrays
+from app.views.graph_surface import GraphSurface
 from nvsim.graph.difference import Difference
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 

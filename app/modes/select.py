@@ -10,12 +10,12 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeyEvent, QPainter
 
-from app import hand
-from app.graph_surface import GraphSurface
 from app.modes.areas import BoxMode
 from app.modes.ink import dots, label, line
 from app.modes.mode import Desk, Mode, Pointer
 from app.modes.picking import choose_what_is_under
+from app.state import edit_commands
+from app.views.graph_surface import GraphSurface
 
 NUDGE = 0.05  # metres
 SERIES = 1.0  # seconds: arrow keys that follow each other faster are one step
@@ -75,7 +75,7 @@ class SelectMode(Mode):
         offset, moved = self._offset_to(now), self._moving
         self.cancel()
         if offset.any():
-            hand.move(self.desk.editing, moved, (float(offset[0]), float(offset[1]), float(offset[2])))
+            edit_commands.move(self.desk.editing, moved, (float(offset[0]), float(offset[1]), float(offset[2])))
 
     def _offset_to(self, now: Pointer) -> np.ndarray:
         """Metres from where the dragged viewpoint's foot is to the floor under the cursor."""
@@ -114,7 +114,9 @@ class SelectMode(Mode):
             self._nudge = next(self._nudges)
         self._nudged = chosen, now
         step = NUDGE * (10 if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1)
-        hand.move(self.desk.editing, sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}")
+        edit_commands.move(
+            self.desk.editing, sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}"
+        )
         return True
 
     # Drawing -----------------------------------------------------------------------------------------------------

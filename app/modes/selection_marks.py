@@ -6,11 +6,11 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from app import colors
-from app.document import Document
-from app.graph_surface import GraphSurface
-from app.picking import NEAR
-from app.primitives import Primitives, disc
+from app.look import colors
+from app.painting.picking import NEAR
+from app.painting.primitives import Primitives, disc
+from app.state.document import Document
+from app.views.graph_surface import GraphSurface
 
 _SMOOTH = 2000  # lines beyond which their smooth edges cost more than they give
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from app.actions import ActionTable
-from app.document import Document
 from app.palette.fuzzy import fit
 from app.plain_text import plain
+from app.state.document import Document
 
 MOST_PLACES = 6
 _LETTERS = 3  # typed, until viewpoints and frames are looked through

@@ -15,8 +15,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.cameras import ViewPose, heading_degrees
-from app.panels.hint import Hint
+from app.look.hint import Hint
+from app.painting.cameras import ViewPose, heading_degrees
 from app.plain_text import Label, tip
 
 

@@ -13,8 +13,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
 from app.jobs.check import CheckResult
+from app.look import colors
 from app.plain_text import lines, plain, tip
 
 _COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}

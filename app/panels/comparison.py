@@ -17,11 +17,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
-from app.comparing import Compared
 from app.layers.labels import short_ids
+from app.look import colors
 from app.panels.submaps import table
 from app.plain_text import SENTENCE, Label, plain, tip
+from app.state.comparing import Compared
 from nvsim.graph.compare import Deviation
 from nvsim.graph.selection import GraphSelection
 

@@ -8,13 +8,13 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
-from app import colors
-from app.document import Document
-from app.evidence_words import Finding, findings
-from app.graph_details import marks_of, of_edge, of_several
+from app.look import colors
 from app.model_words import model_words
-from app.overlays import short_id
 from app.plain_text import Label, MarkedLabel, marked, plain, tip
+from app.state.document import Document
+from app.state.evidence_words import Finding, findings
+from app.state.graph_details import marks_of, of_edge, of_several
+from app.views.overlays import short_id
 
 
 class DirectionRose(QWidget):

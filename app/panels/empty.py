@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QFont, QFontDatabase, QGuiApplication
 from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
-from app.icons import icon
+from app.look.icons import icon
 from app.panels.stage_bar import TITLES
 from app.plain_text import SENTENCE, Label, caption, plain, tip
 

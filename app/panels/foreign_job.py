@@ -6,9 +6,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontDatabase
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPlainTextEdit, QPushButton, QVBoxLayout, QWidget
 
-from app import colors
 from app.forms.arguments import command_line
 from app.jobs.queue import JobQueue
+from app.look import colors
 from nvsim.errors import InputError
 from nvsim.project.joblist import Job
 

@@ -15,16 +15,16 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
-from app.document import Document
 from app.frames.delegate import FrameDelegate
 from app.frames.link import FrameLink
 from app.frames.model import COVERAGES, FrameFilter, FrameModel
 from app.frames.state import FrameState
 from app.frames.thumbnails import Thumbnails
-from app.icons import swatch
-from app.panels.hint import Hint
+from app.look import colors
+from app.look.hint import Hint
+from app.look.icons import swatch
 from app.plain_text import Label, tip
+from app.state.document import Document
 
 
 class _List(QListView):

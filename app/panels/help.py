@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.help_pages import DOCS, Section, find, pages
+from app.look.help_pages import DOCS, Section, find, pages
 
 _SECTION = Qt.ItemDataRole.UserRole
 

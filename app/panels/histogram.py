@@ -11,10 +11,10 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
-from app import colors
-from app.document import Document
-from app.panels.afterwards import Afterwards
+from app.look import colors
+from app.panels.deferred_refresh import Afterwards
 from app.plain_text import Label
+from app.state.document import Document
 from nvsim.graph.edits import EditError
 from nvsim.graph.quantities import Kind, Known, quantity
 from nvsim.graph.selection import GraphSelection

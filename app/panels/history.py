@@ -9,9 +9,9 @@ from PySide6.QtCore import QAbstractListModel, QModelIndex, QPersistentModelInde
 from PySide6.QtGui import QColor, QFont
 from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
-from app import colors
-from app.document import Document
+from app.look import colors
 from app.plain_text import plain, tip
+from app.state.document import Document
 from nvsim.graph.history import Step
 
 _Index = QModelIndex | QPersistentModelIndex

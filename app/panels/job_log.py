@@ -6,9 +6,9 @@ import time
 
 from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
-from app import colors
 from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle
+from app.look import colors
 from app.plain_text import lines, marked
 from nvsim.nofollow import read_end
 

@@ -8,8 +8,8 @@ from PySide6.QtCore import QEvent, QTimer
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
-from app import colors
 from app.jobs.queue import JobHandle
+from app.look import colors
 from app.plain_text import Label, marked
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms

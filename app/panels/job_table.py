@@ -10,10 +10,10 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QPainter
 from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
-from app import colors
-from app.document import Document
 from app.jobs.queue import JobHandle, JobQueue
+from app.look import colors
 from app.plain_text import plain, tip
+from app.state.document import Document
 from nvsim.project.jobs import JobRecord
 
 _Index = QModelIndex | QPersistentModelIndex

@@ -6,9 +6,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QVBoxLayout, QWidget
 
-from app.document import Document
-from app.overlays import Overlays
 from app.plain_text import caption, tip
+from app.state.document import Document
+from app.views.overlays import Overlays
 
 
 class LayersPanel(QScrollArea):

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import QWidget
 
-from app.overlays import short_id
 from app.plain_text import plain, tip
-from nvsim.graph.kept_evidence import KeptEvidence
+from app.views.overlays import short_id
+from nvsim.graph.clearness_cache import KeptEvidence
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _Index = QModelIndex | QPersistentModelIndex

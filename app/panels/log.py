@@ -6,8 +6,8 @@ import time
 
 from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
-from app import colors
-from app.notices import Notice, Notices
+from app.look import colors
+from app.look.notices import Notice, Notices
 from app.plain_text import lines, marked
 
 _COLORS = {

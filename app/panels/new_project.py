@@ -20,14 +20,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
 from app.forms.editors import LineEditor
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
+from app.look import colors
 from app.panels.check_result import FindingTree
 from app.plain_text import Label, tip
-from app.project_place import place_for, problem_with
-from nvsim.capture.several import SUFFIX, write_list
+from app.state.project_place import place_for, problem_with
+from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.project.config import CaptureConfig
 
 BETWEEN = "; "  # several captures in one line

@@ -22,9 +22,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
 from app.jobs.results import Result, Table, save_table, value_words, words_of
-from app.notices import Notices
+from app.look import colors
+from app.look.notices import Notices
 from app.panels.submaps import table as quiet_table
 from app.plain_text import CAPTION, Label, marked, plain, tip
 from nvsim.errors import InputError

@@ -7,12 +7,12 @@ from typing import Any
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxLayout, QWidget
 
-from app import colors
-from app.document import Document
-from app.icons import swatch
+from app.look import colors
+from app.look.hint import Hint
+from app.look.icons import swatch
 from app.model_words import model_words
-from app.panels.hint import Hint
 from app.plain_text import tip
+from app.state.document import Document
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()

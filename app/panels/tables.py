@@ -19,12 +19,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
-from app.document import Document
-from app.panels.afterwards import Afterwards
+from app.look import colors
+from app.panels.deferred_refresh import Afterwards
 from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
 from app.panels.submaps import table
 from app.plain_text import Label
+from app.state.document import Document
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression

@@ -22,11 +22,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
-from app.document import Document
-from app.panels.afterwards import Afterwards
+from app.look import colors
+from app.panels.deferred_refresh import Afterwards
 from app.panels.submaps import table
 from app.plain_text import SENTENCE, Label, caption, plain, tip
+from app.state.document import Document
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.selection import GraphSelection
 

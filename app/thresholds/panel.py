@@ -14,15 +14,15 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
-from app.document import Document
 from app.forms.fields import field_docs
+from app.look import colors
 from app.plain_text import Label, MarkedLabel, tip
+from app.state.document import Document
 from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import THRESHOLDS, changed, preset
 from app.thresholds.trial import Trial
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.redecide import Redecision
+from nvsim.mapping.rethreshold import Redecision
 
 _RULES = {"worst": "Mean, worst row and cell", "mean": "Mean alone (the paper's)"}
 

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from app import colors
-from app.document import Document
 from app.layers.layer import Layer
-from app.picking import projected_segments
-from app.primitives import Primitives
+from app.look import colors
+from app.painting.picking import projected_segments
+from app.painting.primitives import Primitives
+from app.state.document import Document
 from app.thresholds.trial import Trial
 from nvsim.geometry.camera import Camera
 

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app import colors
+from app.look import colors
 from app.plain_text import Label, tip
 from app.thresholds.table import Threshold
 

@@ -7,10 +7,10 @@ import time
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from app.document import Document
+from app.state.document import Document
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.redecide import Redecider, Redecision
+from nvsim.mapping.rethreshold import Redecider, Redecision
 
 
 class Trial(QObject):

@@ -9,9 +9,9 @@ from nvsim.capture.colmap import find_model, model_extension, read_colmap
 from nvsim.capture.far_frames import without
 from nvsim.capture.findings import Findings
 from nvsim.capture.kapture import find_kapture, read_kapture
+from nvsim.capture.multi_capture import SUFFIX, read_several
 from nvsim.capture.nerfstudio import read_nerfstudio
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
-from nvsim.capture.several import SUFFIX, read_several
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.reading import reading

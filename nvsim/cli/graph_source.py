@@ -54,7 +54,7 @@ def sources(path: Path, limits: Limits | None = None, occupancy: Path | None = N
 
         map = read_map(occupancy)
     if is_project(path):
-        from nvsim.mapping.against import margin
+        from nvsim.mapping.edge_doubts import margin
         from nvsim.project.graph_context import context_of
         from nvsim.project.project import Project
         from nvsim.project.stages.mapped import scan_name

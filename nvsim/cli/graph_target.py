@@ -46,7 +46,7 @@ class GraphTarget:
         built with for `evidence`."""
         margin = None
         if self.is_project:
-            from nvsim.mapping.against import margin as of_thresholds
+            from nvsim.mapping.edge_doubts import margin as of_thresholds
             from nvsim.project.project import Project
             from nvsim.project.thresholds import thresholds_of
 

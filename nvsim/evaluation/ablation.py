@@ -16,10 +16,10 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.evaluation.ablation_rows import ABLATION, COMPARISON, TABLES, Budget, Row, ablation_rows, preset_rows
 from nvsim.evaluation.ablation_run import Run, finished, forget, run_of, views_of
-from nvsim.evaluation.bench import Bench, Scored, totals
 from nvsim.evaluation.comparison import Shown, Tile
 from nvsim.evaluation.novel import NovelView, has_novel_views
 from nvsim.evaluation.scores import Distance
+from nvsim.evaluation.submap_scores import Bench, Scored, totals
 from nvsim.evaluation.table import SPREAD
 from nvsim.evaluation.truth import truth_of
 from nvsim.evaluation.views import held_out_frames, novel_views

@@ -11,7 +11,7 @@ from typing import TypeVar, cast
 
 from nvsim.graph.edits.change import copied
 from nvsim.graph.store import encode_evidence
-from nvsim.graph.trace import Touched, remember, touched_between
+from nvsim.graph.touched import Touched, remember, touched_between
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 Runs = tuple[tuple[int, int], ...]

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from nvsim.graph.trace import touched_between
+from nvsim.graph.touched import touched_between
 from nvsim.graph.types import NavGraph
 
 K = TypeVar("K", bound=Hashable)

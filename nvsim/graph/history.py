@@ -9,9 +9,9 @@ from typing import Any, Protocol
 
 from nvsim.graph.delta import Delta
 from nvsim.graph.edits.change import EditError
-from nvsim.graph.retained import Retained
+from nvsim.graph.graph_cache import Retained
 from nvsim.graph.selection import NOTHING, GraphSelection, present
-from nvsim.graph.trace import shorten
+from nvsim.graph.touched import shorten
 from nvsim.graph.types import EdgeKey, NavGraph
 
 SHOWN = 8

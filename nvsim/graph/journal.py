@@ -17,11 +17,11 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.graph.delta import Delta
+from nvsim.graph.graph_cache import Retained
 from nvsim.graph.history import History, Step
 from nvsim.graph.journal_check import check_steps
 from nvsim.graph.journal_file import JournalFile, Newer, Written
 from nvsim.graph.journal_rows import encode_delta, encode_selection, fingerprint
-from nvsim.graph.retained import Retained
 from nvsim.graph.selection import NOTHING, present
 from nvsim.graph.types import NavGraph
 from nvsim.locking import Held, WriterLock

@@ -17,9 +17,9 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
 from nvsim.mapping.draft import Draft
+from nvsim.mapping.edit_carryover import keep_edits
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.person import keep_edits
 from nvsim.mapping.search import Search
 from nvsim.mapping.source import ViewSource
 from nvsim.mapping.walk import Walk

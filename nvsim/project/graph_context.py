@@ -16,7 +16,7 @@ def context_of(project: Project, limits: Limits | None = None, occupancy: Occupa
 def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:
     """What is known beside this map, or beside none. Floor heights are asked of the project only where a floor was
     estimated; of panoramas there are none where the submap is not trained."""
-    from nvsim.mapping.against import against
+    from nvsim.mapping.edge_doubts import against
     from nvsim.project.floor_heights import floor_beneath
     from nvsim.project.thresholds import thresholds_of
 

@@ -18,9 +18,9 @@ from nvsim.render.floor_texture import (
     pack_texture,
     texture_colour,
 )
-from nvsim.render.sky import COEFFICIENTS, change_of_basis, row_numbers
+from nvsim.render.packed_camera import pack
+from nvsim.render.sh_polynomials import COEFFICIENTS, change_of_basis, row_numbers
 from nvsim.render.types import Float32
-from nvsim.render.view import pack
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import SubmapModel
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.around import cube
 from nvsim.render.backends import Backend
+from nvsim.render.camera_rig import cube
 from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
 from nvsim.render.model import render_model
 from nvsim.render.regions import model_of

@@ -14,6 +14,7 @@ from numba import njit, prange
 
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK, PLANES, harmonics_of, splats_of
+from nvsim.render.ellipse_extent import tile_box, tile_columns
 from nvsim.render.ewa import to_camera
 from nvsim.render.layout import (
     BLUE,
@@ -32,7 +33,6 @@ from nvsim.render.layout import (
     X,
     Y,
 )
-from nvsim.render.spans import tile_box, tile_columns
 from nvsim.splats import harmonics
 
 _F = np.float32

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import exp2_below
+from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.layout import (
     ALPHA_MAX,
     BLUE,
@@ -30,7 +31,6 @@ from nvsim.render.layout import (
     X,
     Y,
 )
-from nvsim.render.spans import pixel_rows
 
 _F = np.float32
 _PLANES = 8  # transmittance, red, green, blue, depth, normal (3)

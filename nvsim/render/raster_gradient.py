@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import LN2, exp2_below
+from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.layout import (
     ALPHA_MAX,
     BLUE,
@@ -30,7 +31,6 @@ from nvsim.render.layout import (
     Y,
 )
 from nvsim.render.raster import AHEAD, fetch
-from nvsim.render.spans import pixel_rows
 
 _F = np.float32
 _HALF, _ONE, _TWO = _F(0.5), _F(1), _F(2)

@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import depth_key
+from nvsim.render.ellipse_extent import tile_box, tile_columns
 from nvsim.render.layout import DEPTH
-from nvsim.render.spans import tile_box, tile_columns
 
 _SHORT = 24
 """Below this length an insertion sort wins."""

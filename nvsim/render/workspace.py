@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render import layout
+from nvsim.render.packed_camera import limit, pack
 from nvsim.render.projection import project
 from nvsim.render.projection_gradient import project_gradient
 from nvsim.render.raster import draw
 from nvsim.render.raster_gradient import GRADIENT_WIDTH, draw_gradient
 from nvsim.render.tiles import scatter, sort, starts
-from nvsim.render.view import limit, pack
 from nvsim.splats.types import Gaussians
 
 Float32 = NDArray[np.float32]

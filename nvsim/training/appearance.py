@@ -20,7 +20,7 @@ from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
 from nvsim.splats.embedding import Embedding
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
-from nvsim.training.backdrop import pack_camera
+from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig
 from nvsim.training.parameters import Parameters, generator_of
 

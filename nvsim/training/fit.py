@@ -18,18 +18,18 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.render.workspace import LOCK, NO_TINT, Tint, Workspace
 from nvsim.splats.types import Gaussians, SubmapModel
-from nvsim.training.alpha_loss import alpha_loss
-from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
-from nvsim.training.canvas import Canvas
+from nvsim.training.background.floor_rays import meet_floor
+from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
+from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import RateConfig, TrainingConfig
 from nvsim.training.exposure import Exposure
-from nvsim.training.floor_rays import meet_floor
-from nvsim.training.losses import LossValues
+from nvsim.training.loss.alpha import alpha_loss
+from nvsim.training.loss.floor_aware import LossValues
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
 from nvsim.training.stopwatch import Stopwatch
 from nvsim.training.strategies.types import Refinement
-from nvsim.training.texture import LearnedTexture
+from nvsim.training.view_buffers import Canvas
 from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]

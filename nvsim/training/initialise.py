@@ -14,9 +14,9 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
-from nvsim.training.backdrop import pack_camera
+from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import TrainingConfig
-from nvsim.training.guess import guessed_points
+from nvsim.training.depth_guess import guessed_points
 from nvsim.training.seeding import detail_shares, flatten
 from nvsim.training.triangulate import triangulated_cloud
 from nvsim.training.views import TrainingView

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.splats.types import Appearance, Background, Gaussians
 from nvsim.training.appearance import LinearColours, NetworkColours, baked
-from nvsim.training.background import BackgroundNetwork
+from nvsim.training.background.network import BackgroundNetwork
 from nvsim.training.config import TrainingConfig
 from nvsim.training.embedding import IndexEmbedding, PositionEmbedding, embedding_of
 from nvsim.training.optimizer import Group

@@ -18,13 +18,13 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
+from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import TrainingConfig
 from nvsim.training.fit import Fit
-from nvsim.training.floor_paint import first_paint
 from nvsim.training.initialise import initial_gaussians
-from nvsim.training.losses import LossValues
+from nvsim.training.loss.floor_aware import LossValues
 from nvsim.training.preview import write_preview
-from nvsim.training.robust import robust_mask
+from nvsim.training.robust.masks import robust_mask
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.views import TrainingView
 

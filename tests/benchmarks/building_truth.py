@@ -14,12 +14,12 @@ from numba import njit
 from scipy import ndimage
 
 from nvsim.atomic import replacing
-from nvsim.capture.building.config import BuildingConfig
-from nvsim.capture.building.raycast import trace
-from nvsim.capture.building.rendering import render
-from nvsim.capture.building.scan import scan
-from nvsim.capture.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
-from nvsim.capture.building.truth import floor_mask, occupancy, transient_mask
+from nvsim.building.config import BuildingConfig
+from nvsim.building.raycast import trace
+from nvsim.building.rendering import render
+from nvsim.building.scan import scan
+from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
+from nvsim.building.truth import floor_mask, occupancy, transient_mask
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera, look
 from nvsim.occupancy.types import FREE

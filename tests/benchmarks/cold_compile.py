@@ -21,10 +21,10 @@ def seconds() -> dict[str, float]:
     import numpy as np
 
     started = time.perf_counter()
+    from nvsim.benchmarks.random_room import random_room
+    from nvsim.benchmarks.render import inside_view, measure
     from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.render.background import render_background
-    from nvsim.render.benchmark import inside_view, measure
-    from nvsim.render.random_room import random_room
     from nvsim.splats.types import FloorTexture, SubmapModel
 
     imported = time.perf_counter()

@@ -22,7 +22,7 @@ import threading
 import time
 from pathlib import Path
 
-from nvsim.capture.building import BuildingConfig, generate
+from nvsim.building import BuildingConfig, generate
 from nvsim.graph.store import encode_graph, same_graph
 from nvsim.project.project import Project
 

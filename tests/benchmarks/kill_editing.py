@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from nvsim.graph.benchmark import random_graph
+from nvsim.benchmarks.graph import random_graph
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal, sidecar

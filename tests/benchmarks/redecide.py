@@ -16,7 +16,7 @@ import numpy as np
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, headings
-from nvsim.mapping.redecide import Redecider
+from nvsim.mapping.rethreshold import Redecider
 
 
 def field(side: int) -> NavGraph:

@@ -16,12 +16,12 @@ from pathlib import Path
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 
-from app.application import make_application
-from app.document import Document
-from app.loading import Contents
-from app.notices import Notices
-from app.parts.thresholds import ThresholdPart
-from app.window import MainWindow
+from app.look.notices import Notices
+from app.start.application import make_application
+from app.state.document import Document
+from app.state.loading import Contents
+from app.wiring.thresholds import ThresholdPart
+from app.wiring.window import MainWindow
 from tests.benchmarks.redecide import field
 
 

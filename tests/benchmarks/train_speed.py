@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from nvsim.training.benchmark import measure
+from nvsim.benchmarks.train import measure
 
 if __name__ == "__main__":
     print(json.dumps(measure()))

@@ -16,7 +16,7 @@ from PySide6.QtCore import QPoint, QSettings, Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.application import make_application
+from app.benchmarks.responsiveness import Probe
 from app.forms.form import CommandForm
 from app.inspector.panel import InspectorPanel
 from app.panels.frames import FramePanel
@@ -24,11 +24,11 @@ from app.panels.jobs import JobPanel
 from app.panels.new_project import NewProjectDialog
 from app.panels.results import ResultPanel
 from app.panels.stage_bar import StageBar
-from app.parts.frames import FramePart
-from app.parts.inspector import InspectorPart
-from app.responsiveness import Probe
-from app.session import Session
+from app.start.application import make_application
+from app.start.session import Session
 from app.thresholds.panel import ThresholdPanel
+from app.wiring.frames import FramePart
+from app.wiring.inspector import InspectorPart
 
 SECONDS = 150.0
 LEFT = Qt.MouseButton.LeftButton

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.loading import Contents
-from app.painter import Renderer
+from app.drawing.painter import Renderer
+from app.state.loading import Contents
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.lens import Lens

@@ -29,9 +29,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.loading import Contents
 from app.panels.help import HelpWindow
 from app.plain_text import MarkedLabel
+from app.state.loading import Contents
 from nvsim.graph.types import NavGraph, edge
 from nvsim.project.jobs import JobRecord
 

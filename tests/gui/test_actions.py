@@ -11,12 +11,12 @@ from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QDialog
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
-from app.icons import icon
-from app.loading import Contents
-from app.navigation import _KEYS
-from app.parts import ACTIONS
-from app.window import MainWindow
+from app.look.icons import icon
+from app.state.document import Document
+from app.state.loading import Contents
+from app.views.navigation import _KEYS
+from app.wiring import ACTIONS
+from app.wiring.window import MainWindow
 
 
 def test_ids_and_shortcuts_are_unique_and_no_letter_is_one_that_flies() -> None:
@@ -51,12 +51,12 @@ def test_actions_follow_the_document(window: MainWindow, document: Document) -> 
 
 
 def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot: QtBot, monkeypatch) -> None:
-    monkeypatch.setattr("app.parts.files.QFileDialog.getExistingDirectory", lambda *a: "")
-    monkeypatch.setattr("app.parts.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
-    monkeypatch.setattr("app.parts.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
-    monkeypatch.setattr("app.parts.camera_path.QFileDialog.getSaveFileName", lambda *a: ("", ""))
-    monkeypatch.setattr("app.parts.camera_path.QFileDialog.getExistingDirectory", lambda *a: "")
-    monkeypatch.setattr("app.parts.new_project.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.wiring.files.QFileDialog.getExistingDirectory", lambda *a: "")
+    monkeypatch.setattr("app.wiring.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.wiring.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.wiring.camera_path.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("app.wiring.camera_path.QFileDialog.getExistingDirectory", lambda *a: "")
+    monkeypatch.setattr("app.wiring.new_project.QFileDialog.getSaveFileName", lambda *a: ("", ""))
     monkeypatch.setattr(window.jobs, "start", lambda *a: ordered.append(a[0]) or window)
     ordered: list[str] = []
     for entry in ACTIONS:

@@ -11,10 +11,10 @@ from PySide6.QtWidgets import QWidget
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
-from app.panels.afterwards import Afterwards
+from app.panels.deferred_refresh import Afterwards
 from app.panels.history import HistoryModel
 from app.panels.listing import EDGE_COLUMNS, Facts, GraphTable, finished
+from app.state.document import Document
 from nvsim.graph.quantities import quantity
 
 

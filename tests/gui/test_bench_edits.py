@@ -8,17 +8,17 @@ import pytest
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 
-from app import bench_edits
+from app.benchmarks import edits
+from nvsim.benchmarks import graph
 from nvsim.cli.commands import bench_graph
 from nvsim.cli.main import main
-from nvsim.graph import benchmark
 
 
 def test_edits_are_painted_and_the_lists_follow(
     qapp: QApplication, settings: QSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bench_edits, "SETTLE", 0.1)
-    figures = bench_edits.measure(settings, edits=6, viewpoints=120)
+    monkeypatch.setattr(edits, "SETTLE", 0.1)
+    figures = edits.measure(settings, edits=6, viewpoints=120)
     assert set(figures) == {
         "paint_p95_ms", "paint_median_ms", "painted_edit_p95_ms",
         "lists_paint_p95_ms", "lists_turn_p95_ms", "lists_turn_max_ms",
@@ -33,7 +33,7 @@ def test_the_command_asks_a_window_where_there_is_qt(
 ) -> None:
     known = {"edit_p95_ms": 4.0, "open_s": 0.1, "save_s": 0.1, "select_delete_undo_ms": 40.0}
     asked: list[list[str]] = []
-    monkeypatch.setattr(benchmark, "measure", lambda edits, viewpoints: dict(known))
+    monkeypatch.setattr(graph, "measure", lambda edits, viewpoints: dict(known))
     monkeypatch.setattr(bench_graph, "installed", lambda: qt)
     monkeypatch.setattr(bench_graph, "measured_by_window", lambda given: asked.append(given) or {"paint_p95_ms": 20.0})
     assert main(["bench", "graph", "--json", "--edits", "7"]) == 0

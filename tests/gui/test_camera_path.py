@@ -11,10 +11,10 @@ import pytest
 from PySide6.QtGui import QImage
 from pytestqt.qtbot import QtBot
 
-from app.cameras import ViewPose
-from app.document import Document
-from app.parts.camera_path import CameraPathPart
-from app.window import MainWindow
+from app.painting.cameras import ViewPose
+from app.state.document import Document
+from app.wiring.camera_path import CameraPathPart
+from app.wiring.window import MainWindow
 from nvsim.geometry.camera_path import read_camera_path
 
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app import cameras
-from app.cameras import ViewPose
+from app.painting import cameras
+from app.painting.cameras import ViewPose
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
 poses = st.builds(

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app import collecting
-from app.collecting import Collecting
+from app.start import collecting
+from app.start.collecting import Collecting
 
 
 class Knot:

@@ -9,7 +9,7 @@ import demo_room
 import numpy as np
 import pytest
 
-from app.cutaway import CUT, REACH, Cutaway, floor_colors
+from app.drawing.cutaway import CUT, REACH, Cutaway, floor_colors
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project.project import Project
 from nvsim.splats.types import FloorTexture, SubmapModel

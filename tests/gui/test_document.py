@@ -9,9 +9,9 @@ import demo_room
 import numpy as np
 from pytestqt.qtbot import QtBot
 
-from app.document import Document, Selection
-from app.graph_arrays import GraphArrays, TrajectoryArrays
-from app.loading import Contents
+from app.state.document import Document, Selection
+from app.state.graph_arrays import GraphArrays, TrajectoryArrays
+from app.state.loading import Contents
 
 
 def test_only_the_parts_that_changed_are_announced(qtbot: QtBot, document: Document) -> None:

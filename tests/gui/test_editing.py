@@ -11,12 +11,12 @@ import demo_room
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app import hand
-from app.document import Document
-from app.graph_files import ProjectGraph
-from app.loading import Contents
-from app.parts.editing import EditPart
-from app.window import MainWindow
+from app.state import edit_commands
+from app.state.document import Document
+from app.state.graph_files import ProjectGraph
+from app.state.loading import Contents
+from app.wiring.editing import EditPart
+from app.wiring.window import MainWindow
 from nvsim.graph.scripts import script
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.store import decode_graph, encode_graph
@@ -102,7 +102,7 @@ def test_a_second_window_only_looks_and_says_so(opened: Opened, make_window: Cal
     (part,) = (part for part in window.parts if isinstance(part, EditPart))
     assert not part.looking.isHidden() and "another window" in part.looking.toolTip()
     before = second.graph
-    hand.remove_selection(second.editing)
+    edit_commands.remove_selection(second.editing)
     assert second.graph is before
 
 
@@ -189,7 +189,7 @@ def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
     import demo_room
     import numpy as np
 
-    from app.editing import _see_each_other
+    from app.state.editing import _see_each_other
 
     starts = np.array([[1.0, 3.7, 1.5], [1.0, 1.0, 1.5]])
     ends = np.array([[6.0, 3.7, 1.5], [2.0, 1.0, 1.5]])  # through the table; across the open floor
@@ -199,11 +199,11 @@ def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
 def test_a_large_graph_is_looked_at_while_the_person_goes_on(
     document: Document, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import app.checking
+    import app.state.checking
 
     whole = dict(document.editing.findings)
-    monkeypatch.setattr(app.checking, "LARGE", 0)
-    monkeypatch.setattr(app.checking, "SLICE", 0.0)
+    monkeypatch.setattr(app.state.checking, "LARGE", 0)
+    monkeypatch.setattr(app.state.checking, "SLICE", 0.0)
     with qtbot.waitSignal(document.editing.findingsChanged, timeout=5000):
         document.editing.checking.look()
         assert not document.editing.findings  # not before all was looked at

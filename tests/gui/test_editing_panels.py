@@ -12,18 +12,18 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
-from app import hand
-from app.document import Document
 from app.panels.comparison import ComparePanel
 from app.panels.form import Form
 from app.panels.histogram import HistogramPanel
 from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
 from app.panels.validation import ValidationPanel
-from app.window import MainWindow
+from app.state import edit_commands
+from app.state.document import Document
+from app.wiring.window import MainWindow
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.selection import GraphSelection, selection
-from nvsim.mapping.newcomers import Newcomers
+from nvsim.mapping.new_viewpoint_evidence import Newcomers
 
 
 def cut_off(document: Document, row: int = 0) -> str:
@@ -239,7 +239,7 @@ def test_the_graph_is_compared_with_an_earlier_step(window: MainWindow, document
 
 
 def test_measured_evidence_becomes_part_of_the_edit_and_proposes_edges(window: MainWindow, document: Document) -> None:
-    hand.add_viewpoint(document.editing, (2.2, 2.2, 1.5))
+    edit_commands.add_viewpoint(document.editing, (2.2, 2.2, 1.5))
     (new,) = document.editing.selection.viewpoints
     steps = len(document.editing.history.steps)
     near = document.graph_arrays.ids[0]
@@ -259,7 +259,7 @@ def test_measured_evidence_becomes_part_of_the_edit_and_proposes_edges(window: M
 
 
 def test_what_was_measured_elsewhere_is_not_taken(window: MainWindow, document: Document) -> None:
-    hand.add_viewpoint(document.editing, (2.2, 2.2, 1.5))
+    edit_commands.add_viewpoint(document.editing, (2.2, 2.2, 1.5))
     (new,) = document.editing.selection.viewpoints
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
     before = document.graph
@@ -342,7 +342,7 @@ def test_a_panel_behind_another_tab_waits_until_it_comes_to_the_front(
 
 def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow, document: Document) -> None:
     from app.modes.mode import Pointer
-    from app.parts.context import ContextPart
+    from app.wiring.context import ContextPart
 
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
     context = next(p for p in window.parts if isinstance(p, ContextPart))

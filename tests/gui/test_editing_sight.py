@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.document import Document
+from app.state.document import Document
 from nvsim.occupancy.types import FREE
 
 

@@ -9,7 +9,7 @@ import demo_room
 import numpy as np
 import pytest
 
-from app.evidence_words import clear_metres, compass, findings, sentence
+from app.state.evidence_words import clear_metres, compass, findings, sentence
 
 GRAPH = demo_room.graph(demo_room.submaps(demo_room.capture()))
 SOME = next(iter(GRAPH.evidence.values()))

@@ -8,9 +8,9 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
-from app.document import Document
-from app.parts.exporting import ExportPart
-from app.window import MainWindow
+from app.state.document import Document
+from app.wiring.exporting import ExportPart
+from app.wiring.window import MainWindow
 
 
 @pytest.fixture

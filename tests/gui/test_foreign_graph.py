@@ -12,12 +12,12 @@ from PySide6.QtCore import QPointF, QSettings, Qt
 from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
-from app.main import check_project
-from app.parts.foreign import ForeignPart
-from app.parts.inspector import InspectorPart
-from app.parts.new_project import NewProjectPart
-from app.session import Session
-from app.window import MainWindow
+from app.start.main import check_project
+from app.start.session import Session
+from app.wiring.foreign import ForeignPart
+from app.wiring.inspector import InspectorPart
+from app.wiring.new_project import NewProjectPart
+from app.wiring.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.journal import sidecar
@@ -107,7 +107,7 @@ def test_save_as_goes_on_in_a_copy_and_leaves_the_file_as_it_was(
     action = session.window.actions_table["save_as"]
     assert action.isEnabled() and action.shortcut().toString() == "Ctrl+Shift+S"
     count = without_an_edge(session)
-    monkeypatch.setattr("app.parts.foreign.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
+    monkeypatch.setattr("app.wiring.foreign.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
     action.trigger()
     qtbot.waitUntil(lambda: session.document.path == copy and session.document.graph is not None, timeout=10_000)
     assert len(session.document.graph.edges) == count and not session.document.editing.dirty

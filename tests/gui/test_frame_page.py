@@ -18,14 +18,14 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 from test_frame_panel import opened_document
 
-from app.document import Document
 from app.frames import pictures
 from app.frames.browser import FrameBrowser
 from app.frames.canvas import MODES
 from app.frames.link import FrameLink
 from app.frames.panes import Zoom, panes
-from app.parts.frames import FramePart
-from app.window import MainWindow
+from app.state.document import Document
+from app.wiring.frames import FramePart
+from app.wiring.window import MainWindow
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.perception.hybrid import HybridSteps
@@ -424,7 +424,7 @@ def test_a_step_of_the_brush_takes_under_ten_milliseconds_on_a_large_image(opene
     """Painting, tinting and showing one step, as measured; the limit here leaves room for a busy machine."""
     window, browser = opened
     with_tool(opened, "brush")
-    from app.frames.matter import Matter
+    from app.frames.frame_data import Matter
     from nvsim.project.layout import Layout
 
     frame = browser.matter.frame

@@ -18,12 +18,12 @@ from demo_project import write_project
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
 from app.frames.files import thumbnail_path
 from app.frames.link import FrameLink
 from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SUBMAP_ROLE
-from app.loading import Contents
 from app.panels.frames import FramePanel
+from app.state.document import Document
+from app.state.loading import Contents
 from nvsim.capture.store import save_capture
 from nvsim.project.corrections import save_correction
 from nvsim.project.layout import Layout

@@ -8,7 +8,7 @@ from PySide6.QtGui import QColor
 
 from app.frames import pictures
 from app.frames.brush import Box
-from app.tones import ramp
+from app.painting.tones import ramp
 
 RNG = np.random.default_rng(5)
 

@@ -7,11 +7,11 @@ import pytest
 from PySide6.QtCore import QPointF
 from PySide6.QtWidgets import QApplication
 
-from app import cameras
-from app.document import Document
-from app.graph_arrays import GraphArrays
-from app.graph_surface import GraphSurface, MapSurface, SceneSurface
-from app.window import MainWindow
+from app.painting import cameras
+from app.state.document import Document
+from app.state.graph_arrays import GraphArrays
+from app.views.graph_surface import GraphSurface, MapSurface, SceneSurface
+from app.wiring.window import MainWindow
 from nvsim.graph.difference import difference
 from nvsim.graph.edits import add_edge, add_viewpoint, move_viewpoint, remove_edge, remove_viewpoints
 from nvsim.graph.types import NavGraph, Viewpoint

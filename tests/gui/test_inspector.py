@@ -12,13 +12,13 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QApplication, QDockWidget
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
+from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.inspector.directions import directions
 from app.inspector.layers import before_the_eye
 from app.inspector.sphere import angles, met
-from app.panorama_child import PanoramaDrawing, PanoramaRequest
-from app.parts.inspector import InspectorPart
-from app.window import MainWindow
+from app.state.document import Document
+from app.wiring.inspector import InspectorPart
+from app.wiring.window import MainWindow
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.mapping.config import MappingConfig
 

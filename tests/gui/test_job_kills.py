@@ -19,9 +19,9 @@ from demo_project import write_project
 from PySide6.QtCore import QSettings, Qt
 from pytestqt.qtbot import QtBot
 
+from app.drawing.render_link import RESTARTS
 from app.panels.jobs import JobPanel
-from app.render_link import RESTARTS
-from app.session import Session
+from app.start.session import Session
 from nvsim.project.job_events import EventFile
 from nvsim.project.joblist import Job, JobList
 from nvsim.project.worker_lock import is_held
@@ -113,7 +113,7 @@ def test_a_training_outlives_the_window_that_is_killed(project: Path, start_wind
 def test_a_killed_worker_is_offered_again_and_goes_on_from_its_checkpoint(
     project: Path, qtbot: QtBot, settings: QSettings
 ) -> None:
-    from app.parts.jobs import JobsPart
+    from app.wiring.jobs import JobsPart
 
     session = Session(settings)
     qtbot.addWidget(session.window)
@@ -164,7 +164,7 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
 def test_a_paused_training_frees_the_project_and_survives_the_window(
     project: Path, qtbot: QtBot, settings: QSettings
 ) -> None:
-    from app.parts.jobs import JobsPart
+    from app.wiring.jobs import JobsPart
     from nvsim.project.project import Project
 
     session = Session(settings)

@@ -13,14 +13,14 @@ from PySide6.QtCore import QPointF, QRectF
 from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
 
-from app import cameras
-from app.bench_edits import random_edit
-from app.document import Document
-from app.kept_drawing import KeptDrawing
+from app.benchmarks.edits import random_edit
 from app.layers.graph import GraphLayer
-from app.loading import Contents
-from app.map_view import MapView
-from nvsim.graph.benchmark import random_graph
+from app.painting import cameras
+from app.painting.drawing_cache import KeptDrawing
+from app.state.document import Document
+from app.state.loading import Contents
+from app.views.map_view import MapView
+from nvsim.benchmarks.graph import random_graph
 
 SIZE = (500, 400)
 

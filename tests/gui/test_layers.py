@@ -11,16 +11,16 @@ from PySide6.QtCore import QPointF, QSettings, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
 from pytestqt.qtbot import QtBot
 
-from app.cameras import ViewPose, overview
-from app.document import Document
-from app.dots import Dots
 from app.layers.cloud import draw_dots
 from app.layers.frusta import frustum
 from app.layers.layer import Layer
 from app.layers.occupancy import floor_places
-from app.notices import Notices
-from app.overlays import Overlays
-from app.window import MainWindow
+from app.look.notices import Notices
+from app.painting.cameras import ViewPose, overview
+from app.painting.dots import Dots
+from app.state.document import Document
+from app.views.overlays import Overlays
+from app.wiring.window import MainWindow
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 

@@ -14,9 +14,9 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.loading import Contents, ProjectReader
-from app.session import Session
-from app.watcher import FileReader, ProjectWatcher
+from app.start.session import Session
+from app.state.loading import Contents, ProjectReader
+from app.state.watcher import FileReader, ProjectWatcher
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.operations import apply

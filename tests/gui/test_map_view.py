@@ -11,12 +11,12 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app import colors, theme
-from app.cameras import ViewPose
-from app.document import Document
-from app.loading import Contents
-from app.map_view import MapView
-from app.window import MainWindow
+from app.look import colors, theme
+from app.painting.cameras import ViewPose
+from app.state.document import Document
+from app.state.loading import Contents
+from app.views.map_view import MapView
+from app.wiring.window import MainWindow
 from nvsim.occupancy.types import OCCUPIED
 
 

@@ -9,9 +9,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app import cameras
-from app.parts.context import ContextPart
-from app.window import MainWindow
+from app.painting import cameras
+from app.wiring.context import ContextPart
+from app.wiring.window import MainWindow
 
 
 @pytest.fixture(params=["map", "scene"])

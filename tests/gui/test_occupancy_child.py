@@ -8,8 +8,8 @@ import demo_project
 import numpy as np
 import pytest
 
-from app.loading import ProjectReader
-from app.occupancy_child import OccupancyChild
+from app.state.loading import ProjectReader
+from app.state.occupancy_child import OccupancyChild
 from nvsim.errors import InputError
 from nvsim.project.project import Project
 

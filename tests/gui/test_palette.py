@@ -6,12 +6,12 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
 from app.palette.entries import Entry
 from app.palette.fuzzy import fit
-from app.parts import ACTIONS
-from app.parts.palette import PalettePart
-from app.window import MainWindow
+from app.state.document import Document
+from app.wiring import ACTIONS
+from app.wiring.palette import PalettePart
+from app.wiring.window import MainWindow
 
 
 @pytest.fixture

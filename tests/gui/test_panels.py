@@ -11,14 +11,14 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
-from app.loading import Contents
-from app.notices import Notices
+from app.look.notices import Notices
 from app.panels.details import DetailsPanel
 from app.panels.empty import EmptyState
 from app.panels.jobs import JobModel, JobPanel, duration
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapModel, SubmapPanel
+from app.state.document import Document
+from app.state.loading import Contents
 from nvsim.graph.selection import GraphSelection
 
 

@@ -16,18 +16,18 @@ from PySide6.QtGui import QTextDocument
 from PySide6.QtWidgets import QApplication, QLabel, QToolTip, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
 from app.jobs.results import Result, Table
 from app.modes.mode import Pointer
 from app.panels.help import HelpWindow
 from app.panels.results import ResultPanel
 from app.panels.validation import ValidationPanel
-from app.parts.comparing import ComparePart
-from app.parts.context import ContextPart
-from app.parts.frames import FramePart
-from app.parts.new_project import NewProjectPart
 from app.plain_text import Label, MarkedLabel, caption, lines, marked, plain, tip, title
-from app.window import MainWindow
+from app.state.document import Document
+from app.wiring.comparing import ComparePart
+from app.wiring.context import ContextPart
+from app.wiring.frames import FramePart
+from app.wiring.new_project import NewProjectPart
+from app.wiring.window import MainWindow
 from nvsim.events import Failed, Log, Progress
 from nvsim.graph.selection import GraphSelection
 from nvsim.project.joblist import JobList, Standing

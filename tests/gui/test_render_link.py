@@ -11,11 +11,11 @@ import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.cameras import ViewPose
-from app.painter import Renderer
-from app.render_child import Picture, Request
-from app.render_link import RenderLink
-from app.responsiveness import Probe
+from app.benchmarks.responsiveness import Probe
+from app.drawing.painter import Renderer
+from app.drawing.render_child import Picture, Request
+from app.drawing.render_link import RenderLink
+from app.painting.cameras import ViewPose
 from nvsim.errors import InputError
 
 POSE = ViewPose((7.0, 4.5, 1.5), 0.4)

@@ -12,13 +12,13 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
-from app.cameras import ViewPose
-from app.document import Document
-from app.painter import NEUTRAL, Models, Painter, Remark
-from app.render_child import ProjectSource, Request
-from app.render_link import RenderLink
-from app.renderer_choice import AUTOMATIC, CPU, OPENGL, ROUNDS, Choice
-from app.window import MainWindow
+from app.drawing.painter import NEUTRAL, Models, Painter, Remark
+from app.drawing.render_child import ProjectSource, Request
+from app.drawing.render_link import RenderLink
+from app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, ROUNDS, Choice
+from app.painting.cameras import ViewPose
+from app.state.document import Document
+from app.wiring.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface

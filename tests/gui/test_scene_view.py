@@ -12,13 +12,13 @@ from PySide6.QtGui import QColor, QMouseEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app import colors
-from app.cameras import ViewPose, overview, seen_from_frame
-from app.document import Document
-from app.graph_surface import walk_on_floor
-from app.loading import Contents
-from app.scene_view import SceneView
-from app.window import MainWindow
+from app.look import colors
+from app.painting.cameras import ViewPose, overview, seen_from_frame
+from app.state.document import Document
+from app.state.loading import Contents
+from app.views.graph_surface import walk_on_floor
+from app.views.scene_view import SceneView
+from app.wiring.window import MainWindow
 
 
 @pytest.fixture

@@ -16,19 +16,19 @@ from PySide6.QtGui import QGuiApplication, QTextDocument
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.application import left_open
-from app.cameras import ViewPose
-from app.document import Document, Selection
-from app.help_pages import DOCS, find, pages
+from app.look.help_pages import DOCS, find, pages
+from app.painting.cameras import ViewPose
 from app.panels.about import AboutWindow
 from app.panels.help import HelpWindow, open_help
-from app.parts.camera_path import CameraPathPart
-from app.parts.views import ViewsPart
-from app.session import Session
-from app.system_report import facts, version_of
-from app.view_keeping import Left, decode, encode
-from app.view_states import ViewState, ViewStates, changes
-from app.window import MainWindow
+from app.panels.system_report import facts, version_of
+from app.start.application import left_open
+from app.start.session import Session
+from app.state.document import Document, Selection
+from app.state.view_state_store import Left, decode, encode
+from app.state.view_states import ViewState, ViewStates, changes
+from app.wiring.camera_path import CameraPathPart
+from app.wiring.views import ViewsPart
+from app.wiring.window import MainWindow
 
 POSE = ViewPose((3.0, 4.0, 1.6), 1.1, -0.2, 2.0, 1.0)
 

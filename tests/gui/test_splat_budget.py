@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.splat_budget import SplatBudget, covering_most
+from app.drawing.splat_budget import SplatBudget, covering_most
+from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.random_room import random_room
 from nvsim.splats.appearance import LinearAppearance
 from nvsim.splats.embedding import Embedding
 from nvsim.splats.types import SubmapModel

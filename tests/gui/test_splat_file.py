@@ -10,10 +10,10 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
-from app.reasons import with_graph, with_scene, with_splat_file
-from app.session import Session
-from app.splat_file import SplatFile, outline_of
+from app.start.session import Session
+from app.state.document import Document
+from app.state.reasons import with_graph, with_scene, with_splat_file
+from app.state.splat_file import SplatFile, outline_of
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.splats.formats.choice import write_splats
@@ -99,7 +99,7 @@ def test_a_session_opens_a_file_and_turns_it(spz: Path, settings: QSettings, qtb
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
-    from app.main import check_project
+    from app.start.main import check_project
 
     (tmp_path / "a.txt").write_text("hello")
     with pytest.raises(InputError, match=r"a\.txt is no splat file"):
@@ -130,8 +130,8 @@ def unpacked_sog(folder: Path) -> Path:
 
 
 def test_the_meta_json_of_an_unpacked_sog_opens_as_splats_and_not_as_a_graph(tmp_path: Path) -> None:
-    from app.graph_files import holds_graph
-    from app.main import check_project
+    from app.start.main import check_project
+    from app.state.graph_files import holds_graph
     from nvsim.cli.commands.app import _check
 
     path = unpacked_sog(tmp_path / "scene")
@@ -144,7 +144,7 @@ def test_the_meta_json_of_an_unpacked_sog_opens_as_splats_and_not_as_a_graph(tmp
 
 
 def test_what_no_reader_can_open_is_a_sentence_and_not_waited_for(tmp_path: Path) -> None:
-    from app.main import check_project
+    from app.start.main import check_project
     from nvsim.cli.commands.app import _check
 
     (tmp_path / "lod-meta.json").write_text('{"lodLevels": 2}')

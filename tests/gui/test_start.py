@@ -11,7 +11,7 @@ from pathlib import Path
 import demo_project
 import pytest
 
-from app.preflight import obstacle
+from app.start.preflight import obstacle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -69,10 +69,10 @@ def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_
     was imported until then, and what it did by itself."""
     project = demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=0)
     program = (
-        "import sys, subprocess, threading, time; import app.main, app.application\n"
+        "import sys, subprocess, threading, time; import app.start.main, app.start.application\n"
         "from pathlib import Path; from PySide6.QtCore import QSettings, QTimer\n"
-        "qt = app.application.make_application('dark', QSettings('/nonexistent', QSettings.Format.IniFormat))\n"
-        "from app.session import Session\n"
+        "qt = app.start.application.make_application('dark', QSettings('/nonexistent', QSettings.Format.IniFormat))\n"
+        "from app.start.session import Session\n"
         "started = []; begin = subprocess.Popen.__init__\n"
         "subprocess.Popen.__init__ = lambda self, *a, **k: (started.append(a), begin(self, *a, **k))[1]\n"
         "def heavy():\n"
@@ -126,7 +126,7 @@ def test_none_and_true_survive_many_calls_of_qt() -> None:
 def test_the_memory_for_models_is_remembered_until_it_is_given_back(tmp_path: Path) -> None:
     from PySide6.QtCore import QSettings
 
-    from app.application import _memory_budget
+    from app.start.application import _memory_budget
 
     settings = QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat)
     assert _memory_budget(settings, None) is None

@@ -8,10 +8,10 @@ import pytest
 from editing_room import Hand
 from PySide6.QtWidgets import QApplication
 
-from app import cameras
-from app.document import Document
-from app.parts.storeys import StoreyPart
-from app.window import MainWindow
+from app.painting import cameras
+from app.state.document import Document
+from app.wiring.storeys import StoreyPart
+from app.wiring.window import MainWindow
 from nvsim.graph.edits import copy_by
 
 UP = 3.0

@@ -6,10 +6,10 @@ import demo_room
 import numpy as np
 import pytest
 
-from app import colors
-from app.cameras import ViewPose
-from app.painter import _by_kernels
-from app.territory import CELL, Territory
+from app.drawing.painter import _by_kernels
+from app.drawing.territory import CELL, Territory
+from app.look import colors
+from app.painting.cameras import ViewPose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import SubmapModel
 

@@ -9,12 +9,12 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.document import Document
-from app.parts.inspector import InspectorPart
-from app.parts.thresholds import ThresholdPart
+from app.state.document import Document
 from app.thresholds.preview import ends
 from app.thresholds.table import FIXED, THRESHOLDS, changed, preset
-from app.window import MainWindow
+from app.wiring.inspector import InspectorPart
+from app.wiring.thresholds import ThresholdPart
+from app.wiring.window import MainWindow
 from nvsim.mapping.config import MappingConfig
 
 

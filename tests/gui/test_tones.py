@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.tones import CHANNELS, DEPTH_RANGE, picture, ramp
+from app.painting.tones import CHANNELS, DEPTH_RANGE, picture, ramp
 from nvsim.render.types import RenderOutput
 
 

@@ -10,9 +10,9 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.cameras import ViewPose, walked
-from app.document import Document
-from app.window import MainWindow
+from app.painting.cameras import ViewPose, walked
+from app.state.document import Document
+from app.wiring.window import MainWindow
 from nvsim.graph.types import NavGraph
 
 

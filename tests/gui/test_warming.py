@@ -9,14 +9,14 @@ from demo_project import write_project
 from demo_room import RoomSource
 from pytestqt.qtbot import QtBot
 
-from app import warming
-from app.cameras import ViewPose
+from app.drawing import warming
+from app.drawing.painter import Painter
+from app.drawing.picture_feed import COMPILING, LOADING, PictureFeed
+from app.drawing.render_child import ProjectSource
+from app.drawing.render_link import RenderLink
+from app.drawing.warming import Warming
 from app.inspector.panoramas import Panoramas
-from app.painter import Painter
-from app.picture_feed import COMPILING, LOADING, PictureFeed
-from app.render_child import ProjectSource
-from app.render_link import RenderLink
-from app.warming import Warming
+from app.painting.cameras import ViewPose
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_a_source_that_draws_by_itself_has_nothing_to_compile() -> None:
 
 
 def test_whoever_waits_long_hears_why(qtbot: QtBot, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("app.picture_feed.PATIENCE", 10)
+    monkeypatch.setattr("app.drawing.picture_feed.PATIENCE", 10)
     feed = PictureFeed(lambda: (64, 48), lambda: ViewPose((0.0, 0.0, 1.0)))
     feed.show(RoomSource(burn=0.3))
     assert feed.note == LOADING

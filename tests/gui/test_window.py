@@ -13,13 +13,13 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtWidgets import QApplication, QDockWidget, QTabBar, QToolBar
 from pytestqt.qtbot import QtBot
 
-from app import theme
-from app.document import Document
-from app.loading import Contents
-from app.notices import Notices
+from app.drawing.render_child import Trouble
+from app.look import theme
+from app.look.notices import Notices
 from app.panels.stage_bar import StageBar
-from app.render_child import Trouble
-from app.window import MainWindow
+from app.state.document import Document
+from app.state.loading import Contents
+from app.wiring.window import MainWindow
 
 
 def test_an_empty_project_says_what_to_run(make_window: Callable[[Document], MainWindow], qapp) -> None:

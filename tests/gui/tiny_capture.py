@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from nvsim.capture.building import BuildingConfig, generate
+from nvsim.building import BuildingConfig, generate
 from nvsim.project.joblist import JobList
 
 SETTINGS = {

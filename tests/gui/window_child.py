@@ -7,9 +7,9 @@ from pathlib import Path
 
 from PySide6.QtCore import QSettings
 
-from app.application import make_application
-from app.parts.jobs import JobsPart
-from app.session import Session
+from app.start.application import make_application
+from app.start.session import Session
+from app.wiring.jobs import JobsPart
 
 if __name__ == "__main__":
     project, verb = Path(sys.argv[1]), sys.argv[2]

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from nvsim.capture.building import BuildingConfig, generate
+from nvsim.building import BuildingConfig, generate
 from nvsim.evaluation import ablation_rows
 from nvsim.evaluation.ablation import AblationConfig, evaluate_ablation
 from nvsim.evaluation.ablation_rows import ROWS, Budget

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim.capture.building import BuildingConfig, generate
+from nvsim.building import BuildingConfig, generate
 from nvsim.errors import InputError
 from nvsim.events import Event, Log, Progress, silent
 from nvsim.graph.edits import move_viewpoint

@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
-from nvsim.capture.building import BuildingConfig, generate
+from nvsim.building import BuildingConfig, generate
 from nvsim.errors import InputError
 from nvsim.events import Event, Log, Progress, silent
 from nvsim.project import ledger

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from nvsim.capture.building import BuildingConfig, generate
-from nvsim.capture.building.baking import LEVELS
-from nvsim.capture.building.scene import make_scene, textures_of
+from nvsim.building import BuildingConfig, generate
+from nvsim.building.baking import LEVELS
+from nvsim.building.scene import make_scene, textures_of
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.occupancy.ros import read_ros_map

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from nvsim.capture.building.config import BuildingConfig
-from nvsim.capture.building.scene import Scene, make_scene
-from nvsim.capture.building.truth import occupancy
+from nvsim.building.config import BuildingConfig
+from nvsim.building.scene import Scene, make_scene
+from nvsim.building.truth import occupancy
 from nvsim.occupancy.types import FREE, OCCUPIED
 
 SEEDS = (0, 1, 2, 3, 11)

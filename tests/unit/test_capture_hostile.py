@@ -22,9 +22,9 @@ from hypothesis import strategies as st
 from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
 from nvsim.capture.images import decode
+from nvsim.capture.multi_capture import listed, write_list
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.read import read
-from nvsim.capture.several import listed, write_list
 from nvsim.capture.store import load_capture, save_capture
 from nvsim.errors import InputError
 from nvsim.image_size import image_size_of

@@ -9,8 +9,8 @@ import pytest
 from capture_samples import room, walk, write_colmap, write_nerfstudio
 
 from nvsim.capture.check import check
+from nvsim.capture.multi_capture import write_list
 from nvsim.capture.read import read
-from nvsim.capture.several import write_list
 from nvsim.errors import InputError
 
 

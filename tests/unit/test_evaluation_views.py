@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nvsim.capture.building.config import BuildingConfig
-from nvsim.capture.building.novel import BESIDE, TURNED, listing, novel_cameras
-from nvsim.capture.building.scene import make_scene
-from nvsim.capture.building.truth import occupancy
+from nvsim.building.config import BuildingConfig
+from nvsim.building.novel import BESIDE, TURNED, listing, novel_cameras
+from nvsim.building.scene import make_scene
+from nvsim.building.truth import occupancy
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 from nvsim.evaluation.novel import novel_score, read_novel_views

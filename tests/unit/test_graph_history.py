@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
+from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
-from nvsim.graph.benchmark import random_graph
 from nvsim.graph.delta import Delta, delta_between, folded
 from nvsim.graph.difference import Difference, difference
 from nvsim.graph.edits import EditError
+from nvsim.graph.graph_cache import Retained
 from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.journal_rows import decode_delta, encode_delta
 from nvsim.graph.operations import apply, describe, perform
-from nvsim.graph.retained import Retained
 from nvsim.graph.selection import NOTHING, selection
 from nvsim.graph.store import decode_graph, encode_graph, same_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from nvsim.graph import kept_evidence
-from nvsim.graph.benchmark import random_graph
+from nvsim.benchmarks.graph import random_graph
+from nvsim.graph import clearness_cache
+from nvsim.graph.clearness_cache import KeptEvidence
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
-from nvsim.graph.kept_evidence import KeptEvidence
 from nvsim.graph.operations import perform
 from nvsim.graph.quantities import Known, clearness, quantity
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
@@ -74,7 +74,7 @@ def test_only_what_an_edit_touched_is_worked_out_again(monkeypatch: pytest.Monke
         asked.append(key)
         return clearness(graph, key)
 
-    monkeypatch.setattr(kept_evidence, "clearness", counted)
+    monkeypatch.setattr(clearness_cache, "clearness", counted)
     kept.follow(history.graph)
     for _ in kept.fill():
         pass

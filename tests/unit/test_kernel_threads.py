@@ -42,7 +42,7 @@ import numpy as np
 from concurrent.futures import ThreadPoolExecutor
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.render.gaussians import render_gaussians
-from nvsim.render.random_room import random_room
+from nvsim.benchmarks.random_room import random_room
 import numba
 
 camera = Camera(Intrinsics(64, 48, 55.0, 55.0, 32.0, 24.0), look(np.array([0.0, 0.0, 1.5]), 0.0))

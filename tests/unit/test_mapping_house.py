@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from columns import Columns, flat_floor
 
+from nvsim.benchmarks.map_builder import measure
 from nvsim.evaluation.graph import evaluate_graph
-from nvsim.mapping.benchmark import measure
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.read import read_map

@@ -16,7 +16,7 @@ from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import can_stand, decide
 from nvsim.mapping.evidence_stack import WORDS
-from nvsim.mapping.redecide import Redecider
+from nvsim.mapping.rethreshold import Redecider
 from nvsim.occupancy.types import OCCUPIED
 
 SMALL = MappingConfig(view_size=96)

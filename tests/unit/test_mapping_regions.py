@@ -8,9 +8,9 @@ import numpy as np
 from columns import flat_floor
 from numpy.typing import NDArray
 
+from nvsim.benchmarks.map_builder import HALL, hall
 from nvsim.geometry.camera import Camera
 from nvsim.graph.store import same_graph
-from nvsim.mapping.benchmark import HALL, hall
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, look_down, measure

@@ -7,8 +7,8 @@ import pytest
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.around import cube, ring
 from nvsim.render.background import render_background
+from nvsim.render.camera_rig import cube, ring
 from nvsim.render.gaussians import render_gaussians
 from nvsim.render.model import render_model
 from nvsim.splats.harmonics import basis

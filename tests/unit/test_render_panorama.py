@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from nvsim.benchmarks.panorama import furnished_hall, measure
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.mapping.panorama_benchmark import furnished_hall, measure
-from nvsim.render.around import cube, skybox
+from nvsim.render.camera_rig import cube, skybox
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_cube, render_equirectangular
 from nvsim.render.panorama_files import write_panorama

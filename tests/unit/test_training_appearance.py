@@ -16,7 +16,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training import trainer
 from nvsim.training.appearance import LinearColours, NetworkColours, mark_in_view
-from nvsim.training.backdrop import pack_camera
+from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig, TrainingConfig
 from nvsim.training.embedding import IndexEmbedding, PositionEmbedding
 from nvsim.training.initialise import gaussians_at

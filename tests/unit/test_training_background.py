@@ -10,14 +10,14 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.splats.harmonics import basis
-from nvsim.training.backdrop import evaluate, evaluate_gradient, pack_camera
-from nvsim.training.background import BackgroundNetwork
+from nvsim.training.background.floor_paint import first_paint
+from nvsim.training.background.floor_rays import meet_floor
+from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
+from nvsim.training.background.network import BackgroundNetwork
+from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import AppearanceConfig, TrainingConfig
 from nvsim.training.embedding import PositionEmbedding
-from nvsim.training.floor_paint import first_paint
-from nvsim.training.floor_rays import meet_floor
 from nvsim.training.synthetic import synthetic_room
-from nvsim.training.texture import LearnedTexture
 
 CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
 

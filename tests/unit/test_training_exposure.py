@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import TrainingConfig
 from nvsim.training.exposure import HOLD, Exposure
 from nvsim.training.fit import Fit
-from nvsim.training.floor_paint import first_paint
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.synthetic import synthetic_room
 

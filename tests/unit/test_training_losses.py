@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from nvsim.training.config import LossConfig
-from nvsim.training.losses import FloorAwareLoss
-from nvsim.training.ssim import RADIUS, SEGMENT, STRIP, TAPS, planes, ssim_forward, ssim_gradient, tiles
+from nvsim.training.loss.floor_aware import FloorAwareLoss
+from nvsim.training.loss.ssim import RADIUS, SEGMENT, STRIP, TAPS, planes, ssim_forward, ssim_gradient, tiles
 
 HEIGHT, WIDTH = 19, 27
 PIXELS = HEIGHT * WIDTH

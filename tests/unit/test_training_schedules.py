@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from nvsim.training.alpha_loss import alpha_loss
 from nvsim.training.config import TrainingConfig, preset
+from nvsim.training.loss.alpha import alpha_loss
 from nvsim.training.trainer import coarseness, sh_degree_at
 
 

@@ -10,13 +10,13 @@ import numba
 import numpy as np
 import pytest
 
+from nvsim.benchmarks.train import measure
 from nvsim.errors import InputError
 from nvsim.events import Event, Metric, Preview, Progress, Warning
 from nvsim.render.background import render_background
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
-from nvsim.training.benchmark import measure
 from nvsim.training.config import PRESETS, TrainingConfig, preset
 from nvsim.training.fit import PARTS
 from nvsim.training.preview import preview as preview_of

@@ -59,7 +59,7 @@ def run(arguments: Arguments) -> int:
 
 
 def _project(folder: Path, arguments: Arguments) -> Path:
-    from nvsim.evaluation.window_project import Size, write_project
+    from nvsim.benchmarks.window_project import Size, write_project
 
     if min(arguments.submaps, arguments.gaussians, arguments.viewpoints) < 1:
         raise InputError("A project to measure on has at least one submap, one Gaussian and one viewpoint.")
@@ -119,7 +119,7 @@ def _training(folder: Path) -> Iterator[None]:
 
 def _prepare(folder: Path) -> None:
     """The small built-in building up to its floor masks."""
-    from nvsim.capture.building import BuildingConfig, generate
+    from nvsim.building import BuildingConfig, generate
     from nvsim.project.config import CaptureConfig, RunConfig
     from nvsim.project.project import Project
     from nvsim.project.stages import floors, imported, submaps

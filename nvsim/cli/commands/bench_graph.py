@@ -22,7 +22,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.graph.benchmark import measure
+    from nvsim.benchmarks.graph import measure
 
     figures = measure(arguments.edits, arguments.viewpoints)
     if arguments.window and installed():

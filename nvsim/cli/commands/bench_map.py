@@ -14,7 +14,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.mapping.benchmark import measure
+    from nvsim.benchmarks.map_builder import measure
 
     show.figures(measure(), arguments.json, "map building")
     return 0

@@ -33,8 +33,8 @@ def run(arguments: Arguments) -> int:
 
     import numpy as np
 
+    from nvsim.benchmarks.panorama import furnished_hall
     from nvsim.geometry.camera import Camera, Intrinsics, look
-    from nvsim.mapping.panorama_benchmark import furnished_hall
     from nvsim.project.project import Project
     from nvsim.render.opengl.benchmark import furnished, measure
     from nvsim.splats.formats.choice import read_splats

@@ -30,7 +30,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     import numpy as np
 
-    from nvsim.mapping.panorama_benchmark import furnished_hall, measure
+    from nvsim.benchmarks.panorama import furnished_hall, measure
     from nvsim.project.floor_heights import floor_of
     from nvsim.project.project import Project
 

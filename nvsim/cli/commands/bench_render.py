@@ -27,8 +27,8 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.render.benchmark import inside_view, measure
-    from nvsim.render.random_room import random_room
+    from nvsim.benchmarks.random_room import random_room
+    from nvsim.benchmarks.render import inside_view, measure
     from nvsim.splats.formats.choice import read_splats
 
     a = arguments

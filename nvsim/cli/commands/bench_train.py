@@ -21,7 +21,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.training.benchmark import measure
+    from nvsim.benchmarks.train import measure
 
     try:
         width, height = (int(part) for part in arguments.size.lower().split("x"))

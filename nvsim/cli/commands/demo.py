@@ -38,7 +38,7 @@ def defaults(argv: list[str]) -> Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.capture.building import BuildingConfig, generate
+    from nvsim.building import BuildingConfig, generate
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.occupancy.read import read_map
 

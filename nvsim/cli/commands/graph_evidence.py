@@ -57,7 +57,7 @@ def run(arguments: Arguments) -> int:
 
 def _measured(arguments: Arguments, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
     from nvsim.events import Done
-    from nvsim.mapping.newcomers import STAGE, with_newcomers
+    from nvsim.mapping.new_viewpoint_evidence import STAGE, with_newcomers
     from nvsim.project.stages.measured import measure, unmeasured
 
     ids = arguments.viewpoints or tuple(unmeasured(graph))

@@ -42,7 +42,7 @@ class Arguments(ProjectArguments):
 def run(arguments: Arguments) -> int:
     import numpy as np
 
-    from nvsim.render.around import skybox
+    from nvsim.render.camera_rig import skybox
     from nvsim.render.panorama import render_cube, render_equirectangular
     from nvsim.render.panorama_files import write_panorama
     from nvsim.render.types import RenderOutput

@@ -12,7 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-from nvsim.graph.trace import Touched, remember
+from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K")

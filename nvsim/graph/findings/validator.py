@@ -14,7 +14,7 @@ from nvsim.graph.findings.groups import Groups
 from nvsim.graph.findings.pairs import Neighbourhood, about_pair
 from nvsim.graph.findings.types import Finding
 from nvsim.graph.findings.viewpoints import about_viewpoint
-from nvsim.graph.trace import touched_between
+from nvsim.graph.touched import touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _GRAPH, _GROUPS = "graph", "groups"

@@ -13,8 +13,8 @@ from pathlib import Path
 from nvsim.atomic import write_bytes
 from nvsim.capture.far_frames import names_in
 from nvsim.capture.findings import Findings
+from nvsim.capture.multi_capture import SUFFIX, labels, listed, write_list
 from nvsim.capture.read import read_raw
-from nvsim.capture.several import SUFFIX, labels, listed, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener

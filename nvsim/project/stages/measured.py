@@ -8,7 +8,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.newcomers import Newcomers, measure_newcomers
+from nvsim.mapping.new_viewpoint_evidence import Newcomers, measure_newcomers
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews

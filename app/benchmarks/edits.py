@@ -1,0 +1,156 @@
+"""What a single edit of a large graph takes in the window until map and 3D view have painted it, everything in view:
+operation, history, difference, findings, both paintings and whatever else the window paints with them; and how long the
+event loop is away afterwards, when the panels catch up."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import QEvent, QObject, QSettings, Qt
+from PySide6.QtWidgets import QApplication, QDockWidget, QWidget
+
+from app.look.notices import Notices
+from app.state.document import Document
+from app.state.loading import Contents
+from app.views.map_view import MapView
+from app.wiring.window import MainWindow
+from nvsim.benchmarks.graph import random_graph, random_map
+
+SIZE = (1600, 1000)  # of the window
+LISTS = ("tables", "histogram", "validation", "history")
+CATCH_UP = 0.3  # seconds after an edit in which panels are renewed
+SETTLE = 1.5  # seconds in which everything is painted and the first findings are there
+PATIENCE = 60.0  # seconds
+
+
+def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, seed: int = 0) -> dict[str, float]:
+    """paint_p95_ms, paint_median_ms: an edit until both views have painted it; painted_edit_p95_ms: the part of it
+    before painting; lists_paint_p95_ms: the same with tables, histogram, findings and history in view;
+    lists_turn_p95_ms, lists_turn_max_ms: of each edit then, the longest turn of the event loop while they catch up."""
+    document = Document()
+    window = MainWindow(document, settings, Notices())
+    window.resize(*SIZE)
+    window.show()
+    graph = random_graph(viewpoints, directions=8, seed=seed)
+    document.set_contents(Contents(Path("field.nvsim"), graph=graph, occupancy=random_map(graph, seed)))
+    plan = window.panels["map"]
+    assert isinstance(plan, MapView)
+    views = Watch([window.scene, plan.canvas])
+    turns(lambda: bool(document.editing.findings), SETTLE)
+    for layer in window.scene.overlays.layers:
+        window.scene.overlays.set_shown(layer.name, True)
+    window.scene.look_over()
+    plan.frame_everything()
+    turns(lambda: True, SETTLE)
+    rng = random.Random(seed)
+    alone = [_single(document, views, rng, 0.02) for _ in range(edits)]
+    show_lists(window)
+    turns(lambda: True, SETTLE)
+    beside = [_single(document, views, rng, CATCH_UP) for _ in range(edits // 2)]
+    document.editing.close()
+    window.close()
+    return {
+        "paint_p95_ms": _p95([t.painted for t in alone]),
+        "paint_median_ms": round(float(np.median([t.painted for t in alone])), 1),
+        "painted_edit_p95_ms": _p95([t.edited for t in alone]),
+        "lists_paint_p95_ms": _p95([t.painted for t in beside]),
+        "lists_turn_p95_ms": _p95([t.turn for t in beside]),
+        "lists_turn_max_ms": round(max(t.turn for t in beside), 1),
+    }
+
+
+def turns(done: Callable[[], bool], least: float = 0.0) -> float:
+    """Runs the event loop until `done`, `least` seconds at least; the longest turn in milliseconds."""
+    longest, begin = 0.0, time.perf_counter()
+    while (now := time.perf_counter()) - begin < least or not done():
+        if now - begin > least + PATIENCE:
+            raise TimeoutError("what was waited for did not come")
+        QApplication.processEvents()
+        longest = max(longest, time.perf_counter() - now)
+        time.sleep(0.001)
+    return 1e3 * longest
+
+
+class Watch(QObject):
+    """Which of some widgets were painted since `forget`."""
+
+    def __init__(self, widgets: Sequence[QWidget]) -> None:
+        super().__init__()
+        self._count, self._painted = len(widgets), set[int]()
+        for widget in widgets:
+            widget.installEventFilter(self)
+
+    def forget(self) -> None:
+        self._painted.clear()
+
+    @property
+    def all(self) -> bool:
+        return len(self._painted) == self._count
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Paint:
+            self._painted.add(id(watched))
+        return False
+
+
+class _Times:
+    """Milliseconds from the beginning of one edit."""
+
+    edited = painted = turn = 0.0
+
+
+def _single(document: Document, views: Watch, rng: random.Random, after: float) -> _Times:
+    """An edit that does something."""
+    times, editing, limit = _Times(), document.editing, time.perf_counter() + PATIENCE
+    while time.perf_counter() < limit:
+        name, arguments = random_edit(document, rng)
+        views.forget()
+        begin = time.perf_counter()
+        if not editing.run(name, arguments):
+            continue
+        times.edited = 1e3 * (time.perf_counter() - begin)
+        while not views.all:
+            QApplication.processEvents()
+            if time.perf_counter() > limit:
+                raise TimeoutError("an edit was not painted")
+        times.painted = 1e3 * (time.perf_counter() - begin)
+        times.turn = turns(lambda: True, after)
+        return times
+    raise TimeoutError("no edit was possible")
+
+
+def random_edit(document: Document, rng: random.Random) -> tuple[str, dict[str, Any]]:
+    """Name and arguments of an operation on one viewpoint or edge."""
+    graph = document.graph
+    assert graph is not None
+    id = rng.choice(list(graph.viewpoints))
+    near = rng.choice(graph.neighbours(id) or (id,))
+    x, y, z = graph.viewpoints[id].position
+    kinds: list[tuple[str, dict[str, Any]]] = [
+        ("shift_viewpoints", {"ids": [id], "by": [0.2, 0.1, 0.0]}),
+        ("remove_viewpoints", {"ids": [id]}),
+        ("remove_edges", {"pairs": [[id, near]]}),
+        ("include", {"ids": [id], "included": False}),
+        ("add_viewpoint", {"position": [x + 0.7, y + 0.7, z]}),
+        ("split_edge", {"edge": [id, near]}),
+        ("merge_viewpoints", {"ids": [id, near], "middle": True}),
+    ]
+    return rng.choice(kinds)
+
+
+def show_lists(window: MainWindow) -> None:
+    """Puts every list that follows the graph into view, side by side."""
+    for name in LISTS:
+        window.show_dock(name)
+    behind = window.findChild(QDockWidget, "dock_histogram")
+    assert behind is not None
+    window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, behind, Qt.Orientation.Horizontal)
+
+
+def _p95(values: list[float]) -> float:
+    return round(float(np.percentile(values, 95)), 1)

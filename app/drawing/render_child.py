@@ -1,0 +1,210 @@
+"""The process that draws: asked for views through a pipe, answers with pictures ready to be painted. Knows no Qt.
+
+A process of its own, because importing and compiling the kernels holds Python's global lock for up to 150 ms at a
+time, and because a window must survive whatever happens in a kernel.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+import traceback
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.drawing.painter import Models, Painter, Remark, Renderer
+from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
+from app.drawing.renderer_choice import AUTOMATIC, CPU
+from app.drawing.territory import Territory
+from app.drawing.warming import Warming
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Camera
+from nvsim.project.layout import Layout
+from nvsim.splats.types import SubmapModel
+
+LOOK_AGAIN = 1.0  # seconds between two looks for a new state of a model in training
+WHOLE = -1  # in place of a submap's index: the whole building without its ceilings
+
+
+class RenderSource(Protocol):
+    """Something picklable that can be opened in another process."""
+
+    def open(self) -> Models | Renderer:
+        """Raises InputError when there is nothing to draw."""
+        ...
+
+
+@dataclass(frozen=True)
+class ProjectSource:
+    """The trained models of a project, with `memory_budget` bytes for those in memory, as SceneModel takes it."""
+
+    path: Path
+    memory_budget: int | None = None
+
+    def open(self) -> Models:
+        models = ProjectModels(self)
+        return Models(models.at, models.territory)
+
+
+class ProjectModels:
+    """The models of a project. Those in training are read again when they have been saved again. `territory` says which
+    submap is nearest to a place."""
+
+    def __init__(self, source: ProjectSource) -> None:
+        """Raises InputError when there is none."""
+        self._source = source
+        self._looked = time.monotonic()
+        self._stamp = self._live_stamp()
+        self._load()
+
+    def at(self, camera: Camera) -> tuple[int, SubmapModel]:
+        """The submap that answers for the camera, and its model."""
+        if self._stamp and time.monotonic() - self._looked > LOOK_AGAIN:
+            self._looked = time.monotonic()
+            stamp = self._live_stamp()
+            if stamp and stamp != self._stamp:
+                self._stamp = stamp
+                self._load()
+        if self._cutaway.is_outside(camera.position):
+            return WHOLE, self._cutaway.model
+        return self._scene.model_at(camera.position)
+
+    def _live_stamp(self) -> tuple[tuple[str, int], ...]:
+        found = sorted(Layout(self._source.path).checkpoints.glob("live_*/model.json"))
+        with contextlib.suppress(OSError):  # replaced at this moment; there is a next time
+            return tuple((str(p), p.stat().st_mtime_ns) for p in found)
+        return ()
+
+    def _load(self) -> None:
+        from app.drawing.cutaway import Cutaway
+        from nvsim.project.project import Project
+
+        with Project.open(self._source.path) as project:
+            scene = project.scene(self._source.memory_budget, live=True)
+            submaps, support = project.submaps("train"), project.support()
+        if scene is None:
+            raise InputError(f"{self._source.path} has no trained model.")
+        self._scene = scene
+        self._cutaway = Cutaway(scene, submaps, None if support is None else support.at)
+        self.territory = Territory(submaps)
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """number rises; channel is one of tones.CHANNELS; moving says that the eye has not come to rest; renderer is one of
+    renderer_choice.PREFERENCES; view names who asks, so that a newer wish replaces only its own;
+    budget is the most Gaussians that are drawn, 0 for all."""
+
+    number: int
+    camera: Camera
+    channel: str
+    moving: bool
+    renderer: str = AUTOMATIC
+    view: str = "scene"
+    budget: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """pixels (H, W, 4) uint8 in the order blue, green, red, 255, as QImage's Format_RGB32 has it in memory;
+    milliseconds it took to draw, and who drew it: renderer_choice.CPU or OPENGL."""
+
+    request: Request
+    pixels: NDArray[np.uint8]
+    submap: int
+    milliseconds: float
+    renderer: str = CPU
+
+
+@dataclass(frozen=True)
+class Opened:
+    """The source is loaded and the kernels are compiled; seconds it took."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """A sentence for the person, and the trace for the log."""
+
+    message: str
+    trace: str = ""
+    fatal: bool = False
+
+
+def serve(connection: Connection, source: RenderSource) -> None:
+    """Opens the source, then answers requests until the other end closes the pipe."""
+    if hasattr(os, "nice"):
+        os.nice(5)  # the window comes first
+    begin = time.perf_counter()
+    try:
+        painter = Painter(source.open())
+        warming = Warming(painter)
+        warming.begin()
+    except InputError as error:
+        connection.send(Trouble(str(error), fatal=True))
+        return
+    except Exception as error:
+        connection.send(Trouble(f"The reconstruction cannot be drawn: {error}", traceback.format_exc(), fatal=True))
+        return
+    try:
+        connection.send(Opened(time.perf_counter() - begin))
+        panoramas = PanoramaDrawing(painter.look)
+        while True:
+            _use_the_pause(painter, panoramas, warming, connection)
+            request: Request | PanoramaRequest = connection.recv()
+            if isinstance(request, PanoramaRequest):
+                panoramas.begin(request)
+                continue
+            connection.send(_answer(painter, request))
+            _send_remarks(painter, connection)
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return  # the window is gone
+
+
+def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, warming: Warming, connection: Connection) -> None:
+    """Draws the panorama that was asked for, view by view, compiles what the first one needs, then compares the
+    renderers, frame by frame, until something is asked for."""
+    try:
+        while not connection.poll() and panoramas.waits:
+            finished = panoramas.step()
+            if finished is not None:
+                connection.send(finished)
+    except Exception as error:
+        panoramas.stop()
+        connection.send(Trouble(f"The panorama could not be drawn: {error}", traceback.format_exc()))
+    try:
+        while not connection.poll() and warming.waits:
+            warming.step()
+    except Exception as error:  # whoever asks for a panorama hears of it again
+        warming.stop()
+        painter.remarks.append(Remark(f"Panoramas could not be prepared: {error}", traceback.format_exc(), True))
+    try:
+        while not connection.poll() and painter.compare():
+            pass
+    except Exception as error:  # the pictures themselves do not depend on it
+        painter.remarks.append(Remark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
+        painter.rest()
+    _send_remarks(painter, connection)
+
+
+def _send_remarks(painter: Painter, connection: Connection) -> None:
+    while painter.remarks:
+        connection.send(painter.remarks.pop(0))
+
+
+def _answer(painter: Painter, request: Request) -> Picture | Trouble:
+    begin = time.perf_counter()
+    try:
+        submap, pixels, renderer = painter.paint(
+            request.camera, request.channel, request.renderer, request.moving, request.budget
+        )
+    except Exception as error:
+        return Trouble(f"A view could not be drawn: {error}", traceback.format_exc())
+    return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), renderer)

@@ -1,0 +1,209 @@
+"""Notices: sentences that need no answer, shown at the edge of the view and kept in the log. No modal boxes."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
+from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QVBoxLayout, QWidget
+
+from app.look import colors
+from app.plain_text import Label, lines
+from nvsim.errors import InputError
+
+SECONDS = {"info": 6.0, "warning": 12.0, "error": None}
+MOST_SHOWN = 4
+MOST_LETTERS, MOST_ROWS = 600, 12  # of one notice on the screen
+_EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKED}
+
+
+@dataclass(frozen=True)
+class Notice:
+    """severity "log" (kept, not shown), "info", "warning" or "error"; one sentence; what else may help, for the log;
+    seconds since the epoch."""
+
+    severity: str
+    text: str
+    detail: str = ""
+    when: float = 0.0
+
+
+class Notices(QObject):
+    """The stream of notices: added(Notice). May be called from any thread."""
+
+    added = Signal(object)
+
+    def add(self, severity: str, text: str, detail: str = "") -> None:
+        self.added.emit(Notice(severity, text, detail, time.time()))
+
+    def info(self, text: str) -> None:
+        self.add("info", text)
+
+    def warning(self, text: str, detail: str = "") -> None:
+        self.add("warning", text, detail)
+
+    def error(self, text: str, detail: str = "") -> None:
+        self.add("error", text, detail)
+
+
+class _Card(QFrame):
+    """Stays while the pointer rests on it; then its time runs anew."""
+
+    def __init__(self, notice: Notice, close: Callable[[], None], explain: Callable[[], None], parent: QWidget) -> None:
+        super().__init__(parent)
+        self.notice = notice
+        self._words = lines(notice.text, MOST_LETTERS, MOST_ROWS)  # the log has the rest
+        self.count = 1
+        self._timer = QTimer(self, singleShot=True)
+        self._timer.timeout.connect(close)
+        seconds = SECONDS[notice.severity]
+        if seconds is not None:
+            self._timer.setInterval(int(1000 * seconds))
+            self._timer.start()
+        self._label = Label(self)
+        self._label.setText(self._words)
+        self._label.setWordWrap(True)
+        self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        button = QToolButton(self)
+        button.setText("×")
+        button.setAutoRaise(True)
+        button.setToolTip("Close this notice")
+        button.clicked.connect(close)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(16, 8, 6, 8)
+        words = QVBoxLayout()
+        words.setSpacing(2)
+        words.addWidget(self._label)
+        if notice.detail:
+            more = QToolButton(self)
+            more.setText("Details in the log")
+            more.setAutoRaise(True)
+            more.setObjectName("noticeDetails")
+            more.clicked.connect(explain)
+            words.addWidget(more, 0, Qt.AlignmentFlag.AlignLeft)
+        layout.addLayout(words, 1)
+        layout.addWidget(button, 0, Qt.AlignmentFlag.AlignTop)
+        self.setFixedWidth(380)
+
+    def enterEvent(self, event: QEnterEvent) -> None:
+        self._timer.stop()
+        super().enterEvent(event)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        self._restart()
+        super().leaveEvent(event)
+
+    def _restart(self) -> None:
+        if SECONDS[self.notice.severity] is not None:
+            self._timer.start()
+
+    def repeat(self) -> None:
+        self.count += 1
+        self._restart()
+        self._label.setText(f"{self._words} ({self.count} times)")
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        palette = self.palette()
+        painter.setPen(palette.mid().color())
+        painter.setBrush(palette.toolTipBase())
+        painter.drawRoundedRect(self.rect().adjusted(0, 0, -1, -1), 6, 6)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(_EDGE[self.notice.severity]))
+        painter.drawRoundedRect(5, 8, 4, self.height() - 16, 2, 2)
+
+
+class NoticeArea(QWidget):
+    """A stack of cards in the upper right corner of its parent; newest at the bottom. detailsWanted(Notice): a person
+    asks for more about one."""
+
+    detailsWanted = Signal(object)
+
+    def __init__(self, notices: Notices, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._layout = QVBoxLayout(self)
+        self._layout.setContentsMargins(0, 0, 0, 0)
+        self._layout.setSpacing(8)
+        self._cards: list[_Card] = []
+        parent.installEventFilter(self)
+        notices.added.connect(self.show_notice)
+        self.hide()
+
+    @property
+    def texts(self) -> list[str]:
+        """What is on the screen."""
+        return [card.notice.text for card in self._cards]
+
+    def show_notice(self, notice: Notice) -> None:
+        if notice.severity == "log":
+            return
+        for card in self._cards:
+            if (card.notice.text, card.notice.severity) == (notice.text, notice.severity):
+                card.repeat()
+                self._place()
+                return
+        if len(self._cards) >= MOST_SHOWN:
+            # What went wrong stays longest on a full screen.
+            self._close(next((c for c in self._cards if c.notice.severity != "error"), self._cards[0]))
+        card = _Card(notice, lambda: self._close(card), lambda: self.detailsWanted.emit(notice), self)
+        self._cards.append(card)
+        self._layout.addWidget(card)
+        card.show()
+        self._place()
+
+    def _close(self, card: _Card) -> None:
+        if card in self._cards:
+            self._cards.remove(card)
+            self._layout.removeWidget(card)
+            card.hide()
+            card.deleteLater()
+        self._place()
+
+    def _place(self) -> None:
+        self.setVisible(bool(self._cards))
+        self.adjustSize()
+        parent = self.parentWidget()
+        assert parent is not None  # given at construction
+        self.move(max(0, parent.width() - self.width() - 14), 14)
+        self.raise_()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize and self._cards:
+            self._place()
+        return super().eventFilter(watched, event)
+
+
+def install_excepthook(notices: Notices) -> Callable[[], None]:
+    """Errors that nobody caught become notices, with the trace on stderr. To be called after pyqtgraph was imported,
+    which installs a hook of its own. Returns what puts the former hooks back."""
+    former, former_thread = sys.excepthook, threading.excepthook
+
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if issubclass(kind, KeyboardInterrupt):
+            former(kind, error, trace)
+            return
+        text = "".join(traceback.format_exception(kind, error, trace))
+        if isinstance(error, InputError):
+            notices.error(str(error))
+            return
+        print(text, file=sys.stderr)
+        notices.error(f"Something went wrong: {error or kind.__name__}. The log has the details.", text)
+
+    def thread_hook(args: threading.ExceptHookArgs) -> None:
+        if args.exc_value is not None:
+            hook(args.exc_type, args.exc_value, args.exc_traceback)
+
+    sys.excepthook, threading.excepthook = hook, thread_hook
+
+    def restore() -> None:
+        sys.excepthook, threading.excepthook = former, former_thread
+
+    return restore

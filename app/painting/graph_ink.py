@@ -1,0 +1,145 @@
+"""How edges and viewpoints are put on the screen, from pixels that a view worked out: the same in plan and 3D view.
+
+Ten thousand viewpoints must not be felt. Where many are seen they are small, and then a disc is stamped at whole pixels
+without being scaled, a line is one pixel wide without smooth edges, and one shorter than a disc is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
+
+from app.look import colors
+from app.painting.primitives import Primitives, disc
+
+SMOOTH_LINES = 4000  # beyond this many their smooth edges cost more than they give
+SMOOTH_DISCS = 1500
+LARGE = 2000  # edges, beyond which a drawing is worth being kept
+_SHORT = 3.0  # pixels; where lines are many, one this short hides under the discs at its ends
+_BANDS = ((12.0, np.inf, 1.2, 170), (5.0, 12.0, 1.8, 190), (0.0, 5.0, 2.6, 225))
+"""Metres from the eye: from, to; pixels wide; opacity to 255."""
+
+
+class GraphInk:
+    """Sprites and buffers that are kept between frames."""
+
+    def __init__(self) -> None:
+        self._primitives = Primitives()
+        self._node = disc(colors.NODE, colors.NODE_OUTLINE)
+        self._left_out = disc(colors.TRAJECTORY, "#20252b")
+        self._selected = disc(colors.SELECTED, "#3a2c05", 36)
+        self._stamps: dict[tuple[bool, int, float], QPixmap] = {}
+
+    def draw_edges(
+        self,
+        painter: QPainter,
+        lines: NDArray[np.floating],
+        depth: NDArray[np.floating] | None = None,
+        within: QRectF | None = None,
+    ) -> None:
+        """Lines (N, 4) as x1 y1 x2 y2 in pixels; with `depth` (N,) in metres the near ones are thicker. How they look
+        depends on how many there are; drawn are those that reach into `within`."""
+        many = len(lines) > SMOOTH_LINES
+        if within is not None:
+            rows = _reaching(lines, within)
+            lines, depth = lines[rows], None if depth is None else depth[rows]
+        color = QColor(colors.EDGE)
+        if many:
+            way = np.abs(lines[:, 2:] - lines[:, :2])
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
+            painter.setPen(QPen(color.darker(115), 1))  # opaque: blending would take twice as long
+            self._primitives.draw_lines(painter, lines[np.maximum(way[:, 0], way[:, 1]) > _SHORT])
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            return
+        if depth is None:
+            painter.setPen(QPen(color, 1.4))
+            self._primitives.draw_lines(painter, lines)
+            return
+        for near, far, width, opacity in _BANDS:
+            color.setAlpha(opacity)
+            painter.setPen(QPen(color, width))
+            self._primitives.draw_lines(painter, lines[(depth >= near) & (depth < far)])
+
+    def draw_viewpoints(
+        self,
+        painter: QPainter,
+        pixels: NDArray[np.floating],
+        radii: NDArray[np.floating],
+        included: NDArray[np.bool_],
+        within: QRectF | None = None,
+    ) -> None:
+        """Discs at `pixels` (N, 2) with `radii` (N, 2) across and down, in the order given; those not `included` (N,)
+        are grey. Drawn are those that reach into `within`."""
+        reach = None if within is None else _around(pixels, radii + 2.0, within)
+        for wanted in (False, True):
+            chosen = included == wanted
+            many = np.count_nonzero(chosen) > SMOOTH_DISCS
+            rows = np.flatnonzero(chosen if reach is None else chosen & reach)
+            if not many:
+                sprite = self._node if wanted else self._left_out
+                self._primitives.draw_sprites(painter, pixels[rows], radii[rows] / 12, sprite)
+                continue
+            small = radii[rows, 0] < 6
+            ratio = painter.device().devicePixelRatioF()
+            sizes = np.maximum(3, np.round(2 * radii[rows, 0] * ratio)).astype(int)
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
+            for size in np.unique(sizes[small]):
+                among = rows[small & (sizes == size)]
+                stamp = self._stamp(wanted, int(size), ratio)
+                # Whole device pixels and no scaling: copied rather than sampled.
+                half = size / ratio / 2
+                places = np.round((pixels[among] - half) * ratio) / ratio + half
+                self._primitives.draw_sprites(painter, places, np.full((len(among), 2), 1.0), stamp)
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+            sprite = self._node if wanted else self._left_out
+            self._primitives.draw_sprites(painter, pixels[rows[~small]], radii[rows[~small]] / 12, sprite)
+
+    @staticmethod
+    def manner(lines: int, included: NDArray[np.bool_]) -> tuple[bool, bool, bool]:
+        """Whether these many lines, and discs (N,) of the viewpoints that are included or not, are drawn as many."""
+        used = int(np.count_nonzero(included))
+        return lines > SMOOTH_LINES, used > SMOOTH_DISCS, len(included) - used > SMOOTH_DISCS
+
+    def draw_marked(
+        self, painter: QPainter, pixel: NDArray[np.floating], radii: NDArray[np.floating], selected: bool
+    ) -> None:
+        """One viewpoint at `pixel` (2,), enlarged because it is selected or under the cursor."""
+        sprite = self._selected if selected else self._node
+        size = np.maximum(radii, 4.0)[None] * (1.35 if selected else 1.7) / (sprite.width() / 4)
+        self._primitives.draw_sprites(painter, pixel[None], size, sprite)
+
+    def draw_lines(self, painter: QPainter, lines: NDArray[np.floating], pen: QPen) -> None:
+        """Lines (N, 4) as x1 y1 x2 y2 in pixels with a pen of one's own."""
+        painter.setPen(pen)
+        self._primitives.draw_lines(painter, lines)
+
+    def _stamp(self, included: bool, size: int, ratio: float) -> QPixmap:
+        """The disc `size` device pixels across."""
+        key = included, size, ratio
+        if key not in self._stamps:
+            source = self._node if included else self._left_out
+            stamp = source.scaled(
+                QSize(size, size), Qt.AspectRatioMode.IgnoreAspectRatio, Qt.TransformationMode.SmoothTransformation
+            )
+            stamp.setDevicePixelRatio(ratio)
+            self._stamps[key] = stamp
+        return self._stamps[key]
+
+
+def _reaching(lines: NDArray[np.floating], box: QRectF) -> NDArray[np.int64]:
+    """(K,) the rows of `lines` (N, 4) whose bounds, with their pen, meet the box."""
+    x1, y1, x2, y2 = lines.T
+    wide = 4.0  # pixels: the widest pen, and its smooth edges
+    meets = (np.minimum(x1, x2) <= box.right() + wide) & (np.maximum(x1, x2) >= box.left() - wide)
+    meets &= (np.minimum(y1, y2) <= box.bottom() + wide) & (np.maximum(y1, y2) >= box.top() - wide)
+    return np.flatnonzero(meets)
+
+
+def _around(points: NDArray[np.floating], radii: NDArray[np.floating], box: QRectF) -> NDArray[np.bool_]:
+    """(N,) which of the discs at `points` (N, 2) meet the box."""
+    x, y = points.T
+    across, down = radii.T
+    meets = (x >= box.left() - across) & (x <= box.right() + across)
+    return meets & (y >= box.top() - down) & (y <= box.bottom() + down)

@@ -1,0 +1,132 @@
+"""One window on one project after another: the document, the thread that keeps it fresh, the reconstruction."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QSettings, QTimer
+
+from app.drawing.render_child import ProjectSource
+from app.look.notices import Notices
+from app.state.document import Document
+from app.state.graph_files import GraphSource, holds_graph
+from app.state.loading import Contents
+from app.state.splat_file import SplatFile
+from app.state.watcher import FileReader, ProjectWatcher
+from app.wiring.window import MainWindow
+from nvsim.errors import InputError
+from nvsim.splats.formats.upright import UPS
+
+
+class Session(QObject):
+    """Owns the window and what feeds it. `memory_budget` in bytes is for the trained models in memory, as SceneModel
+    takes it."""
+
+    def __init__(self, settings: QSettings, memory_budget: int | None = None) -> None:
+        super().__init__()
+        self._memory_budget = memory_budget
+        self.notices = Notices(self)
+        self.document = Document(parent=self)
+        self.window = MainWindow(self.document, settings, self.notices)
+        self._watcher: ProjectWatcher | FileReader | None = None
+        self._arrived: deque[Contents] = deque()
+        # What was read together is shown one after another, with turns of the event loop in between.
+        self._next = QTimer(self, singleShot=True, interval=1)
+        self._next.timeout.connect(self._show_next)
+        self.window.projectChosen.connect(self._on_chosen)
+        self.window.refreshWanted.connect(self._refresh)
+        self.window.closeWanted.connect(self.close_project)
+        self.window.turnWanted.connect(self._turn_up)
+        self.document.contentsChanged.connect(self._on_contents)
+
+    def open(self, path: Path) -> None:
+        """Reads the project from now on, or a file once. The path was checked before."""
+        if holds_graph(path):
+            try:
+                source = GraphSource(path)
+            except InputError as error:
+                self.notices.error(str(error))
+                return
+            self._read_once(source)
+            return
+        if path.is_file():
+            self._read_once(SplatFile.of(path))
+            return
+        self._stop_watching()
+        self.window.show_source(None)
+        self.document.set_contents(Contents(path))
+        self._watcher = ProjectWatcher(path, self)
+        self._watcher.read.connect(self._on_read)
+        self._watcher.failed.connect(self.notices.error)
+        self._watcher.start()
+
+    def close_project(self) -> None:
+        """Goes back to a window without a project."""
+        self._stop_watching()
+        self.window.show_source(None)
+        self.document.set_contents(Contents())
+
+    def _read_once(self, file: SplatFile | GraphSource) -> None:
+        self._stop_watching()
+        self.window.show_source(None)
+        self.document.set_contents(Contents(file.path))
+        self._watcher = FileReader(file, self)
+        self._watcher.read.connect(self._on_read)
+        self._watcher.failed.connect(self.notices.error)
+        self._watcher.start()
+
+    def _turn_up(self) -> None:
+        stamp = self.document.contents.scene_stamp
+        if isinstance(stamp, SplatFile):
+            following = UPS[(UPS.index(stamp.up) + 1) % len(UPS)]
+            self._read_once(replace(stamp, up=following))
+
+    def close(self) -> None:
+        """Ends every thread and process; the window closes too."""
+        self._stop_watching()
+        self.window.close()
+        self.document.editing.close()
+
+    def _stop_watching(self) -> None:
+        if self._watcher is not None:
+            self._watcher.stop()
+            self._arrived.clear()
+            self._watcher.deleteLater()
+            self._watcher = None
+
+    def _on_read(self, contents: Contents) -> None:
+        self._arrived.append(contents)
+        self._next.start()
+
+    def _show_next(self) -> None:
+        if self._arrived:
+            self.document.set_contents(self._arrived.popleft())
+        if self._arrived:
+            self._next.start()
+
+    def _refresh(self) -> None:
+        feed = self.window.scene.feed
+        if feed.source is not None and feed.link.given_up:
+            feed.show(feed.source)
+        if isinstance(self._watcher, ProjectWatcher):
+            self._watcher.refresh()
+
+    def _on_chosen(self, path: Path) -> None:
+        from app.start.main import check_project
+
+        try:
+            check_project(path)
+        except InputError as error:
+            self.notices.error(str(error))
+            return
+        self.open(path)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        contents = self.document.contents
+        if "scene_stamp" in parts and isinstance(contents.scene_stamp, SplatFile):
+            self.window.show_source(contents.scene_stamp)
+        elif "scene_stamp" in parts and contents.path is not None:
+            source = ProjectSource(contents.path, self._memory_budget)
+            self.window.show_source(source if contents.scene_stamp is not None else None)

@@ -1,0 +1,210 @@
+"""The state of the window: what the project holds, the graph as it is edited, and what is selected. Views render from
+it and own nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QObject, Signal
+
+from app.jobs.queue import JobQueue
+from app.state.editing import Editing
+from app.state.graph_arrays import GraphArrays, TrajectoryArrays
+from app.state.graph_changes import GraphChanges
+from app.state.loading import PARTS, Contents
+from app.state.storeys import Storeys
+from app.state.view_states import ViewStates
+from nvsim.graph.clearness_cache import KeptEvidence
+from nvsim.graph.difference import Difference
+from nvsim.graph.findings import Context
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.mapping.edge_doubts import against
+
+
+@dataclass(frozen=True)
+class Selection:
+    """At most one thing: a viewpoint id, the index of a frame, or the index of a submap."""
+
+    viewpoint: str | None = None
+    frame: int | None = None
+    submap: int | None = None
+
+    def __bool__(self) -> bool:
+        return self != Selection()
+
+
+class Document(QObject):
+    """projectLeft() while everything of the project that goes is still there; projectChanged() when another project
+    takes the place of this one, before its parts are announced; contentsChanged(frozenset of names from loading.PARTS),
+    "graph" among them when another graph was opened; graphChanged(Difference) after an edit, an undo or a redo;
+    selectionChanged()."""
+
+    projectLeft = Signal()
+    projectChanged = Signal()
+    contentsChanged = Signal(object)
+    graphChanged = Signal(object)
+    selectionChanged = Signal()
+
+    def __init__(self, path: Path | None = None, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._contents = Contents(path)
+        self._selection = Selection()
+        self.jobs: JobQueue | None = None  # of the open project, where a window shows it
+        self.views: ViewStates | None = None  # to go back to, where a window shows it
+        self.graph_arrays = GraphArrays()
+        self.graph_changes = GraphChanges()
+        self.storeys = Storeys(self)
+        self.evidence = KeptEvidence()
+        self.trajectory = TrajectoryArrays()
+        self.editing = Editing(self)
+        self._following = False  # the editing's selection follows ours, or ours follows it
+        self.editing.graphChanged.connect(self._on_edit)
+        self.editing.selectionChanged.connect(self._follow_editing)
+
+    @property
+    def contents(self) -> Contents:
+        return self._contents
+
+    @property
+    def path(self) -> Path | None:
+        return self._contents.path
+
+    @property
+    def project(self) -> Path | None:
+        """The folder of the open project; None for a splat file and for a graph of its own."""
+        file = self._contents.graph_file
+        if self._contents.outline is not None or (file is not None and file.foreign):
+            return None
+        return None if self.path and self.path.is_file() else self.path
+
+    @property
+    def graph(self) -> NavGraph | None:
+        """The graph as it is edited; this is what views show, not what the project last stored."""
+        return self.editing.graph
+
+    @property
+    def shown_arrays(self) -> GraphArrays:
+        """Of the storey that is shown; `graph_arrays` itself where all are. What views draw and the mouse meets."""
+        return self.storeys.shown(self.graph_arrays)
+
+    @property
+    def selection(self) -> Selection:
+        """The one thing of which details are shown. Several viewpoints or edges are selected in `editing.selection`."""
+        return self._selection
+
+    def set_contents(self, contents: Contents) -> None:
+        """Takes a newly read state; says which parts differ by identity."""
+        if self._contents.path not in (None, contents.path):
+            self.projectLeft.emit()
+        before, self._contents = self._contents, contents
+        changed = frozenset(part for part in PARTS if getattr(before, part) is not getattr(contents, part))
+        if changed & {"capture", "submaps"}:
+            self.trajectory = TrajectoryArrays.of(contents.capture, contents.submaps)
+        if "graph" in changed or before.path != contents.path:
+            if before.path != contents.path:
+                self._selection = Selection()
+            self._following = True  # what is shown as selected is settled below
+            self.editing.open(contents.graph, contents.graph_file)
+            self._following = False
+            ready = contents.arrays if self.graph is contents.arrays_of else None
+            self.graph_arrays = GraphArrays.of(self.graph) if ready is None else ready
+            self.graph_changes.forget()
+            self.storeys.look(self.graph_arrays, anew=before.path != contents.path)
+            self.evidence.follow(self.graph)
+        if changed & {"graph", "occupancy", "capture", "context"}:
+            self.editing.set_thresholds(contents.thresholds)
+            self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
+            known = contents.context
+            if known is None or known.occupancy is not contents.occupancy:
+                known = Context(occupancy=contents.occupancy, against=against(contents.thresholds))
+            self.editing.checking.set_context(known)
+        if before.path != contents.path:
+            self._selection = Selection()
+            self.projectChanged.emit()
+            self.selectionChanged.emit()
+        if not changed:
+            return
+        self.contentsChanged.emit(changed)
+        if not self._holds(self._selection):
+            self.select()
+
+    def select(self, *, viewpoint: str | None = None, frame: int | None = None, submap: int | None = None) -> None:
+        """Selects one thing, or nothing."""
+        wanted = Selection(viewpoint, frame, submap)
+        if wanted != self._selection and self._holds(wanted):
+            self._selection = wanted
+            self.storeys.follow(self.graph_arrays, frozenset({wanted.viewpoint} if wanted.viewpoint else ()))
+            self._lead_editing()
+            self.selectionChanged.emit()
+        elif wanted == self._selection and self.editing.selection:
+            self._lead_editing()
+            self.selectionChanged.emit()
+
+    def _lead_editing(self) -> None:
+        """What is selected in the graph becomes what was selected here."""
+        if self._following:
+            return
+        id = self._selection.viewpoint
+        self._following = True
+        self.editing.select(GraphSelection(frozenset() if id is None else frozenset({id})))
+        self._following = False
+
+    def _follow_editing(self) -> None:
+        """One viewpoint that is selected in the graph is the thing selected; several, or edges, are none."""
+        if self._following:
+            return
+        chosen = self.editing.selection
+        self.storeys.follow(self.graph_arrays, chosen.viewpoints.union(*chosen.edges))
+        one = next(iter(chosen.viewpoints)) if len(chosen.viewpoints) == 1 and not chosen.edges else None
+        if one is not None or chosen.viewpoints or chosen.edges or self._selection.viewpoint is not None:
+            self._selection = Selection(viewpoint=one if one in self.graph_arrays.index else None)
+        self.selectionChanged.emit()
+
+    def _on_edit(self, change: Difference) -> None:
+        graph, before = self.graph, self.graph_arrays
+        self.graph_arrays = GraphArrays() if graph is None else before.updated(graph, change)
+        self.graph_changes.note(before, self.graph_arrays, change)
+        if change.added_viewpoints or change.removed_viewpoints or change.changed_viewpoints:
+            self.storeys.look(self.graph_arrays)
+        self.evidence.follow(graph)
+        if not self._holds(self._selection):
+            self._selection = Selection()
+        self.graphChanged.emit(change)
+
+    def _holds(self, selection: Selection) -> bool:
+        if selection.viewpoint is not None:
+            return selection.viewpoint in self.graph_arrays.index
+        if selection.frame is not None:
+            return 0 <= selection.frame < len(self.trajectory.positions)
+        if selection.submap is not None:
+            return any(s.index == selection.submap for s in self._contents.submaps)
+        return True
+
+    @property
+    def selected_viewpoint(self) -> Viewpoint | None:
+        graph, id = self.graph, self._selection.viewpoint
+        return None if graph is None or id is None else graph.viewpoints.get(id)
+
+    @property
+    def selected_point(self) -> NDArray[np.float64] | None:
+        """(3,) metres, world: the middle of what is selected."""
+        viewpoint = self.selected_viewpoint
+        if viewpoint is not None:
+            return np.array(viewpoint.position)
+        if self._selection.frame is not None:
+            return self.trajectory.positions[self._selection.frame]
+        for submap in self._contents.submaps:
+            if submap.index == self._selection.submap:
+                return submap.positions.mean(axis=0)
+        return None
+
+    @property
+    def extent(self) -> NDArray[np.float64]:
+        """(N, 3) every position that is known: viewpoints and frames, or the outline of a splat file; may be empty."""
+        outline = self._contents.outline
+        known = [self.graph_arrays.positions, self.trajectory.positions]
+        return np.concatenate(known if outline is None else [*known, outline])

@@ -1,0 +1,125 @@
+"""Measures viewpoints that were added or moved, in a process of its own, while the person goes on editing."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Signal
+
+from nvsim.atomic import write_bytes
+from nvsim.errors import InputError
+from nvsim.graph.store import decode_graph, encode_graph
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.new_viewpoint_evidence import Newcomers
+
+AROUND = 8.0  # metres; what is farther from what is measured cannot matter to it
+
+
+class EvidenceChild(QObject):
+    """measured(Newcomers, dict): what was found, and the places (id -> position) that it was found at; failed(str)."""
+
+    measured = Signal(object, object)
+    failed = Signal(str)
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._process: QProcess | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._asked: dict[str, tuple[float, float, float]] = {}
+
+    @property
+    def busy(self) -> bool:
+        return self._process is not None
+
+    def start(self, project: Path, graph: NavGraph, ids: list[str]) -> None:
+        """Measures these of `graph`; one lot at a time."""
+        if self.busy or not ids:
+            return
+        self._asked = {id: graph.viewpoints[id].position for id in ids}
+        self._folder = tempfile.TemporaryDirectory(prefix="nvsim-evidence-")
+        source, result = Path(self._folder.name) / "asked", Path(self._folder.name) / "found"
+        write_bytes(source, encode_graph(_part(graph, ids)))
+        process = QProcess(self)
+        environment = QProcessEnvironment.systemEnvironment()
+        environment.insert("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
+        process.setProcessEnvironment(environment)
+        process.finished.connect(self._on_finished)
+        words = ["-m", "nvsim.cli.main", "graph", "evidence", f"--project={project}", "--json"]
+        words += [f"--graph={source}", f"--out={result}", "--viewpoints", *ids]
+        self._process = process
+        process.start(sys.executable, words)
+
+    def stop(self) -> None:
+        """Ends what is running; nothing is announced any more."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.finished.disconnect(self._on_finished)
+            process.kill()
+            process.waitForFinished(3000)
+            process.deleteLater()
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    def _on_finished(self, code: int) -> None:
+        process, self._process = self._process, None
+        if process is None or self._folder is None:
+            return
+        lines = bytes(process.readAllStandardOutput().data()).decode(errors="replace").splitlines()
+        words = bytes(process.readAllStandardError().data()).decode(errors="replace").strip().splitlines()
+        process.deleteLater()
+        result = Path(self._folder.name) / "found"
+        try:
+            if code != 0 or not result.is_file():
+                raise InputError(words[-1] if words else f"Measuring viewpoints ended with code {code}.")
+            found = decode_graph(result.read_bytes())
+            told = next((r for r in map(_results, reversed(lines)) if r is not None), {})
+        except (InputError, OSError) as error:
+            self._clear()
+            self.failed.emit(str(error))
+            return
+        self._clear()
+        ids = set(self._asked)
+        self.measured.emit(
+            Newcomers(
+                tuple(e for e in found.evidence.values() if e.viewpoint in ids or e.joins in ids),
+                {id: found.viewpoints[id].submap for id in ids if id in found.viewpoints},
+                tuple((a, b) for a, b in told.get("proposed", ())),
+                tuple((a, b) for a, b in told.get("doubted", ())),
+            ),
+            self._asked,
+        )
+
+
+def _part(graph: NavGraph, ids: list[str]) -> NavGraph:
+    """What matters to the measuring: the viewpoints around, and the edges and corridors among them."""
+    centres = [graph.viewpoints[id].position for id in ids]
+    near = {
+        id: v for id, v in graph.viewpoints.items() if any(math.dist(v.position, centre) < AROUND for centre in centres)
+    }
+    for id in ids:
+        near |= {other: graph.viewpoints[other] for other in graph.neighbours(id)}
+    return NavGraph(
+        graph.scan,
+        near,
+        {key: e for key, e in graph.edges.items() if key[0] in near and key[1] in near},
+        {key: e for key, e in graph.evidence.items() if e.joins and e.viewpoint in near and e.joins in near},
+    )
+
+
+def _results(line: str) -> dict[str, list[tuple[str, str]]] | None:
+    """The results of a Done event, where the line is one."""
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return None
+    results = event.get("results") if isinstance(event, dict) else None
+    return results if isinstance(results, dict) and "proposed" in results else None

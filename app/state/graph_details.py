@@ -1,0 +1,82 @@
+"""What is known of selected edges and of several things at once, as names and values to be read. Knows no widgets."""
+
+from __future__ import annotations
+
+import math
+
+from nvsim.graph.history import counted
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.edge_doubts import against, margin
+
+MOST = 500  # things that are counted through; of more only the number is said
+
+_ORIGINS = {
+    "step": "a step of the search",
+    "merge": "a corridor to a viewpoint that was there",
+    "person": "a person",
+    "file": "an imported file",
+}
+
+
+def marks_of(viewpoint: Viewpoint) -> dict[str, str]:
+    """What a person did to it, as far as anything."""
+    marks = {} if viewpoint.included else {"In navigation": "no, excluded"}
+    if viewpoint.reviewed:
+        marks["Reviewed"] = "yes"
+    if viewpoint.locked:
+        marks["Locked"] = "yes"
+    return marks
+
+
+def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, str]:
+    """Names and values; evidence is held against the thresholds of `config`."""
+    edge = graph.edges[key]
+    a, b = (graph.viewpoints[end].position for end in key)
+    run, rise = math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2])
+    walked = all(graph.viewpoints[end].included for end in key)
+    return {
+        "Length": f"{math.dist(a, b):.2f} m",
+        "Slope": f"{math.degrees(math.atan2(rise, run)):.0f}°",
+        "Evidence": _evidence(graph, key, config),
+        "Comes from": _ORIGINS.get(edge.origin, edge.origin),
+        "Reviewed": "yes" if edge.reviewed else "no",
+        **({"Locked": "yes"} if edge.locked else {}),
+        **({} if walked else {"In navigation": "no, an end is excluded"}),
+        "From": key[0],
+        "To": key[1],
+    }
+
+
+def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
+    slack = margin(config)(graph, key)
+    if math.isnan(slack):
+        return "none, nothing was measured along it"
+    if slack >= 0:
+        return f"speaks for it, by {slack:.2f}"
+    return f"speaks against it, by {-slack:.2f}: {against(config)(graph, key)}".rstrip(": ")
+
+
+def of_several(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, str]]:
+    """A title, and names and values."""
+    ids = [id for id in chosen.viewpoints if id in graph.viewpoints]
+    keys = [key for key in chosen.edges if key in graph.edges]
+    parts = [(len(ids), "viewpoint"), (len(keys), "edge")]
+    title = " and ".join(counted(number, thing) for number, thing in parts if number)
+    if len(ids) + len(keys) > MOST:
+        return title, {}
+    things: list[Viewpoint | Edge] = [*(graph.viewpoints[id] for id in ids), *(graph.edges[key] for key in keys)]
+    facts = {
+        "Reviewed": f"{sum(thing.reviewed for thing in things)} of {len(things)}",
+        "Locked": f"{sum(thing.locked for thing in things)} of {len(things)}",
+    }
+    if ids:
+        facts["In navigation"] = f"{sum(graph.viewpoints[id].included for id in ids)} of {len(ids)}"
+        heights = sorted(graph.viewpoints[id].height for id in ids)
+        low, high = heights[0], heights[-1]
+        facts["Above the floor"] = f"{low:.2f} m" if high - low < 0.005 else f"{low:.2f} to {high:.2f} m"
+    if keys:
+        lengths = [math.dist(*(graph.viewpoints[end].position for end in key)) for key in keys]
+        facts["Length of edges"] = f"{min(lengths):.2f} to {max(lengths):.2f} m, {sum(lengths):.2f} m in all"
+    return title, facts

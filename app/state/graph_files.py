@@ -1,0 +1,168 @@
+"""Where a graph that is edited comes from and is saved to: a project's database, or a connectivity file of anyone's.
+Knows no Qt."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.edits import Visible
+from nvsim.graph.findings import Context
+from nvsim.graph.foreign import ForeignFile, connectivity_files, words_of_saving
+from nvsim.graph.journal import sidecar
+from nvsim.graph.types import NavGraph
+from nvsim.splats.formats.choice import named_as_splats
+
+if TYPE_CHECKING:
+    from app.state.loading import Contents
+
+PANORAMA_WIDTH = 1536  # pixels
+
+
+class GraphFile(Protocol):
+    """foreign   whether it is a file of its own rather than part of a project
+    journal   where the history of its editing lies
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def foreign(self) -> bool: ...
+    @property
+    def journal(self) -> Path | None: ...
+    def save(self, graph: NavGraph) -> str:
+        """Returns what the user should know, "" for nothing. Raises InputError when it cannot be written."""
+        ...
+
+    def sight(self, unknown: bool = True) -> Visible | None:
+        """Who sees whom by the file's lists, and `unknown` where they say nothing; None where there are none."""
+        ...
+
+    def context(self, known: Context) -> Context:
+        """What findings are held against: what is known already and what the file adds."""
+        ...
+
+
+class ProjectGraph:
+    """The graph in a project's database."""
+
+    foreign = False
+
+    def __init__(self, project: Path) -> None:
+        self._project = project
+
+    @property
+    def name(self) -> str:
+        return self._project.name
+
+    @property
+    def journal(self) -> Path | None:
+        from nvsim.project.layout import Layout
+
+        return Layout(self._project).edits if Layout(self._project).database.is_file() else None
+
+    def save(self, graph: NavGraph) -> str:
+        from nvsim.project.project import Project
+
+        with Project.open(self._project, writable=True) as project:
+            project.set_graph(graph)
+        return ""
+
+    def sight(self, unknown: bool = True) -> Visible | None:
+        return None
+
+    def context(self, known: Context) -> Context:
+        return known
+
+
+class ForeignGraph:
+    """A connectivity file. What nobody edits is written back as it was read. `scans` are the files of its folder."""
+
+    foreign = True
+
+    def __init__(self, file: ForeignFile, scans: tuple[Path, ...] = ()) -> None:
+        self._file, self.scans = file, scans
+
+    @property
+    def name(self) -> str:
+        return self._file.path.name
+
+    @property
+    def journal(self) -> Path | None:
+        return sidecar(self._file.path)
+
+    def save(self, graph: NavGraph) -> str:
+        path = self._file.save(graph)
+        return words_of_saving(path, self._file.original, graph)
+
+    def save_copy(self, graph: NavGraph, path: Path) -> None:
+        """Writes `graph` to another file and leaves this one as it is. Raises InputError when it cannot be written."""
+        copy.copy(self._file).save(graph, path)
+
+    def sight(self, unknown: bool = True) -> Visible | None:
+        return self._file.sight(unknown)
+
+    @property
+    def pictured(self) -> bool:
+        """Whether pictures of viewpoints lie beside it."""
+        return self._file.beside.pictures is not None
+
+    def panorama(self, id: str) -> NDArray[np.uint8] | None:
+        """(H, 2 H, 4) uint8, blue, green, red, 255, as the inspector shows it; None where there is none of it. Raises
+        InputError when a picture cannot be read."""
+        found = self._file.panorama(id, PANORAMA_WIDTH)
+        if found is None:
+            return None
+        return np.ascontiguousarray(np.dstack([found, np.full(found.shape[:2], 255, np.uint8)]))
+
+    def context(self, known: Context) -> Context:
+        own = self._file.context(known.limits, known.occupancy, known.against)
+        return replace(own, floor=known.floor)
+
+
+class GraphSource:
+    """A connectivity file, or a folder of them, as the window opens it; of a folder the first scan."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when a folder holds none."""
+        files = connectivity_files(path)
+        self.path = files[0]
+        self.scans = tuple(files if len(files) > 1 else _siblings(path))
+
+    def contents(self) -> Contents:
+        """Reads it, and a map and a cloud beside it. Raises InputError with the entry and the reason."""
+        from app.state.loading import Contents, prepared
+        from app.state.occupancy_child import OccupancyChild
+
+        file = ForeignFile.open(self.path)
+        child = None if file.beside.map is None else OccupancyChild(file.beside.map)
+        return prepared(
+            Contents(
+                self.path,
+                graph=file.graph,
+                graph_file=ForeignGraph(file, self.scans),
+                cloud=file.beside.points(),
+                occupancy=None if child is None else child.result(),
+            )
+        )
+
+
+def _siblings(path: Path) -> list[Path]:
+    """The connectivity files in the folder of one, in order of their names."""
+    return sorted(path.parent.glob("*_connectivity.json")) if path.is_file() else [path]
+
+
+def holds_graph(path: Path) -> bool:
+    """Whether `path` looks like a connectivity file or a folder of them rather than a project or splats."""
+    if path.is_file():
+        return path.suffix.lower() == ".json" and not named_as_splats(path)
+    return (
+        path.is_dir()
+        and not (path / "project.db").exists()
+        and ((path / "scans.txt").is_file() or any(path.glob("*_connectivity.json")))
+    )

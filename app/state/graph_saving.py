@@ -1,0 +1,115 @@
+"""How a graph that is edited comes to the disk: its journal at each step, its file when a person saves."""
+
+from __future__ import annotations
+
+import threading
+
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from app.state.graph_files import GraphFile
+from nvsim.errors import InputError
+from nvsim.graph.history import History, counted
+from nvsim.graph.journal import Journal
+from nvsim.graph.types import NavGraph
+
+LOOK = 1200  # milliseconds after a step until it must be on the disk
+
+
+class Keeping(QObject):
+    """told(str): what a person may want to know; failed(str): what could not be read or written."""
+
+    told = Signal(str)
+    failed = Signal(str)
+    _saved = Signal(object, str)  # from the thread that saves: history, graph and what to tell; what went wrong
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._journal: Journal | None = None
+        self._history: History | None = None
+        self._saver: threading.Thread | None = None
+        self._saving = False
+        self._trouble = ""
+        self._look = QTimer(self, singleShot=True, interval=LOOK)
+        self._look.timeout.connect(self._look_at_disk)
+        self._saved.connect(self._on_saved)
+
+    def open(self, graph: NavGraph, file: GraphFile | None) -> tuple[History, str]:
+        """The history as it was left, going on from what the file holds; why nothing can be changed, "" when it can."""
+        self._history, locked = History(graph), ""
+        if file is not None and file.journal is not None:
+            try:
+                self._journal = Journal.open(file.journal, plain=file.foreign)
+                self._history = self._journal.history(graph)
+            except InputError as error:
+                self._journal = None
+                self.failed.emit(f"{error} Edits will not survive a crash.")
+                return self._history, ""
+            locked = self._journal.refusal or ""
+            if locked:
+                self.told.emit(locked)
+            if self._journal.notice and self._journal.notice != locked:
+                self.told.emit(self._journal.notice)
+            if self._journal.recovered and not locked:
+                count = self._journal.recovered
+                were, them = ("was", "it") if count == 1 else ("were", "them")
+                self.told.emit(
+                    f"{counted(count, 'edit')} that {were} not saved came back; the history shows {them}, and undo "
+                    f"takes {them} back."
+                )
+        return self._history, locked
+
+    def close(self) -> None:
+        """What was edited is on the disk when this returns."""
+        if self._saver is not None:
+            self._saver.join()
+        if self._journal is not None:
+            try:
+                self._journal.close()
+            except InputError as error:
+                self.failed.emit(str(error))
+        self._journal, self._history = None, None
+
+    def look_soon(self) -> None:
+        """There is a step: says when it cannot be written. The journal writes by itself."""
+        self._look.start()
+
+    def _look_at_disk(self) -> None:
+        """What cannot be written is said once."""
+        trouble = "" if self._journal is None else self._journal.trouble
+        if trouble and trouble != self._trouble:
+            self.failed.emit(trouble)
+        self._trouble = trouble
+
+    def save(self, history: History, file: GraphFile, wait: bool = False) -> None:
+        """Writes the graph to its file, in a thread; `wait` returns when it is written."""
+        if self._saving:
+            return
+        graph, journal = history.graph, self._journal
+        self._saving = True
+
+        def work() -> None:
+            trouble = words = ""
+            try:
+                if journal is not None:
+                    journal.flush()  # so that after a crash the journal knows what the file holds
+                words = file.save(graph)
+            except InputError as error:
+                trouble = str(error)
+            self._saved.emit((history, graph, words), trouble)
+
+        self._saver = threading.Thread(target=work, name="graph saver")
+        self._saver.start()
+        if wait:
+            self._saver.join()
+
+    def _on_saved(self, what: tuple[History, NavGraph, str], trouble: str) -> None:
+        history, graph, words = what
+        self._saving = False
+        if trouble:
+            self.failed.emit(trouble)
+        elif history is self._history:
+            history.mark_saved(graph)
+            if words:
+                self.told.emit(words)
+            if not history.clean:
+                self.told.emit("Saved as it was when saving began; what came after is not saved yet.")

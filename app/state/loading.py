@@ -1,0 +1,359 @@
+"""What the window shows of a project, as one frozen value, and how it is read. Knows no Qt."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.painting.dots import Dots
+from app.state.graph_arrays import GraphArrays
+from app.state.graph_files import GraphFile, ProjectGraph
+from app.state.occupancy_child import OccupancyChild
+from nvsim.capture.types import Capture, Cloud
+from nvsim.errors import InputError
+from nvsim.graph.findings import Context
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.occupancy.types import OccupancyMap
+from nvsim.submaps.types import Submap
+from nvsim.tables import COUNT, NAME, NUMBER, TEXT
+
+if TYPE_CHECKING:
+    from nvsim.project.jobs import JobRecord
+    from nvsim.project.project import Project
+
+PARTS = (
+    "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
+    "results", "training",
+)  # fmt: skip
+
+
+_STAGES = {"stage": TEXT, "part": COUNT, "key": TEXT, "state": TEXT, "finished": NUMBER.or_null}
+_GROWN = {
+    "submaps": "The capture has grown since it was divided into submaps.",
+    "floors": "The capture has grown since the floor was found.",
+    "train": "The capture has grown since the submaps were trained.",
+    "map": "The capture has grown since the map was built.",
+}
+
+
+_FORMER = {
+    "floors": "The floor was found with a former cut into submaps.",
+    "train": "The models in use are of a former cut into submaps.",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """A project as last read; views compare its parts by identity.
+
+    scene_stamp   changes whenever a model was written; None while there is no model at all
+    model_info    submap index -> what its training recorded ("psnr", "gaussians", ...); empty while the models in use
+                  are of a former cut
+    training      submap index -> steps of a training that goes on or was cut off, of what it saved last
+    former        those of "floors" and "train" whose result in use belongs to a former cut into submaps
+    kept          the stages of which an earlier result can be restored
+    stages        names of the stages that ended well
+    outdated      those among them that ended before the capture was what it is now
+    thresholds    what the graph was decided with
+    context       what the findings about the graph are held against; None where only thresholds and map are known
+    results       name of a stored evaluation -> when it ended and its figures
+    live          whether all that is to be seen is in training still
+    outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
+    graph_file    where the graph is saved; None where it cannot be
+    cloud         beside a graph of its own
+    arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
+    """
+
+    path: Path | None = None
+    capture: Capture | None = None
+    submaps: tuple[Submap, ...] = ()
+    graph: NavGraph | None = None
+    occupancy: OccupancyMap | None = None
+    jobs: tuple[JobRecord, ...] = ()
+    scene_stamp: Hashable | None = None
+    model_info: dict[int, dict[str, object]] = field(default_factory=dict)
+    stages: frozenset[str] = frozenset()
+    training: dict[int, int] = field(default_factory=dict)
+    former: frozenset[str] = frozenset()
+    kept: frozenset[str] = frozenset()
+    outdated: frozenset[str] = frozenset()
+    outline: NDArray[np.float64] | None = None
+    thresholds: MappingConfig = field(default_factory=MappingConfig)
+    live: bool = False
+    results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
+    graph_file: GraphFile | None = None
+    cloud: Cloud | None = None
+    arrays: GraphArrays | None = None
+    arrays_of: NavGraph | None = None
+    dots: Dots | None = None
+    context: Context | None = None
+
+    @property
+    def scan_cloud(self) -> Cloud | None:
+        """The point cloud there is: of the capture, or beside the graph."""
+        return self.cloud if self.capture is None else self.capture.cloud
+
+    @property
+    def missing_verb(self) -> str:
+        """The command that makes what the project lacks next: "" when nothing is missing or no project is open."""
+        trained = self.scene_stamp is not None and not self.live
+        if self._outdated_verb:
+            return self._outdated_verb
+        if self.path is None or self.outline is not None or (self.graph is not None and trained):
+            return ""
+        if self.capture is None:
+            return "" if self.graph is not None else "import"
+        if not self.submaps:
+            return "submaps"
+        if "floors" not in self.stages and not trained:
+            return "floors"
+        return "map" if trained else "train"
+
+    @property
+    def _outdated_verb(self) -> str:
+        """The first stage that was done for another capture, or another cut, than there is now."""
+        wanted = self.outdated | self.former
+        return next((verb for verb in ("submaps", "floors", "train", "map") if verb in wanted), "")
+
+    @property
+    def missing(self) -> tuple[str, str] | None:
+        """What the project lacks next, in words, and the command that makes it; None when everything is there."""
+        if self.outline is not None or (self.graph_file is not None and self.graph_file.foreign):
+            return None
+        project = f"--project {self.path}" if self.path else "--project PATH"
+        if self.path is None:
+            return "No project is open.", "nvsim demo"
+        if self.capture is None and self.graph is None:
+            return "This project has no capture yet.", f"nvsim import CAPTURE {project}"
+        if self._outdated_verb:
+            words = _GROWN if self._outdated_verb in self.outdated else _FORMER
+            return words[self._outdated_verb], f"nvsim {self._outdated_verb} {project}"
+        if self.capture is not None and not self.submaps:
+            return "The trajectory is not divided into submaps yet.", f"nvsim submaps {project}"
+        if self.missing_verb == "floors":
+            return "The floor is not found in the frames yet.", f"nvsim floors {project}"
+        if (self.scene_stamp is None or self.live) and self.capture is not None:
+            return "No submap is trained to the end yet.", f"nvsim train {project}"
+        if self.graph is None:
+            return "No navigation graph is built yet.", f"nvsim map {project}"
+        return None
+
+
+def prepared(contents: Contents) -> Contents:
+    """With what views would work out of the graph and of the cloud, in the thread of the window, when they come."""
+    graph, cloud = contents.graph, contents.scan_cloud
+    if contents.occupancy is not None:
+        _ = contents.occupancy.room  # it is kept, as is the graph's
+    if graph is not None:
+        _ = graph.adjacency
+    dots = contents.dots
+    if cloud is None or dots is None or dots.cloud is not cloud:
+        dots = None if cloud is None else Dots.of(cloud)
+    arrays = contents.arrays
+    if graph is not contents.arrays_of:
+        arrays = None if graph is None else GraphArrays.of(graph)
+    return replace(contents, arrays=arrays, arrays_of=graph, dots=dots)
+
+
+def _outdated(rows: tuple[tuple[Any, ...], ...]) -> frozenset[str]:
+    """Of the rows (stage, part, key, state, finished) the stages that ended before the import did."""
+    ended = {row[:2]: row[4] for row in rows if row[3] == "done" and row[4]}
+    last = ended.get(("import", 0))
+    return frozenset() if last is None else frozenset(stage for (stage, _), at in ended.items() if at < last)
+
+
+def _file_stamp(path: Path) -> tuple[int, int] | None:
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_mtime_ns, stat.st_size
+
+
+class ProjectReader:
+    """Reads a project again and again, each part only when it changed. To be used in one thread."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when there is no project or it is newer than the program."""
+        from nvsim.project.project import Project
+
+        self._project: Project = Project.open(path)
+        self._contents = Contents(path, graph_file=ProjectGraph(path))
+        self._stamps: dict[str, Hashable] = {}
+        self._revision: int | None = None
+        self._child: OccupancyChild | None = None
+        self._interrupted = False
+        self._live: dict[Path, tuple[tuple[int, int] | None, int]] = {}  # description -> its stamp and steps
+
+    def close(self) -> None:
+        self._interrupted = True
+        self._drop_child()
+        self._project.close()
+
+    def interrupt(self) -> None:
+        """What is being read is not wanted any more; from any thread."""
+        self._interrupted = True
+        child = self._child
+        if child is not None:
+            child.kill()
+
+    def updates(self) -> Iterator[Contents]:
+        """The contents after each part that had changed, quick parts first; nothing when nothing did.
+        Raises InputError when a file of the project is damaged."""
+        from nvsim.project.thresholds import thresholds_of
+
+        project = self._project
+        models, training = self._models(), self._training()
+        if training != self._contents.training:
+            self._contents = replace(self._contents, training=training)
+            yield self._contents
+        revision = project.revision()
+        if revision != self._revision:
+            self._contents = replace(self._contents, jobs=tuple(project.jobs()))
+            yield self._contents
+        if revision == self._revision and models == self._stamps.get("scene_stamp"):
+            return
+        self._revision = revision
+        # A stage's row changes when it begins and ends; while it runs only the job's row does.
+        stages = tuple(project.read("stages", _STAGES))
+        capture = _file_stamp(project.layout.imported / "capture.json")
+        stamps: dict[str, Hashable] = {
+            "capture": capture,
+            "submaps": (capture, stages),
+            "graph": stages,
+            "stages": (stages, *self._standing()),
+            "results": tuple(project.read("results", {"name": NAME, "created": NUMBER}, "ORDER BY name")),
+            "scene_stamp": models,
+            "occupancy": (capture, _file_stamp(project.layout.support)),
+            "context": self._context_stamp(stages, (capture, _file_stamp(project.layout.support))),
+        }
+        readers: dict[str, Callable[[], Any]] = {
+            "capture": project.capture,
+            "submaps": project.submaps,
+            "stages": lambda: frozenset(row[0] for row in stages if row[3] == "done"),
+            "results": lambda: self._results(stamps["results"]),
+            "graph": project.graph,
+            "scene_stamp": lambda: models,
+            "occupancy": self._occupancy,
+            "context": self._context,
+        }
+        if self._stamps.get("occupancy", self) != stamps["occupancy"]:
+            self._drop_child()
+            if project.may_have_occupancy:
+                self._child = OccupancyChild(project.layout.root)
+        for part, read in readers.items():
+            if self._stamps.get(part, self) == stamps[part]:
+                continue
+            before = getattr(self._contents, part)
+            value = read()
+            self._stamps[part] = stamps[part]
+            if value is None and before is None:
+                continue
+            self._contents = replace(self._contents, **{part: value})
+            if part in ("capture", "occupancy"):
+                self._contents = prepared(self._contents)
+            if part == "stages":
+                former, kept = self._standing()
+                self._contents = replace(self._contents, outdated=_outdated(stages), former=former, kept=kept)
+            if part == "graph":
+                self._contents = prepared(replace(self._contents, thresholds=thresholds_of(project)))
+            if part == "scene_stamp":
+                self._contents = replace(
+                    self._contents, model_info=self._model_info(), live=value is not None and not self._folders()
+                )
+            yield self._contents
+
+    def _occupancy(self) -> OccupancyMap | None:
+        if self._child is None:
+            return None
+        try:
+            if self._interrupted:
+                self._child.kill()
+            return self._child.result()
+        finally:
+            self._child = None
+
+    def _drop_child(self) -> None:
+        if self._child is not None:
+            self._child.kill()
+            self._child.result()
+            self._child = None
+
+    def _context_stamp(self, stages: Hashable, stamp_of_map: Hashable) -> Hashable:
+        layout = self._project.layout
+        floors = tuple((p.name, _file_stamp(p)) for p in sorted(layout.floor.glob("*.npz")))
+        return stages, floors, stamp_of_map, tuple(self._folders())
+
+    def _context(self) -> Context | None:
+        from nvsim.project.graph_context import context_on
+
+        if self._contents.graph is None:
+            return None
+        return context_on(self._contents.occupancy, self._project)
+
+    def _results(self, created: Hashable) -> dict[str, tuple[float, dict[str, object]]]:
+        assert isinstance(created, tuple)
+        figures = self._project.results()
+        return {name: (at, figures[name]) for name, at in created if name in figures}
+
+    def _standing(self) -> tuple[frozenset[str], frozenset[str]]:
+        """What is of a former cut, and of what an earlier result is kept."""
+        from nvsim.project import results
+
+        c = self._project.connection
+        former = frozenset(stage for stage in ("floors", "train") if results.is_former(c, stage))
+        return former, frozenset(stage for stage in results.STAGES if results.kept(c, stage) is not None)
+
+    def _folders(self) -> dict[int, Path]:
+        from nvsim.project.results import model_folders
+
+        return model_folders(self._project.layout)
+
+    def _models(self) -> Hashable | None:
+        from nvsim.project.results import is_former
+
+        layout, folders = self._project.layout, self._folders()
+        found: list[Hashable] = [(f.name, _file_stamp(f / "model.json")) for f in folders.values()]
+        if folders and is_former(self._project.connection, "train"):
+            return ("former", *found)
+        # Who draws looks for new states of these by itself; of a submap that has a finished model none is drawn.
+        live = sorted(p.parent.name for p in layout.checkpoints.glob("live_*/model.json"))
+        found += [name for name in live if name not in {layout.live(i).name for i in folders}]
+        return tuple(found) or None
+
+    def _training(self) -> dict[int, int]:
+        import json
+
+        found = {}
+        for path in sorted(self._project.layout.checkpoints.glob("live_*/model.json")):
+            stamp = _file_stamp(path)
+            if path not in self._live or self._live[path][0] != stamp:
+                with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # replaced at this moment
+                    self._live[path] = stamp, int(json.loads(path.read_text())["info"]["steps"])
+            index = path.parent.name.removeprefix("live_")
+            if index.isdecimal() and path in self._live:
+                found[int(index)] = self._live[path][1]
+        return found
+
+    def _model_info(self) -> dict[int, dict[str, object]]:
+        import json
+
+        result: dict[int, dict[str, object]] = {}
+        if "train" in self._standing()[0]:
+            return result
+        for index, folder in self._folders().items():
+            path = folder / "model.json"
+            try:
+                data = json.loads(path.read_text())
+                info = {"gaussians": data.get("count"), **data.get("info", {})}
+                result[index] = info
+            except (OSError, ValueError) as error:
+                raise InputError(f"{path} is damaged ({error}); run `nvsim train` again.") from error
+        return result

@@ -1,0 +1,77 @@
+"""Why a command cannot run now, each reason a function of the document that is None when it can."""
+
+from __future__ import annotations
+
+import os
+
+from app.state.document import Document
+from nvsim.project.layout import Layout
+
+Reason = str | None  # why a command cannot run, None when it can
+
+
+UNDECIDED = "a splat file is open, which has no walk and no graph"
+
+
+def always(document: Document) -> Reason:
+    return None
+
+
+def with_project(document: Document) -> Reason:
+    return None if document.path else "no project is open"
+
+
+def with_positions(document: Document) -> Reason:
+    return None if len(document.extent) else "the project has neither a trajectory nor a graph yet"
+
+
+def with_scene(document: Document) -> Reason:
+    return None if document.contents.scene_stamp is not None else "no submap is trained yet"
+
+
+def with_submaps(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return with_scene(document)
+
+
+def with_graph(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return None if document.graph is not None else "no navigation graph is built yet"
+
+
+def with_trajectory(document: Document) -> Reason:
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return None if len(document.trajectory.positions) else "the project has no capture yet"
+
+
+def with_occupancy(document: Document) -> Reason:
+    return None if document.contents.occupancy is not None else "the project has no occupancy map yet"
+
+
+def with_splat_file(document: Document) -> Reason:
+    return None if document.contents.outline is not None else "only a splat file may lie on its side"
+
+
+def with_selection(document: Document) -> Reason:
+    return None if document.selection else "nothing is selected"
+
+
+def with_earlier(document: Document) -> Reason:
+    kept = document.contents.kept
+    return None if kept else "no earlier result is kept; there is one when a stage has been run again"
+
+
+def with_frame(document: Document) -> Reason:
+    return None if document.selection.frame is not None else "no frame is selected"
+
+
+def with_masks(document: Document) -> Reason:
+    """Also a folder that may be written, as a correction is a file there."""
+    if document.selection.frame is None or document.path is None:
+        return "no frame is selected"
+    if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
+        return "the floors are not found yet"
+    return None if os.access(document.path, os.W_OK) else "the project's folder may not be written"

@@ -1,0 +1,76 @@
+"""How a project was left, as text in the settings: what comes back with the next window. Layers, compare mode and the
+arrangement of panels are everybody's and kept elsewhere."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from app.painting.cameras import ViewPose
+from app.painting.tones import CHANNELS
+from app.state.document import Selection
+
+MOST_KEYS = 1000
+
+
+@dataclass(frozen=True)
+class Left:
+    """frame      in the centre, in place of the 3D view
+    map_range  x, y, width, height of the part of the map that is seen, metres
+    panorama   heading and elevation in the middle of the inspector's panorama, radians, and how near it is
+    keys       of the camera path
+    """
+
+    pose: ViewPose | None = None
+    channel: str = "rgb"
+    selection: Selection = Selection()
+    frame: int | None = None
+    map_range: tuple[float, float, float, float] | None = None
+    panorama: tuple[float, float, float] | None = None
+    keys: tuple[ViewPose, ...] = ()
+
+
+def encode(left: Left) -> str:
+    return json.dumps(asdict(left))
+
+
+def decode(text: str) -> Left | None:
+    """What `encode` kept; None for anything else."""
+    try:
+        kept = json.loads(text)
+        chosen = kept["selection"]
+        selection = Selection(
+            *(_optional(chosen[name], kind) for name, kind in (("viewpoint", str), ("frame", int), ("submap", int)))
+        )
+        pose, view, panorama = kept["pose"], kept.get("map_range"), kept.get("panorama")
+        left = Left(
+            None if pose is None else _pose(pose),
+            str(kept["channel"]),
+            selection,
+            _optional(kept.get("frame"), int),
+            None if view is None else _numbers(view, 4),  # type: ignore[arg-type]
+            None if panorama is None else _numbers(panorama, 3),  # type: ignore[arg-type]
+            tuple(_pose(key) for key in kept.get("keys", [])[:MOST_KEYS]),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return left if left.channel in CHANNELS else None
+
+
+def _optional(value: Any, kind: type) -> Any:
+    if value is not None and not isinstance(value, kind):
+        raise ValueError(value)
+    return value
+
+
+def _numbers(values: Any, count: int) -> tuple[float, ...]:
+    if len(values) != count:
+        raise ValueError(values)
+    return tuple(float(v) for v in values)
+
+
+def _pose(kept: Any) -> ViewPose:
+    x, y, z = _numbers(kept["position"], 3)
+    others = {name: float(kept[name]) for name in ("heading", "elevation", "reach", "fov")}
+    return ViewPose((x, y, z), **others)

@@ -1,0 +1,213 @@
+"""A view that shows the graph and can be worked in: what editing asks of the map and of the 3D view alike.
+
+Points are in the view's own logical pixels. A view says how places become pixels and how a pixel becomes a place on the
+floor; what lies under the cursor follows from that for both in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF
+from PySide6.QtWidgets import QWidget
+
+from app.painting.picking import NEAR, nearest_point, nearest_segment, projected_segments, within_polygon
+from app.state.document import Document
+
+if TYPE_CHECKING:
+    from app.views.map_view import MapView
+    from app.views.scene_view import SceneView
+
+VIEWPOINT_REACH = 11.0  # pixels
+EDGE_REACH = 7.0
+FRAME_REACH = 11.0
+Place = tuple[float, float, float]
+
+
+class GraphSurface(Protocol):
+    """What a mode of editing needs of a view."""
+
+    @property
+    def widget(self) -> QWidget:
+        """Where the mouse is heard and hints are drawn."""
+        ...
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pixels (N, 2) and depths (N,) of world points (N, 3); a depth above zero is in front of the eye."""
+        ...
+
+    def segments(
+        self, a: NDArray[np.float64], b: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        """What is in view of the segments a-b (N, 3): ends in pixels (M, 4), index in the input (M,), depth (M,)."""
+        ...
+
+    def floor_point(self, point: QPointF) -> Place | None:
+        """The place (x, y, z) on the floor under a pixel, metres, world; None where there is none."""
+        ...
+
+    def pick_viewpoint(self, point: QPointF) -> str | None: ...
+    def pick_edge(self, point: QPointF) -> tuple[str, str] | None: ...
+    def pick_frame(self, point: QPointF) -> int | None: ...
+
+    def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:
+        """The viewpoints inside a polygon of pixels."""
+        ...
+
+
+class _Surface:
+    """What follows from `project`, `segments` and `floor_point`."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        raise TypeError("a surface says how it projects")
+
+    def segments(
+        self, a: NDArray[np.float64], b: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        raise TypeError("a surface says how it projects")
+
+    def pick_viewpoint(self, point: QPointF) -> str | None:
+        arrays = self._document.shown_arrays
+        if not arrays.ids:
+            return None
+        row = nearest_point(*self.project(arrays.feet), (point.x(), point.y()), VIEWPOINT_REACH)
+        return None if row is None else arrays.ids[row]
+
+    def pick_edge(self, point: QPointF) -> tuple[str, str] | None:
+        arrays = self._document.shown_arrays
+        ends = arrays.feet[arrays.edges]
+        lines, index, depth = self.segments(ends[:, 0], ends[:, 1])
+        row = nearest_segment(lines, depth, (point.x(), point.y()), EDGE_REACH)
+        return None if row is None else arrays.edge_key(int(index[row]))
+
+    def pick_frame(self, point: QPointF) -> int | None:
+        walk, storey = walk_on_floor(self._document), self._document.storeys.storey
+        if not len(walk):
+            return None
+        pixels, depths = self.project(walk)
+        if storey is not None:
+            depths = np.where(storey.holds(walk[:, 2]), depths, 0.0)
+        return nearest_point(pixels, depths, (point.x(), point.y()), FRAME_REACH)
+
+    def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:
+        arrays = self._document.shown_arrays
+        if not arrays.ids or len(polygon) < 3:
+            return frozenset()
+        pixels, depths = self.project(arrays.feet)
+        inside = within_polygon(pixels, np.array([(p.x(), p.y()) for p in polygon])) & (depths > NEAR)
+        return frozenset(arrays.ids[row] for row in np.flatnonzero(inside))
+
+
+class MapSurface(_Surface):
+    """The plan. What stands higher covers what is below it."""
+
+    def __init__(self, view: MapView, document: Document) -> None:
+        super().__init__(document)
+        self._view = view
+
+    @property
+    def widget(self) -> QWidget:
+        return self._view.canvas
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self._view.to_pixels(points[:, :2]), 1e4 - points[:, 2]
+
+    def segments(
+        self, a: NDArray[np.float64], b: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        lines = np.concatenate([self._view.to_pixels(a[:, :2]), self._view.to_pixels(b[:, :2])], axis=1)
+        width, height = self.widget.width(), self.widget.height()
+        seen = (np.maximum(lines[:, 0], lines[:, 2]) >= 0) & (np.minimum(lines[:, 0], lines[:, 2]) <= width)
+        seen &= (np.maximum(lines[:, 1], lines[:, 3]) >= 0) & (np.minimum(lines[:, 1], lines[:, 3]) <= height)
+        index = np.flatnonzero(seen)
+        return lines[index], index, 1e4 - np.maximum(a[index, 2], b[index, 2])
+
+    def floor_point(self, point: QPointF) -> Place | None:
+        x, y = self._view.to_world(point)
+        return x, y, floor_height(self._document, x, y)
+
+
+class SceneSurface(_Surface):
+    """The 3D view."""
+
+    def __init__(self, view: SceneView, document: Document) -> None:
+        super().__init__(document)
+        self._view = view
+
+    @property
+    def widget(self) -> QWidget:
+        return self._view
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self._view.overlay_camera.project(points)
+
+    def segments(
+        self, a: NDArray[np.float64], b: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        return projected_segments(self._view.overlay_camera, a, b)
+
+    def pick_viewpoint(self, point: QPointF) -> str | None:
+        return super().pick_viewpoint(point) if self._view.overlays["graph"].shown else None
+
+    def pick_edge(self, point: QPointF) -> tuple[str, str] | None:
+        return super().pick_edge(point) if self._view.overlays["graph"].shown else None
+
+    def pick_frame(self, point: QPointF) -> int | None:
+        return super().pick_frame(point) if self._view.overlays["trajectory"].shown else None
+
+    def floor_point(self, point: QPointF) -> Place | None:
+        """Where the ray through the pixel meets the floor; the floor's height is that of the nearest known place."""
+        camera = self._view.overlay_camera
+        k, eye = camera.intrinsics, camera.position
+        ray = camera.rotation @ [(point.x() - k.cx) / k.fx, (point.y() - k.cy) / k.fy, 1.0]
+        if ray[2] > -1e-3 * float(np.linalg.norm(ray)):
+            return None  # at or above the horizon
+        height = floor_height(self._document, float(eye[0]), float(eye[1]), below=float(eye[2]))
+        place = eye
+        for _ in range(4):
+            place = eye + (height - eye[2]) / ray[2] * ray
+            there = floor_height(self._document, float(place[0]), float(place[1]), near=height)
+            if there >= eye[2] or abs(there - height) < 1e-3:
+                break
+            height = there
+        if height >= eye[2] or float(np.linalg.norm(place - eye)) > 200.0:
+            return None
+        return float(place[0]), float(place[1]), float(height)
+
+
+def floor_height(
+    document: Document, x: float, y: float, *, below: float | None = None, near: float | None = None
+) -> float:
+    """World z of the floor at x, y, as the nearest viewpoint or frame knows it.
+
+    below   only floors under this height count, as long as there are any: the storey the eye is in
+    near    floors that differ much from this height are far away: the same storey
+    """
+    feet = document.shown_arrays.feet
+    if not len(feet):
+        feet = walk_on_floor(document)
+    if not len(feet):
+        return 0.0
+    distance = np.hypot(feet[:, 0] - x, feet[:, 1] - y)
+    if below is not None and (feet[:, 2] < below).any():
+        # Of the floors beneath the eye the nearest one, looked for around it.
+        distance = distance + 3.0 * np.maximum(0.0, below - feet[:, 2]) + np.where(feet[:, 2] < below, 0.0, 1e6)
+    if near is not None:
+        distance = distance + 3.0 * np.abs(feet[:, 2] - near)
+    return float(feet[np.argmin(distance), 2])
+
+
+def walk_on_floor(document: Document) -> NDArray[np.float64]:
+    """(N, 3) the frames' places, lowered to the floor by the height that the graph's viewpoints have."""
+    positions = document.trajectory.positions
+    if not len(positions):
+        return positions
+    arrays = document.graph_arrays
+    height = float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2])) if arrays.ids else 1.5
+    return positions - [0.0, 0.0, height]

@@ -1,0 +1,143 @@
+"""The graph on the map: all edges and viewpoints in a few painter calls, in the pixels of the screen.
+
+pyqtgraph's own curve and scatter items stroke a path and sort their points: for forty thousand edges and ten thousand
+viewpoints twice as long as this takes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF
+from PySide6.QtGui import QPainter
+from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
+
+from app.painting.drawing_cache import KeptDrawing
+from app.painting.graph_ink import LARGE, GraphInk
+from app.state.document import Document
+from app.state.graph_arrays import GraphArrays, extremes
+
+_RADIUS = 4.0  # pixels; smaller where viewpoints stand close together
+_LEAST = 1.5
+_MARGIN = 6  # pixels beside the widget whose discs still reach into it
+
+_Lines = tuple[NDArray[np.float64], NDArray[np.int64]]  # edges in view (M, 4) pixels, rows of viewpoints in view (K,)
+
+
+class GraphItem(pg.GraphicsObject):
+    """`hovered` is the id under the cursor of either view; `update` after setting it."""
+
+    def __init__(self, document: Document) -> None:
+        super().__init__()
+        self._document = document
+        self._ink = GraphInk()
+        self._kept = KeptDrawing(self, self.update)
+        self._latest: tuple[GraphArrays, tuple[float, ...], _Lines] | None = None  # what was drawn, and from where
+        self._bounds = QRectF()
+        self._spacing = 1.0  # metres from a viewpoint to the next, about
+        self.hovered: str | None = None
+        self.setZValue(20)
+
+    def refresh(self) -> None:
+        """To be called when the document's graph is another."""
+        positions = self._document.graph_arrays.positions
+        bounds = QRectF()
+        if len(positions):
+            low, high = extremes(positions[:, :2])
+            low, high = low - 1, high + 1
+            bounds = QRectF(*low, *(high - low))
+            spacing = (float(np.prod(high - low)) / len(positions)) ** 0.5
+            if not 0.9 < spacing / self._spacing < 1.1:  # an edit must not change the size of every disc
+                self._spacing = spacing
+        if bounds != self._bounds:
+            self.prepareGeometryChange()
+            self._bounds = bounds
+        self.update()
+
+    def boundingRect(self) -> QRectF:
+        return self._bounds
+
+    def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:
+        arrays = self._document.shown_arrays
+        if not arrays.ids or widget is None:
+            return
+        origin, axes = self._transform(painter)
+        pixels = arrays.positions[:, :2] @ axes + origin
+        scale = float(np.linalg.norm(axes[0]))  # pixels per metre
+        radius = float(np.clip(0.3 * self._spacing * scale, _LEAST, _RADIUS))
+        width, height = widget.width(), widget.height()
+        painter.save()
+        painter.resetTransform()
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        if len(arrays.edges) > LARGE:
+            place = (*origin, *axes.ravel(), width, height)
+            if self._latest is None or self._latest[0] is not arrays or self._latest[1] != place:
+                self._latest = arrays, place, self._seen(arrays, pixels, (width, height))
+            seen = self._latest[2]
+            manner = self._ink.manner(len(seen[0]), arrays.included[seen[1]])
+
+            def draw(target: QPainter, within: QRectF | None) -> None:
+                self._draw(target, arrays, pixels, radius, seen, within)
+
+            def touched(drawn: object) -> QRectF | None:
+                return _outline(self._document.graph_changes.since(drawn), origin, axes, (width, height))
+
+            view = (radius, place, manner, self._document.storeys.between)
+            self._kept.paint(painter, width, height, view, draw, self._document.graph_arrays, touched)
+        else:
+            self._draw(painter, arrays, pixels, radius, self._seen(arrays, pixels, (width, height)))
+        selected = arrays.index.get(self._document.selection.viewpoint or "")
+        hovered = arrays.index.get(self.hovered or "")
+        for row in (hovered, selected):
+            if row is not None:
+                self._ink.draw_marked(painter, pixels[row], np.full(2, max(radius, 4.0)), row == selected)
+        painter.restore()
+
+    def _draw(
+        self,
+        painter: QPainter,
+        arrays: GraphArrays,
+        pixels: NDArray[np.float64],
+        radius: float,
+        seen: _Lines,
+        within: QRectF | None = None,
+    ) -> None:
+        lines, rows = seen
+        self._ink.draw_edges(painter, lines, within=within)
+        self._ink.draw_viewpoints(painter, pixels[rows], np.full((len(rows), 2), radius), arrays.included[rows], within)
+
+    def _seen(self, arrays: GraphArrays, pixels: NDArray[np.float64], size: tuple[int, int]) -> _Lines:
+        """The edges and the viewpoints that may be in view."""
+        (width, height), (x, y) = size, pixels.T
+        # Which sides of the widget an end lies beyond, as bits: an edge with both ends beyond one is out of view.
+        beyond = (1 * (x < 0) + 2 * (x > width) + 4 * (y < 0) + 8 * (y > height)).astype(np.uint8)
+        a, b = arrays.edges.T
+        rows = np.flatnonzero((beyond[a] & beyond[b]) == 0)
+        if len(rows) < len(a):
+            a, b = a[rows], b[rows]
+        lines = np.empty((len(a), 4))
+        for column, values in enumerate((x[a], y[a], x[b], y[b])):
+            lines[:, column] = values
+        near = (x > -_MARGIN) & (x < width + _MARGIN) & (y > -_MARGIN) & (y < height + _MARGIN)
+        return lines, np.flatnonzero(near)
+
+    def _transform(self, painter: QPainter) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(2,) the widget's logical pixel of world x, y = 0, and (2, 2) pixels of a metre along x and along y."""
+        zero, right, up = (painter.transform().map(QPointF(x, y)) for x, y in ((0, 0), (1, 0), (0, 1)))
+        origin = np.array([zero.x(), zero.y()])
+        return origin, np.array([[right.x(), right.y()], [up.x(), up.y()]]) - origin
+
+
+def _outline(
+    places: NDArray[np.float64] | None, origin: NDArray[np.float64], axes: NDArray[np.float64], size: tuple[int, int]
+) -> QRectF | None:
+    """The pixels that edges and viewpoints at `places` (K, 2, 3) may cover; None for everywhere."""
+    if places is None:
+        return None
+    if not len(places):
+        return QRectF()
+    pixels = places.reshape(-1, 3)[:, :2] @ axes + origin
+    low = np.clip(pixels.min(axis=0) - _MARGIN - 1, -1, size)
+    high = np.clip(pixels.max(axis=0) + _MARGIN + 1, 0, np.add(size, 1))
+    return QRectF(*low.tolist(), *(high - low).tolist())

@@ -1,0 +1,180 @@
+"""Hands on the camera: left drag orbits, middle or Shift+left drag pans, right drag looks around, WASDQE fly, the
+wheel comes nearer. While walking, the eye stays at its height above the floor, whatever moves it. Turns input events
+into poses and nothing else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from PySide6.QtCore import QObject, QPointF, Qt, QTimer, Signal
+from PySide6.QtGui import QGuiApplication, QKeyEvent, QMouseEvent, QWheelEvent
+from PySide6.QtWidgets import QWidget
+
+from app.painting import cameras
+from app.painting.cameras import ViewPose
+
+CLICK_TOLERANCE = 4  # pixels a hand moves while clicking
+_KEYS = {
+    Qt.Key.Key_W: (1, 0, 0),
+    Qt.Key.Key_S: (-1, 0, 0),
+    Qt.Key.Key_D: (0, 1, 0),
+    Qt.Key.Key_A: (0, -1, 0),
+    Qt.Key.Key_E: (0, 0, 1),
+    Qt.Key.Key_Q: (0, 0, -1),
+}
+_TICK = 15  # milliseconds
+_SETTLE = 0.12  # seconds in which a walking eye makes good most of a step in the floor
+
+
+EyeLevel = Callable[[float, float, float], float]
+
+
+class Navigation(QObject):
+    """moved() after every change of `pose`."""
+
+    moved = Signal()
+
+    def __init__(self, view: QWidget) -> None:
+        super().__init__(view)
+        self._view = view
+        self.pose = ViewPose((0.0, 0.0, 1.6))
+        self.speed = 2.0  # metres per second
+        self.eye_level: EyeLevel | None = None
+        """While walking: world z of the eye at x, y, seen from z; None while flying."""
+        self._held: set[int] = set()
+        self._last: QPointF | None = None
+        self._pressed_at: QPointF | None = None
+        self._dragged = False
+        self._before = 0.0
+        self._flight: tuple[ViewPose, ViewPose, float, float] | None = None
+        self._timer = QTimer(self)
+        self._timer.setInterval(_TICK)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self._tick)
+
+    @property
+    def active(self) -> bool:
+        """Whether keys, a drag or a flight move the camera right now."""
+        return self._timer.isActive() or self._dragged
+
+    @property
+    def goal(self) -> ViewPose:
+        """Where a flight leads to; where the eye is, without one."""
+        return self.pose if self._flight is None else self._flight[1]
+
+    def walk(self, eye_level: EyeLevel | None) -> None:
+        """Stays at this height above the floor from now on; None flies again."""
+        self.eye_level = eye_level
+        if eye_level is not None:
+            x, y, z = self.pose.position
+            self.go_to(replace(self.pose, position=(x, y, eye_level(x, y, z))))
+
+    def set_pose(self, pose: ViewPose) -> None:
+        """At once."""
+        self._flight = None
+        if pose != self.pose:
+            self.pose = pose
+            self.moved.emit()
+
+    def go_to(self, pose: ViewPose, seconds: float = 0.35) -> None:
+        """Smoothly, so that the person keeps the sense of place."""
+        self._flight = (self.pose, pose, time.monotonic(), seconds)
+        self._start()
+
+    def press(self, event: QMouseEvent) -> None:
+        self._flight = None
+        self._last = self._pressed_at = event.position()
+        self._dragged = False
+
+    def drag(self, event: QMouseEvent) -> bool:
+        """Returns whether the movement turned the camera (False while it is still a click)."""
+        if self._last is None or self._pressed_at is None or not event.buttons():
+            return False
+        if not self._dragged and (event.position() - self._pressed_at).manhattanLength() <= CLICK_TOLERANCE:
+            return False
+        self._dragged = True
+        step = event.position() - self._last
+        self._last = event.position()
+        dx, dy, buttons = step.x(), step.y(), event.buttons()
+        shift = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
+        if buttons & Qt.MouseButton.RightButton:
+            angle = cameras.RADIANS_PER_PIXEL * 0.8
+            self.set_pose(cameras.turned(self.pose, dx * angle, -dy * angle))
+        elif buttons & Qt.MouseButton.MiddleButton or (buttons & Qt.MouseButton.LeftButton and shift):
+            self.set_pose(cameras.panned(self.pose, dx, dy, max(1, self._view.height())))
+        elif buttons & Qt.MouseButton.LeftButton:
+            self.set_pose(cameras.orbited(self.pose, dx, dy))
+        return True
+
+    def release(self) -> bool:
+        """Returns whether it was a click."""
+        click = self._pressed_at is not None and not self._dragged
+        self._last = self._pressed_at = None
+        self._dragged = False
+        return click
+
+    def wheel(self, event: QWheelEvent) -> None:
+        notches = event.angleDelta().y() / 120
+        if event.buttons() & Qt.MouseButton.RightButton:
+            self.speed = min(max(self.speed * 1.25**notches, 0.1), 50.0)
+            return
+        camera = self.pose.camera(max(1, self._view.width()), max(1, self._view.height()))
+        k, at = camera.intrinsics, event.position()
+        ray = camera.rotation @ [(at.x() - k.cx) / k.fx, (at.y() - k.cy) / k.fy, 1.0]
+        self.set_pose(cameras.zoomed(self.pose, 0.85**notches, ray / (ray @ ray) ** 0.5))
+
+    def key(self, event: QKeyEvent, down: bool) -> bool:
+        """Returns whether the key is one that flies."""
+        plain = not event.modifiers() & (Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier)
+        if event.key() not in _KEYS or (down and not plain):
+            return False
+        if not event.isAutoRepeat():
+            (self._held.add if down else self._held.discard)(event.key())
+            self._start()
+        return True
+
+    def let_go(self) -> None:
+        """Forgets held keys and drags: the focus went elsewhere, their release will not be seen."""
+        self._held.clear()
+        self._last = self._pressed_at = None
+        self._dragged = False
+
+    def stop(self) -> None:
+        self.let_go()
+        self._flight = None
+        self._timer.stop()
+
+    def _start(self) -> None:
+        if not self._timer.isActive():
+            self._before = time.monotonic()
+            self._timer.start()
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        elapsed, self._before = min(now - self._before, 0.1), now
+        if self._flight is not None:
+            start, goal, begin, seconds = self._flight
+            share = min(1.0, (now - begin) / seconds)
+            self.pose = goal if share >= 1 else cameras.between(start, goal, share)
+            if share >= 1:
+                self._flight = None
+            self.moved.emit()
+        if self._held:
+            fast = QGuiApplication.keyboardModifiers() & Qt.KeyboardModifier.ShiftModifier
+            metres = self.speed * elapsed * (3.0 if fast else 1.0)
+            forward, right, up = (metres * sum(_KEYS[Qt.Key(k)][i] for k in self._held) for i in range(3))
+            if self.eye_level is None:
+                self.set_pose(cameras.flown(self.pose, forward, right, up))
+            else:
+                self.set_pose(self._walked(cameras.walked(self.pose, forward, right), elapsed))
+        if not self._held and self._flight is None:
+            self._timer.stop()
+
+    def _walked(self, pose: ViewPose, elapsed: float) -> ViewPose:
+        """`pose` on its way to the height of the eye: a step of the floor is climbed, not jumped."""
+        assert self.eye_level is not None
+        x, y, z = pose.position
+        share = min(1.0, elapsed / _SETTLE)
+        return replace(pose, position=(x, y, z + share * (self.eye_level(x, y, z) - z)))

@@ -1,0 +1,38 @@
+"""What the 3D view says about itself at its edges, where the eye is, who drew the picture, what is waited for; and the
+ground without a picture."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QPoint, QPointF, QRect, QSize
+from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPalette
+
+from app.drawing.render_child import WHOLE, Picture
+from app.painting.cameras import ViewPose, heading_degrees
+from app.painting.primitives import chip
+
+
+def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
+    """What there is to see while no picture is."""
+    dark = palette.window().color().lightness() < 128
+    gradient = QLinearGradient(0, 0, 0, size.height())
+    gradient.setColorAt(0, QColor("#242a33" if dark else "#eef2f6"))
+    gradient.setColorAt(1, QColor("#14171c" if dark else "#cfd8e1"))
+    painter.fillRect(QRect(QPoint(0, 0), size), gradient)
+
+
+def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Picture | None, words: str) -> None:
+    """The pose below on the left, `words` above in the middle where there are any."""
+    font = painter.font()
+    font.setPointSizeF(8.5)
+    painter.setFont(font)
+    ink, fill = QColor("#dfe7ee"), QColor(16, 20, 26, 175)
+    x, y, z = pose.position
+    facts = [f"{x:.1f}, {y:.1f}, {z:.1f} m", f"{heading_degrees(pose):.0f}°"]
+    if picture is not None:
+        k = picture.request.camera.intrinsics
+        facts += ["whole building" if picture.submap == WHOLE else f"submap {picture.submap}", f"{k.width}×{k.height}"]
+        facts += [f"{picture.renderer} {picture.milliseconds:.0f} ms"]
+    chip(painter, QPointF(10, size.height() - 10), "   ".join(facts), ink, fill)
+    if words:
+        width = painter.fontMetrics().horizontalAdvance(words) + 12
+        chip(painter, QPointF((size.width() - width) / 2, 10 + painter.fontMetrics().height()), words, ink, fill)

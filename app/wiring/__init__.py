@@ -1,0 +1,67 @@
+"""The parts of the window, in the order they are made. A new capability is a module here and a line in PARTS; the
+window itself knows none of them."""
+
+from __future__ import annotations
+
+from app.actions import Action
+from app.wiring.camera import CameraPart
+from app.wiring.camera_path import CameraPathPart
+from app.wiring.checking import CheckPart
+from app.wiring.comparing import ComparePart
+from app.wiring.context import ContextPart
+from app.wiring.editing import EditPart
+from app.wiring.exporting import ExportPart
+from app.wiring.files import FilePart
+from app.wiring.foreign import ForeignPart
+from app.wiring.frames import FramePart
+from app.wiring.inspector import InspectorPart
+from app.wiring.jobs import JobsPart
+from app.wiring.keeping import KeepingPart
+from app.wiring.layers import LayersPart
+from app.wiring.look import LookPart
+from app.wiring.modes import ModePart
+from app.wiring.new_project import NewProjectPart
+from app.wiring.palette import PalettePart
+from app.wiring.panels import DetailsPart, LogPart, MapPart, SubmapPart
+from app.wiring.part import Part
+from app.wiring.proposing import ProposePart
+from app.wiring.results import ResultPart
+from app.wiring.selecting import SelectPart
+from app.wiring.storeys import StoreyPart
+from app.wiring.thresholds import ThresholdPart
+from app.wiring.view import ViewPart
+from app.wiring.views import ViewsPart
+
+PARTS: tuple[type[Part], ...] = (
+    FilePart,
+    CameraPart,
+    ViewPart,
+    SubmapPart,
+    FramePart,
+    LayersPart,
+    CameraPathPart,
+    MapPart,
+    DetailsPart,
+    InspectorPart,
+    ThresholdPart,
+    JobsPart,
+    NewProjectPart,
+    ResultPart,
+    LogPart,
+    ModePart,
+    EditPart,
+    ContextPart,
+    SelectPart,
+    StoreyPart,
+    CheckPart,
+    ComparePart,
+    ExportPart,
+    ForeignPart,
+    ProposePart,
+    LookPart,
+    PalettePart,
+    ViewsPart,
+    KeepingPart,
+)
+
+ACTIONS: tuple[Action, ...] = tuple(action for part in PARTS for action in part.ACTIONS)

@@ -1,0 +1,110 @@
+"""What is wrong with the graph and what a person should look at next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from app.actions import Action
+from app.layers.labels import short_ids
+from app.panels.validation import ValidationPanel, selection_of
+from app.state.graph_reasons import with_editing, writable
+from app.wiring.part import Dock, Part, Workspace
+from app.wiring.selecting import SelectPart
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import EdgeKey
+
+
+class CheckPart(Part):
+    """The review walks from the least certain edge on: N goes to the next, Y says it is right and goes on, Del takes it
+    out of the graph."""
+
+    ACTIONS = (
+        Action("next_review", "&Next to review", "The least certain edge that nobody reviewed; again: the one after it",
+               "&Graph", 1, "N", "next_review", toolbar=True, enabled=with_editing),
+        Action("accept_review", "It is &right, go on", "Mark what is selected as reviewed and go to the next",
+               "&Graph", 1, "Shift+N", enabled=writable),
+        Action("next_finding", "Next &finding", "Go to the next thing that is wrong with the graph, the worst first",
+               "&Graph", 1, "F8", enabled=with_editing),
+        Action("validation", "&Validation", "What is wrong with the graph", "&Graph", 1, "Shift+F8",
+               enabled=with_editing),
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.panel = ValidationPanel(workspace.document)
+        self.panel.activated.connect(self._show)
+        self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this walk
+        self._told: GraphSelection | None = None  # what the status bar speaks of
+        workspace.document.projectChanged.connect(self._passed.clear)
+        workspace.document.editing.selectionChanged.connect(self._on_selection)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (Dock("validation", "Validation", self.panel, "right", "details"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "next_review": self.next,
+            "accept_review": self.accept,
+            "next_finding": self.next_finding,
+            "validation": lambda: self.workspace.window.show_dock("validation"),
+        }
+
+    def next(self) -> None:
+        """Goes to the least certain edge that was neither reviewed nor passed by in this walk."""
+        editing = self.workspace.document.editing
+        if editing.graph is None:
+            return
+        self._passed |= editing.selection.edges
+        waiting = editing.review.order(editing.graph)
+        left = [doubt for doubt in waiting if doubt.edge not in self._passed]
+        if not waiting:
+            self.workspace.notices.info("Every edge is reviewed.")
+            return
+        if not left:
+            self._passed.clear()
+            left = waiting
+        self._show(GraphSelection(frozenset(), frozenset({left[0].edge})))
+        self._told = editing.selection
+        done = len(editing.graph.edges) - len(waiting)
+        why = left[0].why
+        self.workspace.modes.said.emit(
+            f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
+            "Y it is right · Shift+N right, go on · Del remove it"
+        )
+
+    def next_finding(self) -> None:
+        """Brings the list of findings to the front and the one after the current before the eye."""
+        self.workspace.window.show_dock("validation")
+        found = self.panel.step()
+        if found is None:
+            self.workspace.notices.info("Nothing is wrong that we know of.")
+        else:
+            self._show(selection_of(found))
+            self._told = selection_of(found)
+            fix = f" · Fix: {found.fixes[0].text}" if found.fixes else ""
+            self.workspace.modes.said.emit(f"{short_ids(found.message)} F8 next{fix}")
+
+    def _on_selection(self) -> None:
+        """What was said of something is said no more when something else is selected."""
+        if self._told is not None and self.workspace.document.editing.selection != self._told:
+            self._told = None
+            modes = self.workspace.modes
+            modes.said.emit(modes.current.hint)
+
+    def accept(self) -> None:
+        """What is selected is right; the next one."""
+        editing = self.workspace.document.editing
+        chosen = editing.selection
+        graph = editing.graph
+        if graph is None:
+            return
+        ids = sorted(id for id in chosen.viewpoints if not graph.viewpoints[id].reviewed)
+        edges = [list(key) for key in sorted(chosen.edges) if not graph.edges[key].reviewed]
+        if (ids or edges) and not editing.run("mark_reviewed", {"viewpoints": ids, "edges": edges}):
+            return
+        self.next()
+
+    def _show(self, chosen: GraphSelection) -> None:
+        for part in self.workspace.window.parts:
+            if isinstance(part, SelectPart):
+                part.show_selection(chosen)

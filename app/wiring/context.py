@@ -1,0 +1,95 @@
+"""The menu of the right button: what can be done to what is under the cursor, or at that place on the floor."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from PySide6.QtWidgets import QMenu
+
+from app.modes.mode import Pointer
+from app.plain_text import caption
+from app.state import edit_commands
+from app.wiring.part import Part, Workspace
+from app.wiring.proposing import ProposePart
+from nvsim.graph.history import counted
+from nvsim.graph.selection import GraphSelection
+
+_OF_THINGS = (
+    ("inspect", "zoom_to", "grow", "component", "path"),
+    ("join", "connect_visible", "split", "merge"),
+    ("straighten", "align", "copy_to_floor", "set_height"),
+    ("reviewed", "unreviewed", "lock", "unlock"),
+    ("exclude", "include", "remove"),
+)
+_OF_THE_FLOOR = (("select_all", "propose_edges", "propose_viewpoints"),)
+
+
+class ContextPart(Part):
+    """Commands that the selection is nothing for are left out; the menus of the window have them with their reasons."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        workspace.modes.menuWanted.connect(self.show)
+
+    def show(self, pointer: Pointer) -> None:
+        """Opens the menu at the cursor."""
+        menu = self.menu(pointer)
+        menu.aboutToHide.connect(menu.deleteLater)
+        menu.popup(pointer.surface.widget.mapToGlobal(pointer.point.toPoint()))
+
+    def menu(self, pointer: Pointer) -> QMenu:
+        """What is under the cursor is selected by it, unless it is selected already."""
+        editing = self.workspace.document.editing
+        viewpoint, edge = pointer.viewpoint, pointer.edge
+        chosen = editing.selection
+        if viewpoint is not None and viewpoint not in chosen.viewpoints:
+            editing.select(GraphSelection(frozenset({viewpoint})))
+        elif viewpoint is None and edge is not None and edge not in chosen.edges:
+            editing.select(GraphSelection(frozenset(), frozenset({edge})))
+        menu = QMenu(self.workspace.window)
+        menu.setToolTipsVisible(True)
+        self._add_ghost(menu, pointer)
+        if viewpoint is None and edge is None:
+            self._fill_for_floor(menu, pointer)
+        else:
+            self._fill_for_things(menu)
+        if not editing.writable and editing.locked:
+            menu.addSeparator()
+            menu.addAction(caption(editing.locked)).setEnabled(False)
+        return menu
+
+    def _add_ghost(self, menu: QMenu, pointer: Pointer) -> None:
+        for part in self.workspace.window.parts:
+            ghost = part.under(pointer) if isinstance(part, ProposePart) else None
+            if isinstance(part, ProposePart) and ghost is not None and pointer.viewpoint is None:
+                menu.addAction("Take this proposed edge", partial(part.take, ghost))
+                menu.addAction("Do not propose it", partial(part.drop, ghost))
+
+    def _fill_for_things(self, menu: QMenu) -> None:
+        chosen = self.workspace.document.editing.selection
+        parts = [(len(chosen.viewpoints), "viewpoint"), (len(chosen.edges), "edge")]
+        words = " and ".join(counted(n, thing) for n, thing in parts if n)
+        if len(chosen.viewpoints) + len(chosen.edges) == 1:
+            words = " – ".join(id[:8] for id in (*chosen.viewpoints, *(end for key in chosen.edges for end in key)))
+        menu.addSection(caption(words))
+        self._add(menu, _OF_THINGS)
+
+    def _fill_for_floor(self, menu: QMenu, pointer: Pointer) -> None:
+        editing, place = self.workspace.document.editing, pointer.surface.floor_point(pointer.point)
+        if place is not None:
+            menu.addSection(f"{place[0]:.2f}, {place[1]:.2f} m")
+            if editing.writable:
+                add = partial(edit_commands.add_viewpoint_on_floor, editing, place)
+                menu.addAction("Add a viewpoint here", add)
+                if len(editing.selection.viewpoints) == 1:
+                    (near,) = editing.selection.viewpoints
+                    menu.addAction(f"Add a viewpoint here and join it to {caption(near[:8])}", partial(add, join=near))
+        self._add(menu, _OF_THE_FLOOR)
+
+    def _add(self, menu: QMenu, groups: tuple[tuple[str, ...], ...]) -> None:
+        table = self.workspace.window.actions_table
+        for group in groups:
+            usable = [table[name] for name in group if table[name].isEnabled()]
+            if usable:
+                menu.addSeparator()
+                menu.addActions(usable)

@@ -1,0 +1,116 @@
+"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, a picture. What agents would choke on is refused
+with the finding that says why, or written all the same when a person insists."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtWidgets import QFileDialog
+
+from app.actions import Action
+from app.panels.form import Choice, Form
+from app.state.graph_reasons import with_editing
+from app.wiring.part import Part, Workspace
+from nvsim.errors import InputError
+from nvsim.graph.types import NavGraph
+
+KINDS = {
+    "r2r": "R2R connectivity and scans.txt, for agents",
+    "graphml": "GraphML, for Gephi, yEd and networkx",
+    "geojson": "GeoJSON, for maps",
+    "png": "PNG picture of the map, of the storey that is shown",
+    "svg": "SVG picture of the map, of the storey that is shown",
+}
+_INSIST = {False: "refuse and say why", True: "write it all the same"}
+
+
+class ExportPart(Part):
+    ACTIONS = (
+        Action("export_graph", "&Export graph…", "Write the graph for agents, other tools, or as a picture", "&File", 1,
+               "Ctrl+E", "export", enabled=with_editing),
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.form: Form | None = None
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"export_graph": self.show_form}
+
+    def show_form(self) -> None:
+        if self.form is not None:
+            self.form.destroyed.disconnect(self._forget)  # it goes later, and must not take the next one's place
+            self.form.close()
+        self.form = Form(
+            "export_graph",
+            "Export graph",
+            "Writes the graph as it is now, saved or not.",
+            (
+                Choice("kind", "As", KINDS),
+                Choice("force", "What agents choke on", _INSIST, "For R2R connectivity"),
+            ),
+            self._choose_place,
+            self.workspace.settings,
+            self.workspace.window,
+            "Choose where…",
+        )
+        self.form.destroyed.connect(self._forget)
+        self.form.show()
+
+    def _forget(self) -> None:
+        self.form = None
+
+    def _choose_place(self, values: dict[str, Any]) -> None:
+        document, window = self.workspace.document, self.workspace.window
+        if document.graph is None:
+            return
+        start = (document.path or Path.home()).parent
+        if values["kind"] == "r2r":
+            name = QFileDialog.getExistingDirectory(window, "Folder for the connectivity file", str(start))
+        else:
+            suffix = values["kind"]
+            suggestion = str(start / f"{document.graph.scan}.{suffix}")
+            name, _ = QFileDialog.getSaveFileName(window, "Export graph", suggestion, f"{suffix} (*.{suffix})")
+        if name:
+            self.export(values["kind"], Path(name), force=bool(values["force"]))
+
+    def export(self, kind: str, path: Path, *, force: bool = False) -> bool:
+        """Writes it; what went wrong, or why it is refused, becomes a notice. Returns whether it was written."""
+        graph = self.workspace.document.graph
+        if graph is None:
+            return False
+        try:
+            written = self._write(kind, graph, path, force)
+        except InputError as error:
+            sentence = str(error).replace("with --force", "by choosing that in the form")
+            self.workspace.notices.error(sentence)
+            return False
+        self.workspace.notices.info(f"Wrote {written}.")
+        return True
+
+    def _shown(self, graph: NavGraph) -> NavGraph:
+        """The storey that is shown."""
+        index = self.workspace.document.shown_arrays.index
+        if len(index) == len(graph.viewpoints):
+            return graph
+        viewpoints = {id: v for id, v in graph.viewpoints.items() if id in index}
+        edges = {key: edge for key, edge in graph.edges.items() if key[0] in index and key[1] in index}
+        return NavGraph(graph.scan, viewpoints, edges)
+
+    def _write(self, kind: str, graph: NavGraph, path: Path, force: bool) -> Path:
+        from nvsim.graph import exports
+
+        if kind == "r2r":
+            from nvsim.graph.connectivity import write_connectivity
+
+            if not force:
+                exports.refuse(graph)
+            return write_connectivity(graph, path)
+        if kind == "graphml":
+            return exports.write_graphml(graph, path)
+        if kind == "geojson":
+            return exports.write_geojson(graph, path)
+        picture = exports.draw(self._shown(graph), self.workspace.document.contents.occupancy)
+        return exports.write_png(picture, path) if kind == "png" else exports.write_svg(picture, path)

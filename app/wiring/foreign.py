@@ -1,0 +1,108 @@
+"""What the window shows while a graph of its own is open: the panels of the editor before those of a project, and a
+choice of the scans of its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QComboBox, QFileDialog
+
+from app.actions import Action
+from app.plain_text import CAPTION, plain
+from app.state.graph_files import ForeignGraph
+from app.state.graph_reasons import with_file_of_its_own
+from app.wiring.part import Part, Workspace
+from nvsim.errors import InputError
+from nvsim.graph.connectivity import SUFFIX
+from nvsim.graph.foreign import words_of_saving
+
+_OF_A_GRAPH = ("layers", "history", "tables", "validation")
+_OF_A_PROJECT = ("submaps", "frames", "jobs", "details")
+
+
+class ForeignPart(Part):
+    ACTIONS = (
+        Action(
+            "save_as",
+            "Save &as…",
+            "Write the graph to another file and go on there; the one that is open stays as it was last saved",
+            "&File",
+            1,
+            "Ctrl+Shift+S",
+            enabled=with_file_of_its_own,
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self._alone = False
+        self.scans = QComboBox(workspace.window)
+        self.scans.setToolTip("The scans of this folder (Ctrl+PgDown, Ctrl+PgUp)")
+        self.scans.setAccessibleName("Scan")
+        self.scans.setMaxVisibleItems(24)
+        self.scans.activated.connect(self._choose)
+        self.scans.hide()
+        workspace.document.contentsChanged.connect(self._on_contents)
+        workspace.document.projectChanged.connect(self._on_project)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"save_as": self.choose_copy}
+
+    def choose_copy(self) -> None:
+        file, path = self.workspace.document.contents.graph_file, self.workspace.document.path
+        if not isinstance(file, ForeignGraph) or path is None:
+            return
+        stem = path.name.removesuffix(SUFFIX) if path.name.endswith(SUFFIX) else path.stem
+        start = str(path.with_name(f"{stem}-edited{SUFFIX}"))
+        pattern = f"Connectivity (*{SUFFIX})"
+        name, _ = QFileDialog.getSaveFileName(self.workspace.window, "Save the graph as", start, pattern)
+        if name:
+            self.save_copy(Path(name))
+
+    def save_copy(self, path: Path) -> None:
+        """Writes the graph there and opens it; what was not saved yet is in the copy alone."""
+        document, editing = self.workspace.document, self.workspace.document.editing
+        file, history = document.contents.graph_file, editing.history
+        if not isinstance(file, ForeignGraph) or history is None:
+            return
+        if path.suffix.lower() != ".json":
+            path = path.with_name(path.name + SUFFIX)
+        if document.path is not None and path.exists() and path.samefile(document.path):
+            editing.save()
+            return
+        try:
+            file.save_copy(history.graph, path)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return
+        self.workspace.notices.info(words_of_saving(path, None, history.graph))
+        if editing.writable and history.saved_index >= 0:
+            history.go_to(history.saved_index)  # or the next opening would bring the edits back
+        self.workspace.window.projectChosen.emit(path)
+
+    def restore(self, settings: QSettings) -> None:
+        self.workspace.window.statusBar().addPermanentWidget(self.scans)
+        self.scans.hide()
+
+    def _on_project(self) -> None:
+        self.scans.hide()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        contents = self.workspace.document.contents
+        file = contents.graph_file
+        alone = isinstance(file, ForeignGraph)
+        if "graph" in parts and isinstance(file, ForeignGraph) and len(file.scans) > 1:
+            self.scans.clear()
+            for path in file.scans:
+                self.scans.addItem(plain(path.name.removesuffix(SUFFIX), CAPTION), path)
+            self.scans.setCurrentIndex(file.scans.index(contents.path) if contents.path in file.scans else -1)
+            self.scans.show()
+        if contents.graph is not None and alone != self._alone:
+            self._alone = alone
+            for name in _OF_A_GRAPH if alone else _OF_A_PROJECT:
+                self.workspace.window.front_dock(name)
+
+    def _choose(self, row: int) -> None:
+        self.workspace.window.projectChosen.emit(self.scans.itemData(row))

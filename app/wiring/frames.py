@@ -1,0 +1,234 @@
+"""The frames of the walk: their list, and one of them beside the render from its camera, where its floor mask can be
+corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.frames.browser import TOOLS, FrameBrowser
+from app.frames.canvas import MODES
+from app.frames.link import FrameLink
+from app.frames.state import FrameState
+from app.painting.tones import CHANNELS
+from app.panels.frames import FramePanel
+from app.panels.help import open_help
+from app.state.reasons import with_frame, with_masks
+from app.state.view_states import PageState
+from app.wiring.part import Dock, Part, Workspace
+
+_MENU = "F&rame"
+_MODES = {
+    "photo": ("&Photo", "Show the photo of the frame alone"),
+    "render": ("&Render", "Show the render from the frame's camera alone"),
+    "wipe": ("&Wipe", "Photo on the left of a line that can be dragged, render on the right"),
+    "blink": ("&Blink", "Show photo and render in turn"),
+    "difference": ("&Difference", "Show how far the render is from the photo: bright is far"),
+    "beside": ("&Side by side", "Show photo and render beside each other, with one zoom"),
+}
+_SHORT = {
+    "leave_frame": "‹ 3D view",
+    "frame_beside": "Beside",
+    "mask_brush": "Brush",
+    "mask_points": "Points",
+    "mask_undo": "Undo",
+    "mask_redo": "Redo",
+    "mask_revert": "Revert",
+    "mask_candidate": "Hybrid",
+}
+"""What the buttons on the page say."""
+
+
+class FramePart(Part):
+    ACTIONS = (
+        Action(
+            "open_frame",
+            "&Compare with render",
+            "Show the selected frame beside the render from its camera",
+            _MENU,
+            shortcut="Shift+F",
+            icon="compare",
+            toolbar=True,
+            enabled=with_frame,
+        ),
+        Action("leave_frame", "Back to the &3D view", "Leave the frame; Esc does it too", _MENU, enabled=with_frame),
+        *(
+            Action(
+                f"frame_{mode}",
+                _MODES[mode][0],
+                _MODES[mode][1],
+                _MENU,
+                1,
+                f"Ctrl+{number}",
+                check="on" if mode == "wipe" else "off",
+                group="frame_mode",
+                enabled=with_frame,
+            )
+            for number, mode in enumerate(MODES, 1)
+        ),
+        Action(
+            "mask_brush",
+            "Correct with &brush",
+            "Paint floor into the mask, or erase it; training uses the result",
+            _MENU,
+            2,
+            "Ctrl+B",
+            check="off",
+            enabled=with_masks,
+        ),
+        Action(
+            "mask_points",
+            "Correct with p&oints",
+            "Click on surfaces that are floor, or right-click on those that are not",
+            _MENU,
+            2,
+            "Ctrl+Shift+B",
+            check="off",
+            enabled=with_masks,
+        ),
+        Action(
+            "mask_undo",
+            "&Undo correction",
+            "Take back the last change of the mask (Ctrl+Z)",
+            _MENU,
+            3,
+            enabled=with_masks,
+        ),
+        Action(
+            "mask_redo", "Re&do correction", "Do the change of the mask again (Ctrl+Y)", _MENU, 3, enabled=with_masks
+        ),
+        Action(
+            "mask_revert",
+            "Re&vert mask",
+            "Go back to the mask that the machine found",
+            _MENU,
+            3,
+            enabled=with_masks,
+        ),
+        Action(
+            "mask_candidate",
+            "Take &hybrid mask",
+            "Take the mask grown from prompts, the last of the hybrid segmentation, for the floor",
+            _MENU,
+            3,
+            enabled=with_masks,
+        ),
+        Action(
+            "help_frames",
+            "Frames and &masks",
+            "How frames are compared with renders, and how their floor masks are corrected",
+            "&Help",
+            1,
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        document = workspace.document
+        self._link = FrameLink(self)
+        self.state = FrameState(document, self._link, self)
+        self.panel = FramePanel(document, self._link, self.state)
+        self.browser = FrameBrowser(document, workspace.scene, self.state, workspace.notices, self)
+        self.panel.opened.connect(self.browser.open)
+        workspace.window.centre.addWidget(self.browser.page)
+        self.browser.opened.connect(lambda: workspace.window.show_page(self.browser.page))
+        self.browser.left.connect(self._leave)
+        self.browser.toolChanged.connect(self._show_tool)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (Dock("frames", "Frames", self.panel, "left"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        corrector = self.browser.corrector
+        handlers: dict[str, Callable[..., object]] = {
+            "open_frame": self._open,
+            "leave_frame": self._leave,
+            "help_frames": lambda: open_help("frames", self.workspace.window),
+            "mask_undo": corrector.undo,
+            "mask_redo": corrector.redo,
+            "mask_revert": corrector.revert,
+            "mask_candidate": lambda: corrector.take_candidate("prompted"),
+        }
+        for mode in MODES:
+            handlers[f"frame_{mode}"] = lambda _=False, m=mode: self._compare(m)
+        for tool in TOOLS:
+            handlers[f"mask_{tool}"] = lambda on, t=tool: self._take_tool(t, on)
+        return handlers
+
+    def restore(self, settings: QSettings) -> None:
+        table = self.workspace.window.actions_table
+        for name, words in _SHORT.items():
+            table[name].setIconText(words)
+        self.browser.page.fill(
+            [table["leave_frame"]],
+            [table[f"frame_{mode}"] for mode in MODES],
+            [
+                *(table[f"mask_{tool}"] for tool in TOOLS),
+                None,
+                *(table[f"mask_{name}"] for name in ("undo", "redo", "revert", "candidate")),
+            ],
+        )
+        for channel in CHANNELS:
+            table[channel].triggered.connect(self.browser.render.soon)
+        self.browser.page.layers.remember(str(settings.value("frame/layers", "")))
+        mode = settings.value("frame/mode", "wipe")
+        if mode in MODES:
+            table[f"frame_{mode}"].setChecked(True)
+            self.browser.page.show_mode(str(mode))
+
+    def store(self, settings: QSettings) -> None:
+        settings.setValue("frame/mode", self.browser.page.canvas.mode)
+        settings.setValue("frame/layers", self.browser.page.layers.state)
+        self.browser.release()
+        self._link.rest()
+
+    # The page as a value, for those who bring it back -----------------------------------------------------------
+
+    @property
+    def shown(self) -> PageState:
+        """What is in the centre, and how frames are compared."""
+        browser, page = self.browser, self.browser.page
+        is_open = self.workspace.window.centre.currentWidget() is page
+        layers = {layer.name: (layer.shown, round(layer.opacity, 2)) for layer in browser.layers}
+        return PageState(browser.index if is_open else None, page.canvas.mode, layers)
+
+    def show(self, state: PageState) -> None:
+        """Brings back what `shown` told."""
+        page = self.browser.page
+        self.workspace.window.actions_table[f"frame_{state.mode}"].setChecked(True)
+        page.show_mode(state.mode)
+        for name, (on, opacity) in state.layers.items():
+            page.layers.boxes[name].setChecked(on)
+            page.layers.sliders[name].setValue(round(100 * opacity))
+        now = self.shown.frame
+        if state.frame is not None and state.frame != now:
+            self.browser.open(state.frame)
+        elif state.frame is None and now is not None:
+            self._leave()
+
+    def _open(self) -> None:
+        frame = self.workspace.document.selection.frame
+        if frame is not None:
+            self.browser.open(frame)
+
+    def _leave(self) -> None:
+        self.browser.corrector.flush()
+        self.workspace.window.show_page(None)
+        self.workspace.scene.setFocus()
+
+    def _compare(self, mode: str) -> None:
+        self.browser.page.show_mode(mode)
+        if not self.browser.is_open:
+            self._open()
+
+    def _take_tool(self, tool: str, on: bool) -> None:
+        if on and not self.browser.is_open:
+            self._open()
+        if on or self.browser.tool == tool:
+            self.browser.set_tool(tool if on else "")
+
+    def _show_tool(self, tool: str) -> None:
+        for name in TOOLS:
+            self.workspace.window.actions_table[f"mask_{name}"].setChecked(name == tool)

@@ -1,0 +1,156 @@
+"""The viewpoint inspector: its panel, its regions over the 3D view and on the map, and the panoramas behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import cast
+
+import numpy as np
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QDockWidget
+
+from app.actions import Action
+from app.inspector.directions import Direction
+from app.inspector.layers import RegionLayer, RegionMarks
+from app.inspector.panel import InspectorPanel
+from app.inspector.panoramas import Panoramas
+from app.inspector.state import Inspection
+from app.state.document import Document
+from app.state.graph_files import ForeignGraph
+from app.state.reasons import Reason, with_graph
+from app.views.map_view import MapView
+from app.wiring.part import Dock, Part, Workspace
+
+
+def with_viewpoint(document: Document) -> Reason:
+    """Whether a viewpoint is selected."""
+    return with_graph(document) or (None if document.selected_viewpoint is not None else "no viewpoint is selected")
+
+
+class InspectorPart(Part):
+    ACTIONS = (
+        Action(
+            "inspect",
+            "&Inspect viewpoint",
+            "Show the panorama of the selected viewpoint, and why each direction is open or not",
+            "&Graph",
+            9,
+            "I",
+            "inspect",
+            enabled=with_viewpoint,
+        ),
+        Action(
+            "show_rois",
+            "&Regions of interest",
+            "Show the regions that the directions of the selected viewpoint are decided by",
+            "&View",
+            1,
+            "R",
+            check="on",
+            enabled=with_graph,
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.inspection = Inspection(workspace.document, self)
+        self.panoramas = Panoramas(workspace.scene.link, self)
+        self.panel = InspectorPanel(self.inspection, self.panoramas)
+        self._seen = False
+        self.layer = RegionLayer(self.inspection)
+        self.panel.chosen.connect(self._go)
+        self.panel.view.walked.connect(self._walk)
+        self.inspection.changed.connect(self._follow)
+        self.inspection.pointed.connect(workspace.scene.update)
+        workspace.document.contentsChanged.connect(self._on_contents)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (Dock("inspector", "Inspector", self.panel, "right", tab="details"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"inspect": self.show_panel, "show_rois": self._show_regions}
+
+    def restore(self, settings: QSettings) -> None:
+        overlays = self.workspace.scene.overlays
+        if self.layer not in overlays.layers:
+            overlays.add(self.layer)
+            overlays.changed.connect(self._follow_layer)
+            self._follow_layer()
+        map_view = cast(MapView, self.workspace.window.panels["map"])
+        self._marks = RegionMarks(map_view.plot, self.inspection, self)
+        dock = self._dock()
+        dock.visibilityChanged.connect(self._on_seen)
+        self.panel.set_channel(str(settings.value("inspector/channel", "rgb")))
+        self.panel.regions.setChecked(settings.value("inspector/regions", "true") in (True, "true"))
+        self._follow()
+
+    def store(self, settings: QSettings) -> None:
+        self.panoramas.close()
+        settings.setValue("inspector/channel", self.panel.view.channel)
+        settings.setValue("inspector/regions", self.panel.regions.isChecked())
+
+    def _on_seen(self, seen: bool) -> None:
+        # A panel behind another's tab counts as visible for Qt, but not for this signal.
+        self._seen = seen
+        self._follow()
+
+    def show_panel(self) -> None:
+        """Brings the panel to the front."""
+        self.workspace.window.show_dock("inspector")
+
+    def _dock(self) -> QDockWidget:
+        dock = self.workspace.window.findChild(QDockWidget, "dock_inspector")
+        assert isinstance(dock, QDockWidget)
+        return dock
+
+    def _show_regions(self, on: bool) -> None:
+        self.workspace.scene.overlays.set_shown(self.layer.name, on)
+
+    def _follow_layer(self) -> None:
+        """The switch shows what the layer is, whoever changed it."""
+        self.workspace.window.actions_table["show_rois"].setChecked(self.layer.shown)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        opened = "graph" in parts and isinstance(self.workspace.document.contents.graph_file, ForeignGraph)
+        if "scene_stamp" in parts or opened:
+            self.panoramas.forget()
+            self._follow()
+
+    def _follow(self) -> None:
+        """Has the panorama drawn while somebody can see it."""
+        contents, id = self.workspace.document.contents, self.inspection.viewpoint
+        file = contents.graph_file if isinstance(contents.graph_file, ForeignGraph) else None
+        there = contents.scene_stamp is not None or (file is not None and file.pictured)
+        x, y, z = (round(float(v), 4) for v in self.inspection.eye)
+        if id is None or not there or not self._seen:
+            self.panoramas.want(None)
+        else:
+            self.panoramas.want((x, y, z), None if file is None else partial(file.panorama, id))
+        self.panel.offer_channels(file is None)
+        lacking = "No pictures lie beside the file." if file else "No submap is trained yet: there is nothing to see."
+        self.panel.view.hint = "" if there else lacking
+        self.panel.view.update()
+        self.workspace.scene.update()
+
+    def _walk(self, id: str) -> None:
+        """Stands at a neighbour, looking on."""
+        document = self.workspace.document
+        row = document.graph_arrays.index.get(id)
+        if row is not None:
+            way = document.graph_arrays.positions[row] - self.inspection.eye
+            document.select(viewpoint=id)
+            self.workspace.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
+
+    def _go(self, direction: Direction) -> None:
+        """Stands at the viewpoint that the direction leads to, looking on."""
+        document = self.workspace.document
+        row = document.graph_arrays.index.get(direction.neighbour)
+        if row is None:
+            self.workspace.notices.info(direction.sentence)
+            return
+        place: np.ndarray = document.graph_arrays.positions[row]
+        heading = direction.evidence.heading
+        document.select(viewpoint=direction.neighbour)
+        self.workspace.scene.go_to_position(place, heading)
+        self.panel.view.look_to(heading)

@@ -1,0 +1,250 @@
+"""Everything that takes long, started from the window: each stage alone with its settings, or all of them in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.forms.arguments import Settings
+from app.forms.form import CommandForm
+from app.jobs.queue import JobHandle
+from app.jobs.stages import EVALUATIONS, GIVES_RESULT, PIPELINE, STAGES, with_capture
+from app.panels.earlier import EarlierResults
+from app.panels.jobs import JobPanel, waiting_words
+from app.panels.stage_bar import JobStatus, StageBar
+from app.state.reasons import with_earlier
+from app.wiring.part import Dock, Part
+from nvsim.errors import InputError
+from nvsim.events import Preview
+from nvsim.project.project import Project
+from nvsim.project.restored import kept_results
+
+
+def _action(verb: str, section: int, tip: str, shortcut: str = "") -> Action:
+    stage = STAGES[verb]
+    return Action(
+        f"job_{verb.replace(' ', '_')}", f"{stage.title}…", tip, "&Jobs", section, shortcut, enabled=stage.needs
+    )
+
+
+class JobsPart(Part):
+    ACTIONS = (
+        Action(
+            "run_everything",
+            "&Run everything",
+            "Queue every stage with its settings: submaps, floors, training, map; what is up to date ends at once",
+            "&Jobs",
+            shortcut="Ctrl+R",
+            icon="run",
+            toolbar=True,
+            enabled=with_capture,
+        ),
+        _action("submaps", 1, "Divide the walk into overlapping parts that become one model each"),
+        _action("floors", 1, "Find the floor in every frame"),
+        _action("train", 1, "Fit the Gaussian models of the submaps", "Ctrl+Shift+T"),
+        _action("map", 1, "Walk the models and build the navigation graph", "Ctrl+Shift+M"),
+        _action("evaluate views", 2, "PSNR, SSIM and LPIPS of the frames that were held out of training"),
+        _action("evaluate floor", 2, "Overlap of the floor masks with a truth"),
+        _action("evaluate graph", 2, "Validity and coverage of the graph against an occupancy map"),
+        _action("evaluate ablation", 2, "Train the rows of the paper's ablation table and compare the presets"),
+        Action(
+            "earlier_results",
+            "Ea&rlier results…",
+            "Go back to what a stage had made before its last run, or let go of it",
+            "&Jobs",
+            4,
+            enabled=with_earlier,
+        ),
+        _action("export r2r", 3, "Write the graph as R2R connectivity, which agents load unchanged"),
+        _action("export splats", 3, "Write the trained submaps as splat files for other programs"),
+    )
+
+    def docks(self) -> tuple[Dock, ...]:
+        w = self.workspace
+        self.panel = JobPanel(w.document, w.jobs)
+        self.panel.againWanted.connect(self._open_again)
+        w.jobs.heard.connect(self._on_heard)
+        w.jobs.ended.connect(self._on_ended)
+        w.jobs.found.connect(self._on_found)
+        w.jobs.foundForeign.connect(self._on_foreign)
+        return (Dock("jobs", "Jobs", self.panel, "bottom"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        opened = {
+            f"job_{verb.replace(' ', '_')}": lambda _=False, v=verb: self.open_form(v)
+            for verb in (*PIPELINE, *EVALUATIONS, "export r2r", "export splats")
+        }
+        return {"run_everything": self.run_everything, "earlier_results": self.open_earlier, **opened}
+
+    def restore(self, settings: QSettings) -> None:
+        state = settings.value("jobs_splitter")
+        if state is not None:
+            self.panel.splitter.restoreState(state)
+        window, w = self.workspace.window, self.workspace
+        self.bar = StageBar(w.scene)
+        self.status = JobStatus(w.jobs, window)
+        self.status.clicked.connect(self.show_panel)
+        window.statusBar().insertPermanentWidget(0, self.status)
+        for offer in (window.empty, self.bar):
+            offer.runWanted.connect(self.run_everything)
+            offer.stageWanted.connect(self.run_stage)
+            offer.settingsWanted.connect(self.open_form)
+        w.document.contentsChanged.connect(self._offer_stage)
+        w.jobs.changed.connect(self._offer_stage)
+
+    def store(self, settings: QSettings) -> None:
+        settings.setValue("jobs_splitter", self.panel.splitter.saveState())
+
+    # Starting ---------------------------------------------------------------------------------------------------
+
+    def run_stage(self, verb: str, arguments: Sequence[str] | None = None) -> JobHandle | None:
+        """Queues a command on the open project with the person's settings, or with `arguments`."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        stage = STAGES[verb]
+        try:
+            chosen = Settings(project).arguments(verb) if arguments is None else list(arguments)
+            words = ["--project", str(project), *chosen, *(["--json"] if verb in GIVES_RESULT else [])]
+            handle = self.workspace.jobs.start(verb, words, project, stage.title, stage.heavy)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.show_panel()
+        return handle
+
+    def run_everything(self) -> None:
+        """Queues all stages in order; those that are up to date end at once."""
+        for verb in PIPELINE:
+            if self.run_stage(verb) is None:
+                return
+
+    def open_form(self, verb: str, begin_with: dict[str, Any] | None = None) -> CommandForm | None:
+        """The settings of a command; it is queued when the person says so."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        begin = {"out": str(project.parent / OUT[verb])} if verb in OUT else {}
+        form = CommandForm(
+            verb,
+            STAGES[verb].title,
+            project,
+            Settings(project),
+            self.workspace.window,
+            {**begin, **(begin_with or {})},
+            "Add to the queue" if self.workspace.jobs.busy and STAGES[verb].heavy else "Start",
+        )
+        form.started.connect(lambda arguments: self.run_stage(verb, arguments))
+        form.open()
+        return form
+
+    def open_earlier(self) -> EarlierResults | None:
+        """What can be restored."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        try:
+            with Project.open(project) as opened:
+                kept = kept_results(opened)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        dialog = EarlierResults(kept, self.workspace.window)
+        dialog.chosen.connect(self.restore_result)
+        dialog.open()
+        return dialog
+
+    def restore_result(self, stage: str, discard: bool = False) -> JobHandle | None:
+        """Queues that the earlier result of a stage comes back, or goes for good."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        words = ["--project", str(project), stage, *(["--discard"] if discard else [])]
+        title = f"{'Let go of' if discard else 'Restore'} the earlier result of {stage}"
+        try:
+            handle = self.workspace.jobs.start("restore", words, project, title)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.show_panel()
+        return handle
+
+    def show_panel(self) -> None:
+        """Brings the jobs to the front of their dock."""
+        dock = self.panel.parentWidget()
+        if dock is not None:
+            dock.setVisible(True)
+            dock.raise_()
+
+    # Following --------------------------------------------------------------------------------------------------
+
+    def _offer_stage(self) -> None:
+        """Says over the view what is missing, while nothing is under way that makes it."""
+        contents, jobs = self.workspace.document.contents, self.workspace.jobs
+        missing = contents.missing
+        waiting = any(h.state in ("running", "queued") for h in jobs.handles)
+        verb = "" if missing is None or waiting else contents.missing_verb
+        self.bar.say(missing[0] if missing else "", verb, missing[1] if missing else "")
+        self._say_what_comes()
+
+    def _say_what_comes(self) -> None:
+        """A project without a capture says what makes it, while that runs."""
+        document, window = self.workspace.document, self.workspace.window
+        makers = [h for h in self.workspace.jobs.handles if h.job.order.verb in MAKERS]
+        making = next((h for h in makers if h.state in ("running", "queued")), None)
+        missing = document.contents.missing
+        if missing is None or document.contents.capture is not None or document.project is None:
+            return
+        if making is None:
+            window.empty.say(*missing, document.contents.missing_verb, True)
+        else:
+            window.empty.say(f"{making.title} …", "", "", True)
+
+    def _open_again(self, handle: JobHandle) -> None:
+        if handle.job.order.verb in STAGES:
+            self.open_form(handle.job.order.verb)
+        else:
+            self.workspace.notices.info(f"“{handle.title}” has no settings to change; Go on runs it again.")
+
+    def _on_heard(self, handle: JobHandle, event: object) -> None:
+        """A model in training was saved again: the view draws it as it is now."""
+        scene = self.workspace.scene
+        if isinstance(event, Preview) and handle.running and not scene.drawing:
+            scene.set_channel(scene.channel)
+
+    def _on_ended(self, handle: JobHandle) -> None:
+        notices, state = self.workspace.notices, handle.state
+        if state == "done":
+            default = "the figures are in Results" if handle.job.order.verb in GIVES_RESULT else "done"
+            notices.info(f"{handle.title}: {handle.message or default}")
+        elif state == "failed":
+            notices.error(f"{handle.title} failed: {handle.message or 'its messages say why'}")
+        elif state == "interrupted":
+            notices.warning(f"{handle.title} was interrupted. {handle.message} The Jobs panel offers to go on.")
+            self.panel.offer.show_jobs([handle])
+        waiting = [h for h in self.workspace.jobs.handles if h.state == "queued" and h.job.order.heavy]
+        if state in ("failed", "interrupted") and waiting and not self.workspace.jobs.busy:
+            held = [handle, *waiting] if state == "interrupted" else waiting
+            self.panel.offer.show_jobs(held)
+        self.workspace.window.refreshWanted.emit()
+
+    def _on_found(self, handles: list[JobHandle]) -> None:
+        self.workspace.notices.warning(f"{waiting_words(handles)} The Jobs panel offers to go on.")
+        self.show_panel()
+
+    def _on_foreign(self, handles: list[JobHandle]) -> None:
+        one = len(handles) == 1
+        self.workspace.notices.warning(
+            f"{len(handles)} job{' was' if one else 's were'} ordered elsewhere and came with this project; "
+            f"{'it is' if one else 'they are'} not run. The Jobs panel shows what {'it' if one else 'they'} would do."
+        )
+        self.show_panel()
+
+
+MAKERS = ("import", "demo", "run")
+"""Commands that give a project its capture."""
+OUT = {"export r2r": "connectivity", "export splats": "splats"}
+"""Where a command writes when nothing else is said: beside the project rather than where the window was started."""

@@ -1,0 +1,118 @@
+"""A project opens as it was left: camera, channel, selection, the frame in the centre, the part of the map that was
+seen, the inspector's gaze, the camera path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import cast
+
+from PySide6.QtCore import QSettings
+
+from app.inspector.panel import InspectorPanel
+from app.state.document import Selection
+from app.state.view_state_store import Left, decode, encode
+from app.views.map_view import MapView
+from app.wiring.camera_path import CameraPathPart
+from app.wiring.frames import FramePart
+from app.wiring.part import Part, Workspace
+
+_PREFIX = "views/"
+OPEN = "open"
+"""The key of what is open, for the next window."""
+
+
+class KeepingPart(Part):
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self._path: Path | None = workspace.document.path
+        self._moved = False  # before the camera was placed there is nothing to be kept
+        self._last = Selection()
+        self._wanted = Left()  # what waits for the project to be read
+
+    def restore(self, settings: QSettings) -> None:
+        document, window = self.workspace.document, self.workspace.window
+        self._frames = next(p for p in window.parts if isinstance(p, FramePart))
+        self._camera_path = next(p for p in window.parts if isinstance(p, CameraPathPart))
+        self._map = cast(MapView, window.panels["map"])
+        self._inspector = cast(InspectorPanel, window.panels["inspector"])
+        self.workspace.scene.poseChanged.connect(self._on_pose)
+        document.projectLeft.connect(self._keep)
+        document.projectChanged.connect(self._on_project)
+        document.selectionChanged.connect(self._on_selection)
+        document.contentsChanged.connect(self._on_contents)
+        self._bring_back()
+
+    def store(self, settings: QSettings) -> None:
+        self._keep()
+        settings.setValue(OPEN, "" if self._path is None else str(self._path.absolute()))
+
+    def _key(self, path: Path) -> str:
+        return _PREFIX + str(path.absolute()).replace("/", "|").replace("\\", "|")
+
+    def _keep(self) -> None:
+        if self._path is None or not self._moved:
+            return
+        scene = self.workspace.scene
+        frame = self._frames.shown.frame if self._wanted.frame is None else self._wanted.frame
+        left = Left(
+            scene.navigation.goal,
+            scene.channel,
+            self._last or self._wanted.selection,
+            frame,
+            self._map.seen,
+            self._inspector.view.gaze,
+            tuple(self._camera_path.poses),
+        )
+        self.workspace.settings.setValue(self._key(self._path), encode(left))
+
+    def _on_project(self) -> None:
+        self._path, self._moved = self.workspace.document.path, False
+        self._bring_back()
+
+    def _bring_back(self) -> None:
+        self._last, self._wanted = Selection(), Left()
+        kept = None
+        if self._path is not None:
+            kept = decode(str(self.workspace.settings.value(self._key(self._path), "")))
+        if kept is None:
+            return
+        scene, self._wanted = self.workspace.scene, kept
+        if kept.pose is not None:
+            scene.stay_at(kept.pose)
+        self.workspace.window.actions_table[kept.channel].setChecked(True)
+        if scene.channel != kept.channel:
+            scene.set_channel(kept.channel)
+        if kept.map_range is not None:
+            self._map.see(*kept.map_range)
+        if kept.panorama is not None:
+            self._inspector.view.look(*kept.panorama)
+        self._camera_path.keep(kept.keys)
+        self._on_contents(frozenset({"capture"}))
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        """Selects and opens what was, once it is there."""
+        wanted, document = self._wanted, self.workspace.document
+        chosen = wanted.selection
+        if chosen and not document.selection:
+            document.select(viewpoint=chosen.viewpoint, frame=chosen.frame, submap=chosen.submap)
+        capture = document.contents.capture
+        if wanted.frame is None or capture is None:
+            return
+        self._wanted = Left(wanted.pose, wanted.channel, chosen)
+        if 0 <= wanted.frame < len(capture.frames):
+            self._frames.browser.open(wanted.frame)
+            if chosen:
+                document.select(viewpoint=chosen.viewpoint, frame=chosen.frame, submap=chosen.submap)
+            if wanted.pose is not None:
+                self.workspace.scene.stay_at(wanted.pose)
+
+    def _on_pose(self, _: object) -> None:
+        self._moved = True
+
+    def _on_selection(self) -> None:
+        document = self.workspace.document
+        if document.path == self._path:
+            self._last = document.selection
+            if document.selection:
+                # A person, or this part, has chosen.
+                self._wanted = Left(self._wanted.pose, self._wanted.channel, frame=self._wanted.frame)

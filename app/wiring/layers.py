@@ -1,0 +1,108 @@
+"""The layers over the 3D view: their panel, the switches for the usual ones, and what is remembered of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.panels.layers import LayersPanel
+from app.state.reasons import with_graph, with_occupancy, with_trajectory
+from app.wiring.part import Dock, Part, Workspace
+
+_PREFIX = "layers/"
+
+
+class LayersPart(Part):
+    ACTIONS = (
+        Action(
+            "show_graph",
+            "&Graph",
+            "Draw the navigation graph over the view",
+            "&View",
+            1,
+            "G",
+            "graph",
+            "on",
+            toolbar=True,
+            enabled=with_graph,
+        ),
+        Action(
+            "show_trajectory",
+            "&Trajectory",
+            "Draw the walk over the view, in the colours of its submaps",
+            "&View",
+            1,
+            "J",
+            "trajectory",
+            "on",
+            toolbar=True,
+            enabled=with_trajectory,
+        ),
+        Action(
+            "show_labels",
+            "&Labels",
+            "Name the viewpoints that are near",
+            "&View",
+            1,
+            "L",
+            "labels",
+            "on",
+            toolbar=True,
+            enabled=with_graph,
+        ),
+        Action(
+            "show_occupancy",
+            "&Occupancy on the floor",
+            "Lay the occupancy map on the floor: green is free, red is occupied",
+            "&View",
+            1,
+            check="off",
+            enabled=with_occupancy,
+        ),
+        Action(
+            "show_frusta",
+            "Camera &frusta",
+            "Draw the cameras of the walk that are near",
+            "&View",
+            1,
+            check="off",
+            enabled=with_trajectory,
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        workspace.scene.overlays.changed.connect(self._follow)
+
+    def docks(self) -> tuple[Dock, ...]:
+        panel = LayersPanel(self.workspace.scene.overlays, self.workspace.document)
+        return (Dock("layers", "Layers", panel, "left", tab="submaps"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        overlays = self.workspace.scene.overlays
+        return {action.id: partial(overlays.set_shown, action.id.removeprefix("show_")) for action in self.ACTIONS}
+
+    def restore(self, settings: QSettings) -> None:
+        state: dict[str, tuple[bool, float]] = {}
+        settings.beginGroup(_PREFIX)
+        for name in settings.childKeys():
+            shown, _, opacity = str(settings.value(name)).partition(" ")
+            try:
+                state[name] = shown == "on", min(max(float(opacity), 0.0), 1.0)
+            except ValueError:
+                continue  # somebody wrote into the settings file
+        settings.endGroup()
+        self.workspace.scene.overlays.remember(state)
+
+    def store(self, settings: QSettings) -> None:
+        for name, (shown, opacity) in self.workspace.scene.overlays.state.items():
+            settings.setValue(f"{_PREFIX}{name}", f"{'on' if shown else 'off'} {opacity:.2f}")
+
+    def _follow(self) -> None:
+        """The switches show what the layers are, whoever changed them."""
+        table = self.workspace.window.actions_table
+        for action in self.ACTIONS:
+            table[action.id].setChecked(self.workspace.scene.overlays[action.id.removeprefix("show_")].shown)

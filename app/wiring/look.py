@@ -1,0 +1,70 @@
+"""The look of the window: theme, full screen, layout; and the help beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
+
+from app.actions import Action
+from app.look import theme
+from app.panels.about import AboutWindow
+from app.panels.help import open_help
+from app.wiring.part import Part
+
+
+class LookPart(Part):
+    ACTIONS = (
+        Action(
+            "dark",
+            "Dar&k theme",
+            "Switch between dark and light",
+            "&Window",
+            shortcut="Ctrl+T",
+            icon="theme",
+            check="on",
+        ),
+        Action(
+            "fullscreen",
+            "F&ull screen",
+            "Use the whole screen",
+            "&Window",
+            shortcut="F11",
+            icon="fullscreen",
+            check="off",
+        ),
+        Action(
+            "reset_layout", "&Reset layout", "Put all panels back where they were at first", "&Window", icon="layout"
+        ),
+        Action("help", "&Help pages", "Read or search the help", "&Help", 1, "F1", "help"),
+        Action("help_keys", "&Keys and mouse", "How to move around and what the keys do", "&Help", 1, "Shift+F1"),
+        Action("about", "&About NVSim", "Versions, and a report of this system to copy", "&Help", 2),
+    )
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        window = self.workspace.window
+        return {
+            "dark": self._set_dark,
+            "fullscreen": lambda on: window.showFullScreen() if on else window.showNormal(),
+            "reset_layout": window.reset_layout,
+            "help": lambda: open_help("start", window),
+            "help_keys": lambda: open_help("keys", window),
+            "about": self._show_about,
+        }
+
+    def restore(self, settings: QSettings) -> None:
+        dark = self.workspace.window.actions_table["dark"]
+        dark.blockSignals(True)
+        dark.setChecked(theme.is_dark(self.workspace.window.palette()))
+        dark.blockSignals(False)
+
+    def _show_about(self) -> None:
+        AboutWindow(self.workspace.document.path, self.workspace.window).show()
+
+    def _set_dark(self, dark: bool) -> None:
+        name = "dark" if dark else "light"
+        self.workspace.settings.setValue("theme", name)
+        app = QApplication.instance()
+        assert isinstance(app, QApplication)
+        theme.apply(app, name)

@@ -1,0 +1,83 @@
+"""The modes of editing in the menus, the toolbar and the views."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.plain_text import plain
+from app.state.graph_reasons import with_editing, writable
+from app.views.graph_surface import MapSurface
+from app.views.map_view import MapView
+from app.wiring.part import Part, Workspace
+
+_SECTION = 0
+
+
+def _mode(name: str, text: str, tip: str, shortcut: str, changes: bool, first: bool = False) -> Action:
+    return Action(
+        f"mode_{name}",
+        text,
+        tip,
+        "&Graph",
+        _SECTION,
+        shortcut,
+        f"mode_{name}",
+        "on" if first else "off",
+        "mode",
+        toolbar=True,
+        enabled=writable if changes else with_editing,
+    )
+
+
+class ModePart(Part):
+    ACTIONS = (
+        _mode("select", "&Select", "Click selects, dragging a viewpoint moves it", "V", False, first=True),
+        _mode("box", "Select by &box", "Drag a box around viewpoints", "B", False),
+        _mode("lasso", "Select by &lasso", "Draw around viewpoints", "K", False),
+        _mode("add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the walk or an edge", "P", True),
+        _mode("add_edge", "Add &edges", "Click two viewpoints to join them", "C", True),
+        _mode("measure", "&Measure", "Click places to measure between them", "M", False),
+        Action(
+            "cancel",
+            "Cancel",
+            "Give up what was begun, then go back to Select, then select nothing",
+            "&Graph",
+            _SECTION,
+            "Esc",
+            enabled=with_editing,
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.stage = workspace.modes
+        self.stage.changed.connect(self._show)
+        self.stage.said.connect(self._say)
+        workspace.document.graphChanged.connect(self._leave_when_locked)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        handlers: dict[str, Callable[..., object]] = {"cancel": self.stage.cancel}
+        for name in self.stage.modes:
+            handlers[f"mode_{name}"] = lambda _=False, n=name: self.stage.choose(n)
+        return handlers
+
+    def restore(self, settings: QSettings) -> None:
+        """Once everything is made, the modes come into both views."""
+        workspace = self.workspace
+        self.stage.attach(workspace.scene.surface)
+        plan = workspace.window.panels["map"]
+        assert isinstance(plan, MapView)
+        self.stage.attach(MapSurface(plan, workspace.document))
+
+    def _show(self, name: str) -> None:
+        self.workspace.window.actions_table[f"mode_{name}"].setChecked(True)
+
+    def _say(self, text: str) -> None:
+        self.workspace.window.statusBar().showMessage(plain(text))
+
+    def _leave_when_locked(self, _: object) -> None:
+        if not self.workspace.document.editing.writable and self.stage.current.name.startswith("add"):
+            self.stage.choose("select")

@@ -1,0 +1,238 @@
+"""New projects, recent ones, and what is dropped on the window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QEvent, QMimeData, QObject, QSettings
+from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QFileDialog, QMenu
+
+from app.actions import Action
+from app.panels.new_project import NewProject, NewProjectDialog
+from app.plain_text import caption, tip
+from app.state.document import Document
+from app.state.graph_files import holds_graph
+from app.state.reasons import Reason
+from app.wiring.jobs import JobsPart
+from app.wiring.part import Part
+from nvsim.capture.multi_capture import SUFFIX, write_list
+from nvsim.errors import InputError
+from nvsim.graph.connectivity import SUFFIX as GRAPH
+from nvsim.splats.formats.choice import named_as_splats
+
+MOST_RECENT = 10
+_KEY = "recent"
+
+
+def without_capture(document: Document) -> Reason:
+    if document.project is None:
+        return "no project is open"
+    return None if document.contents.capture is None else "the project has its capture already; make a new project"
+
+
+def with_own_capture(document: Document) -> Reason:
+    if document.project is None:
+        return "no project is open"
+    return None if document.contents.capture is not None else "the project has no capture yet; import one first"
+
+
+class NewProjectPart(Part):
+    ACTIONS = (
+        Action(
+            "new_project",
+            "&New project from a capture…",
+            "Check a capture and make a project of it: nerfstudio, COLMAP or kapture",
+            "&File",
+            -1,
+            "Ctrl+N",
+            "new",
+            toolbar=True,
+        ),
+        Action(
+            "new_demo",
+            "New project from the &built-in building…",
+            "Generate a building with its truth and run the whole job on it",
+            "&File",
+            -1,
+        ),
+        Action(
+            "import",
+            "&Import a capture…",
+            "Read a capture into the open project",
+            "&File",
+            -1,
+            enabled=without_capture,
+        ),
+        Action(
+            "add_capture",
+            "A&dd a capture…",
+            "Import another walk through the same building into the open project",
+            "&File",
+            -1,
+            enabled=with_own_capture,
+        ),
+    )
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "new_project": lambda _=False: self.open_dialog(),
+            "new_demo": lambda _=False: self.choose_demo(),
+            "add_capture": lambda _=False: self.open_addition(),
+            "import": lambda _=False: self.open_dialog(project=self.workspace.document.project),
+        }
+
+    def restore(self, settings: QSettings) -> None:
+        window = self.workspace.window
+        window.setAcceptDrops(True)
+        window.installEventFilter(self)
+        self._menu = QMenu("Open &recent", window)
+        self._menu.aboutToShow.connect(self._fill_menu)
+        following = window.actions_table["open_splats"]
+        for menu in window.menuBar().findChildren(QMenu):
+            if following in menu.actions():
+                menu.insertMenu(following, self._menu)
+        empty = window.empty
+        empty.newWanted.connect(lambda: self.open_dialog())
+        empty.importWanted.connect(lambda: self.open_dialog(project=self.workspace.document.project))
+        empty.demoWanted.connect(self.choose_demo)
+        empty.openWanted.connect(window.actions_table["open"].trigger)
+        empty.recentWanted.connect(window.projectChosen.emit)
+        empty.show_recent(self.recent())
+        self.workspace.document.projectChanged.connect(self._remember)
+
+    # Making -----------------------------------------------------------------------------------------------------
+
+    def open_dialog(self, captures: Sequence[Path] = (), project: Path | None = None) -> NewProjectDialog:
+        """Asks for a capture, or several. When the person says so the project is made and opened, the import queued."""
+        dialog = NewProjectDialog(captures, project, self.workspace.window)
+        dialog.chosen.connect(self._make)
+        dialog.open()
+        return dialog
+
+    def open_addition(self, captures: Sequence[Path] = ()) -> NewProjectDialog | None:
+        """Asks for a capture that comes beside what the project holds."""
+        from nvsim.project.project import Project
+        from nvsim.project.stages.added import sources
+        from nvsim.project.stages.imported import capture_config
+
+        document = self.workspace.document
+        project, capture = document.project, document.contents.capture
+        if project is None or capture is None:
+            return None
+        try:
+            held = sources(capture)
+            with Project.open(project) as opened:
+                understood = capture_config(opened)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        dialog = NewProjectDialog(captures, project, self.workspace.window, beside=held, understood=understood)
+        dialog.chosen.connect(self._add)
+        dialog.open()
+        return dialog
+
+    def _add(self, new: NewProject) -> None:
+        for capture in new.captures:
+            arguments = [str(capture), "--add", "--project", str(new.project)]
+            self.workspace.jobs.start("import", arguments, new.project, f"Add {capture.name}")
+        if new.everything:
+            self._jobs_part().run_everything()
+
+    def _make(self, new: NewProject) -> None:
+        if self._open_new(new.project):
+            source = new.captures[0]
+            if len(new.captures) > 1:
+                source = new.project / f"together{SUFFIX}"
+                try:
+                    write_list(new.captures, source)
+                except InputError as error:
+                    self.workspace.notices.error(str(error))
+                    return
+            names = " and ".join(c.name for c in new.captures)
+            arguments = [str(source), "--project", str(new.project), *new.options]
+            self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")
+            if new.everything:
+                self._jobs_part().run_everything()
+
+    def choose_demo(self) -> None:
+        """Asks where the demo project goes, and makes it there."""
+        start = str(Path.home() / "demo.nvsim")
+        chosen, _ = QFileDialog.getSaveFileName(self.workspace.window, "The demo project", start, "Projects (*.nvsim)")
+        if chosen:
+            path = Path(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")
+            if self._open_new(path):
+                arguments = ["--project", str(path), "--no-window"]
+                self.workspace.jobs.start("demo", arguments, path, "The built-in building")
+
+    def _open_new(self, path: Path) -> bool:
+        """Makes the empty project and opens it. A failure becomes a notice."""
+        from nvsim.project.project import Project
+
+        try:
+            Project.create_or_open(path).close()
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return False
+        if self.workspace.document.project != path:
+            self.workspace.window.projectChosen.emit(path)
+        return self.workspace.document.project == path
+
+    def _jobs_part(self) -> JobsPart:
+        return next(p for p in self.workspace.window.parts if isinstance(p, JobsPart))
+
+    # Recent projects --------------------------------------------------------------------------------------------
+
+    def recent(self) -> list[Path]:
+        """Projects that were open lately and are still there, newest first."""
+        stored = self.workspace.settings.value(_KEY, [])
+        names = [stored] if isinstance(stored, str) else stored if isinstance(stored, list) else []
+        return [Path(str(n)) for n in names if (Path(str(n)) / "project.db").is_file()][:MOST_RECENT]
+
+    def _remember(self) -> None:
+        path = self.workspace.document.project
+        if path is None:
+            return
+        path = path.absolute()
+        others = [p for p in self.recent() if p != path]
+        self.workspace.settings.setValue(_KEY, [str(p) for p in [path, *others][:MOST_RECENT]])
+        self.workspace.window.empty.show_recent(self.recent())
+
+    def _fill_menu(self) -> None:
+        self._menu.clear()
+        paths = self.recent()
+        for path in paths:
+            action = QAction(caption(f"{path.name}   {path.parent}"), self._menu)
+            action.setToolTip(tip(path))
+            action.triggered.connect(lambda _=False, p=path: self.workspace.window.projectChosen.emit(p))
+            self._menu.addAction(action)
+        if not paths:
+            self._menu.addAction("No project was open yet").setEnabled(False)
+
+    # Dropping ---------------------------------------------------------------------------------------------------
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if isinstance(event, QDragEnterEvent) and _dropped(event.mimeData()):
+            event.acceptProposedAction()
+            return True
+        if isinstance(event, QDropEvent) and event.type() == QEvent.Type.Drop:
+            paths = _dropped(event.mimeData())
+            if paths:
+                event.acceptProposedAction()
+                self.take(paths)
+                return True
+        return super().eventFilter(watched, event)
+
+    def take(self, paths: Sequence[Path]) -> None:
+        """Opens what was dropped: a project, a graph, a splat file, or else captures."""
+        path = paths[0]
+        graph = holds_graph(path) if path.is_dir() else path.name.endswith(GRAPH)  # captures come as JSON too
+        if graph or (path / "project.db").is_file() or (path.is_file() and named_as_splats(path)):
+            self.workspace.window.projectChosen.emit(path)
+        else:
+            self.open_dialog(paths)
+
+
+def _dropped(data: QMimeData) -> list[Path]:
+    return [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]

@@ -1,0 +1,76 @@
+"""The command palette (Ctrl+P)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.palette.entries import Entry, commands, fitting, places
+from app.palette.popup import PaletteView
+from app.wiring.part import Part, Workspace
+
+_REMEMBERED = 12
+
+
+class PalettePart(Part):
+    ACTIONS = (
+        Action(
+            "palette",
+            "&Command palette…",
+            "Find any command, viewpoint or frame by a few letters",
+            "&Help",
+            0,
+            "Ctrl+P",
+            "palette",
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self._recent: list[str] = []
+        self.view = PaletteView(self._offer, workspace.window)
+        self.view.ran.connect(self._on_ran)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"palette": self.view.open}
+
+    def restore(self, settings: QSettings) -> None:
+        stored = settings.value("palette/recent", [])
+        self._recent = [str(title) for title in stored] if isinstance(stored, list) else []
+
+    def store(self, settings: QSettings) -> None:
+        settings.setValue("palette/recent", self._recent)
+
+    def _offer(self, typed: str) -> list[Entry]:
+        document = self.workspace.document
+        own = [e for e in commands(self.workspace.window.actions_table, document) if e.title != "Command palette"]
+        return [
+            *fitting([*own, *self._panels()], typed, self._recent),
+            *places(document, typed, self._go_to_viewpoint, self._go_to_frame),
+        ]
+
+    def _panels(self) -> list[Entry]:
+        """Every panel, to be brought to the front."""
+        window = self.workspace.window
+        return [
+            Entry(f"Show panel {title}", "Window", "", "", partial(window.show_dock, name))
+            for name, title in window.dock_titles.items()
+        ]
+
+    def _go_to_viewpoint(self, id: str) -> None:
+        arrays = self.workspace.document.graph_arrays
+        self.workspace.document.select(viewpoint=id)
+        self.workspace.scene.go_to_position(arrays.positions[arrays.index[id]])
+
+    def _go_to_frame(self, frame: int) -> None:
+        self.workspace.document.select(frame=frame)
+        self.workspace.scene.snap_to_frame(frame)
+
+    def _on_ran(self, entry: Entry) -> None:
+        title = entry.title.removesuffix(" (on)").removesuffix(" (off)")
+        if entry.place.startswith("Go to"):
+            return
+        self._recent = [title, *(t for t in self._recent if t != title)][:_REMEMBERED]

@@ -1,0 +1,73 @@
+"""What the window is put together from: a part is one capability with its commands, its docks and what it remembers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from PySide6.QtCore import QObject, QSettings
+from PySide6.QtWidgets import QWidget
+
+from app.actions import Action
+from app.jobs.queue import JobQueue
+from app.look.notices import Notices
+from app.state.document import Document
+
+if TYPE_CHECKING:
+    from app.modes.controller import Stage
+    from app.views.scene_view import SceneView
+    from app.wiring.window import MainWindow
+
+
+@dataclass(frozen=True)
+class Dock:
+    """A panel at the rim of the window.
+
+    name    its key in the stored layout and in `MainWindow.panels`
+    area    the side it stands on, below what stands there already
+    tab     name of the dock it shares its place with, "" for a place of its own
+    """
+
+    name: str
+    title: str
+    widget: QWidget
+    area: Literal["left", "right", "bottom"]
+    tab: str = ""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """What every part may use."""
+
+    document: Document
+    settings: QSettings
+    notices: Notices
+    scene: SceneView
+    jobs: JobQueue  # what runs long goes through it
+    modes: Stage  # how the mouse edits the graph in both views
+    window: MainWindow  # parent of dialogs, and the way to the other parts' panels
+
+
+class Part(QObject):
+    """Parts are made in the order of `parts.PARTS`, after the 3D view and before the menus."""
+
+    ACTIONS: ClassVar[tuple[Action, ...]] = ()
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace.window)
+        self.workspace = workspace
+
+    def docks(self) -> tuple[Dock, ...]:
+        """Its panels, asked for once."""
+        return ()
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        """Action id -> what it does; a switch is called with its new state."""
+        return {}
+
+    def restore(self, settings: QSettings) -> None:
+        """Brings back what `store` kept, once everything is made. Anything may stand in `settings`."""
+
+    def store(self, settings: QSettings) -> None:
+        """Keeps what should come back with the next window; the window is about to close."""

@@ -1,0 +1,284 @@
+"""What the machine proposes: edges that pass where a viewpoint was added or moved, drawn as ghosts until a person takes
+or dismisses them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QSettings, Qt, QTimer, Signal
+from PySide6.QtGui import QPainter
+
+from app.actions import Action
+from app.look import colors
+from app.modes.ink import dots, line
+from app.modes.mode import Pointer
+from app.painting.picking import nearest_segment
+from app.state import edit_commands
+from app.state.document import Document
+from app.state.evidence_child import EvidenceChild
+from app.state.graph_reasons import with_map, writable
+from app.state.proposals import Proposals
+from app.state.reasons import Reason
+from app.views.graph_surface import EDGE_REACH, GraphSurface
+from app.wiring.part import Part, Workspace
+from nvsim.errors import InputError
+from nvsim.graph.difference import Difference
+from nvsim.graph.edits import EditError
+from nvsim.graph.history import counted
+from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoints
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import EdgeKey
+from nvsim.mapping.edge_doubts import margin
+from nvsim.mapping.new_viewpoint_evidence import Newcomers, with_newcomers
+from nvsim.project.stages.measured import unmeasured
+
+REST = 1500  # milliseconds without an edit until measuring begins: a hand that places several is not interrupted
+
+
+class ProposePart(Part):
+    _thought = Signal(object, str)
+
+    ACTIONS = (
+        Action(
+            "measure_automatically", "Measure what I &add or move",
+            "Measure the evidence of new and moved viewpoints in the background and propose edges", "&Graph", 3,
+            check="on", enabled=writable,
+        ),
+        Action(
+            "propose_edges", "Propose &edges", "Edges that evidence and map allow, where they save a way round",
+            "&Graph", 3, enabled=lambda document: _with_grounds(document),
+        ),
+        Action(
+            "propose_viewpoints", "Propose v&iewpoints", "Where one could stand on the map and no viewpoint is near",
+            "&Graph", 3, enabled=with_map,
+        ),
+        Action(
+            "accept_proposals", "&Take proposals", "Add the edges that are drawn as ghosts", "&Graph", 3,
+            "Ctrl+Return", enabled=lambda document: _with_proposals(document),
+        ),
+        Action(
+            "dismiss_proposals", "&Dismiss proposals", "Draw them no more", "&Graph", 3,
+            "Ctrl+Backspace", enabled=lambda document: _with_proposals(document),
+        ),
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self._automatic = True
+        self._thread: threading.Thread | None = None
+        self._thought.connect(self._on_thought)
+        self.child = EvidenceChild(self)
+        self.child.measured.connect(self._on_measured)
+        self.child.failed.connect(workspace.notices.warning)
+        self._soon = QTimer(self, singleShot=True, interval=REST)
+        self._soon.timeout.connect(self.measure)
+        document = workspace.document
+        document.graphChanged.connect(self._on_edit)
+        document.projectChanged.connect(self._on_project)
+        workspace.modes.layers.append(self.paint)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "measure_automatically": self._set_automatic,
+            "propose_edges": self.propose_edges,
+            "propose_viewpoints": self.propose_viewpoints,
+            "accept_proposals": self.accept,
+            "dismiss_proposals": self.dismiss,
+        }
+
+    @property
+    def proposals(self) -> Proposals:
+        return self.workspace.document.editing.proposals
+
+    def _set_automatic(self, on: bool) -> None:
+        self._automatic = on
+        if on:
+            self._soon.start()
+
+    def _on_edit(self, change: Difference) -> None:
+        self._prune()
+        if self._automatic and (change.added_viewpoints or change.changed_viewpoints):
+            self._soon.start()
+
+    def _on_project(self) -> None:
+        self.child.stop()
+        self._soon.stop()
+        self.dismiss()
+
+    def measure(self) -> None:
+        """Starts measuring what was not measured yet."""
+        document = self.workspace.document
+        graph, project = document.graph, document.project
+        if graph is None or project is None or not project.is_dir() or document.contents.scene_stamp is None:
+            return
+        if not document.editing.writable or self.child.busy:
+            return
+        self.child.start(project, graph, unmeasured(graph)[-8:])
+
+    def _on_measured(self, found: Newcomers, places: dict[str, tuple[float, float, float]]) -> None:
+        graph = self.workspace.document.graph
+        if graph is None:
+            return
+        stayed = {
+            id for id, place in places.items() if id in graph.viewpoints and graph.viewpoints[id].position == place
+        }
+        fresh = Newcomers(
+            tuple(e for e in found.evidence if (e.viewpoint in stayed or e.joins in stayed)
+                  and not {e.viewpoint, e.joins} & (places.keys() - stayed)),
+            {id: submap for id, submap in found.submaps.items() if id in stayed},
+            (), (),
+        )  # fmt: skip
+        if stayed:
+            self.workspace.document.editing.amend("Measure what was edited", with_newcomers(graph, fresh))
+            self.proposals.add(found.proposed, found.doubted)
+            self._prune()
+            self._tell()
+            if found.proposed:
+                count = len(found.proposed)
+                self.workspace.notices.info(
+                    f"{count} {'edge is' if count == 1 else 'edges are'} proposed where you edited: Ctrl+Return takes "
+                    f"{'it' if count == 1 else 'them'}, Ctrl+Backspace does not."
+                )
+        if len(stayed) < len(places) or unmeasured(graph):
+            self._soon.start()
+
+    def propose_edges(self) -> None:
+        """Looks at all pairs that are near, in a thread."""
+        document = self.workspace.document
+        graph, occupancy = document.graph, document.contents.occupancy
+        if graph is not None:
+            slack = margin(document.contents.thresholds)
+            file = document.contents.graph_file
+            seen = None if file is None or occupancy is not None else file.sight(unknown=False)
+            self._think(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack, visible=seen)), ()))
+
+    def propose_viewpoints(self) -> None:
+        """Looks at the whole map, in a thread."""
+        document = self.workspace.document
+        graph, occupancy = document.graph, document.contents.occupancy
+        if graph is not None and occupancy is not None:
+            self._think(lambda: ((), propose_viewpoints(graph, occupancy)))
+
+    def _think(self, work: Callable[[], tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]]]) -> None:
+        if self._thread is not None and self._thread.is_alive():
+            return
+
+        def run() -> None:
+            try:
+                self._thought.emit(work(), "")
+            except (InputError, EditError) as error:
+                self._thought.emit(((), ()), str(error))
+
+        self._thread = threading.Thread(target=run, name="proposals", daemon=True)
+        self._thread.start()
+
+    def _on_thought(self, found: tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]], trouble: str) -> None:
+        edges, places = found
+        if trouble:
+            self.workspace.notices.warning(trouble)
+            return
+        self.proposals.add(edges, (), places)
+        self._prune()
+        self._tell()
+        words = counted(len(places), "viewpoint") if places else counted(len(edges), "edge")
+        if edges or places:
+            one = len(edges) + len(places) == 1
+            self.workspace.notices.info(
+                f"{words} {'is' if one else 'are'} proposed: Ctrl+Return takes {'it' if one else 'them'}, "
+                "Ctrl+Backspace does not; a right click takes a single edge."
+            )
+        else:
+            self.workspace.notices.info("There is nothing to propose.")
+
+    def accept(self) -> None:
+        """All that is proposed, as one step."""
+        editing, kept = self.workspace.document.editing, self.proposals
+        pairs, places = [list(key) for key in kept.edges], kept.places
+        self.dismiss()
+        steps: list[tuple[str, dict[str, object]]] = [
+            ("add_viewpoint", {"position": list(p.position), "height": p.height, "id": p.new_id}) for p in places
+        ]
+        pairs += [[place.new_id, other] for place in places for other in place.joins]
+        if pairs:
+            steps.append(("add_edges", {"pairs": pairs}))
+        if steps:
+            chosen = GraphSelection(frozenset(place.new_id for place in places)) if places else None
+            text = f"Add {counted(len(places), 'proposed viewpoint')}" if places else ""
+            editing.run_all(steps, text, selection=chosen)
+
+    def under(self, pointer: Pointer) -> EdgeKey | None:
+        """The proposed edge under the cursor."""
+        keys, ends = self._ghosts(self.proposals.edges)
+        lines, index, depths = pointer.surface.segments(ends[:, 0], ends[:, 1])
+        row = nearest_segment(lines, depths, (pointer.point.x(), pointer.point.y()), EDGE_REACH)
+        return None if row is None else keys[int(index[row])]
+
+    def take(self, edge: EdgeKey) -> None:
+        """Adds one proposed edge; the others stay proposed."""
+        edit_commands.add_edge(self.workspace.document.editing, *edge)
+
+    def drop(self, edge: EdgeKey) -> None:
+        """Proposes one edge no more."""
+        self.proposals.without(edge)
+        self._tell()
+
+    def _ghosts(self, edges: tuple[EdgeKey, ...]) -> tuple[list[EdgeKey], NDArray[np.float64]]:
+        """Those whose ends are shown, and (N, 2, 3) their ends on the floor."""
+        arrays = self.workspace.document.shown_arrays
+        keys = [(a, b) for a, b in edges if a in arrays.index and b in arrays.index]
+        rows = np.array([(arrays.index[a], arrays.index[b]) for a, b in keys], np.int64).reshape(-1, 2)
+        return keys, arrays.feet[rows]
+
+    def dismiss(self) -> None:
+        self.proposals.clear()
+        self._tell()
+
+    def _prune(self) -> None:
+        if self.proposals.prune(self.workspace.document.graph):
+            self._tell()
+
+    def _tell(self) -> None:
+        self.workspace.document.editing.stepsChanged.emit()
+        self.workspace.modes.refresh()
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        for edges, color in ((self.proposals.edges, colors.OPEN), (self.proposals.doubted, colors.BLOCKED)):
+            keys, ends = self._ghosts(edges)
+            if keys:
+                line(painter, surface, ends[:, 0], ends[:, 1], color, 3.0, Qt.PenStyle.DashLine)
+        arrays, places = self.workspace.document.graph_arrays, self.proposals.places
+        feet = np.array([(*p.position[:2], p.position[2] - p.height) for p in places], float).reshape(-1, 3)
+        foot = {place.new_id: at for place, at in zip(places, feet, strict=True)}
+        joins = [
+            (foot[place.new_id], foot[other] if other in foot else arrays.feet[arrays.index[other]])
+            for place in places
+            for other in place.joins
+            if other in foot or other in arrays.index
+        ]
+        if joins:
+            way = np.array(joins)
+            line(painter, surface, way[:, 0], way[:, 1], colors.OPEN, 2.0, Qt.PenStyle.DashLine)
+        dots(painter, surface, feet, colors.OPEN, 7.0, filled=False)
+
+    def store(self, settings: QSettings) -> None:
+        self.child.stop()
+        if self._thread is not None:
+            self._thread.join()
+
+
+def _with_grounds(document: Document) -> Reason:
+    if (first := with_map(document)) is None or document.graph is None or not document.editing.writable:
+        return first
+    file = document.contents.graph_file
+    if document.graph.evidence or (file is not None and file.sight() is not None):
+        return None
+    return "there is neither evidence nor a map to propose from"
+
+
+def _with_proposals(document: Document) -> Reason:
+    if (first := writable(document)) is not None:
+        return first
+    return None if document.editing.proposals else "nothing is proposed"

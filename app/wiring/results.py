@@ -1,0 +1,54 @@
+"""The results of evaluations, gathered from the jobs and from what commands stored in the project."""
+
+from __future__ import annotations
+
+from app.jobs.queue import JobHandle
+from app.jobs.results import Result, result_of_job, stored_result
+from app.jobs.stages import GIVES_RESULT
+from app.panels.results import ResultPanel
+from app.wiring.part import Dock, Part
+
+
+class ResultPart(Part):
+    def docks(self) -> tuple[Dock, ...]:
+        w = self.workspace
+        self.panel = ResultPanel(w.notices)
+        self.panel.frameWanted.connect(self._go_to_frame)
+        self.panel.submapWanted.connect(lambda index: w.document.select(submap=index))
+        self._read: dict[int, Result | None] = {}  # number of a job that ended -> what it printed
+        w.document.contentsChanged.connect(self._on_contents)
+        w.document.projectChanged.connect(self._on_project)
+        w.jobs.changed.connect(self._gather)
+        w.jobs.ended.connect(self._on_ended)
+        return (Dock("results", "Results", self.panel, "bottom", tab="jobs"),)
+
+    def _on_project(self) -> None:
+        self._read.clear()
+        self._gather()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "results" in parts:
+            self._gather()
+
+    def _on_ended(self, handle: JobHandle) -> None:
+        if handle.job.order.verb in GIVES_RESULT and handle.state == "done":
+            self._read.pop(handle.number, None)  # it may have been run again
+            self._gather()
+            dock = self.panel.parentWidget()
+            if dock is not None:
+                dock.raise_()
+
+    def _gather(self) -> None:
+        found = []
+        for handle in self.workspace.jobs.handles:
+            if handle.state == "done":
+                if handle.number not in self._read:
+                    self._read[handle.number] = result_of_job(handle.job)
+                found.append(self._read[handle.number])
+        stored = self.workspace.document.contents.results
+        fresh = [stored_result(name, at, figures) for name, (at, figures) in stored.items()]
+        self.panel.show_results([r for r in (*found, *fresh) if r is not None])
+
+    def _go_to_frame(self, frame: int) -> None:
+        self.workspace.document.select(frame=frame)
+        self.workspace.scene.snap_to_frame(frame)

@@ -1,0 +1,116 @@
+"""Selecting in the graph by commands, the tables, the histogram, and going to what was selected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from app.actions import Action
+from app.painting.cameras import along, focused
+from app.panels.histogram import HistogramPanel
+from app.panels.history import HistoryPanel
+from app.panels.tables import TablePanel
+from app.state.graph_reasons import selected, viewpoints, with_editing
+from app.views.map_view import MapView
+from app.wiring.part import Dock, Part, Workspace
+from nvsim.graph import selection as selecting
+from nvsim.graph.edits import EditError
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import NavGraph
+
+
+class SelectPart(Part):
+    ACTIONS = (
+        Action("select_all", "Select &all", "Every viewpoint and edge", "&Edit", 5, "Ctrl+A", enabled=with_editing),
+        Action("select_none", "Select n&one", "Nothing", "&Edit", 5, "Ctrl+Shift+A", enabled=selected),
+        Action("invert", "In&vert selection", "What is not selected now", "&Edit", 5, "Ctrl+I", enabled=with_editing),
+        Action("grow", "&Grow selection", "The neighbours too", "&Edit", 5, "Ctrl++", enabled=selected),
+        Action("component", "Select &component", "All that can be reached from the selection", "&Edit", 5,
+               "Ctrl+Shift+K", enabled=selected),
+        Action("path", "Select pat&h between", "The shortest way between two viewpoints", "&Edit", 5, "Ctrl+Shift+P",
+               enabled=viewpoints(2, 2, changes=False)),
+        Action("select_expression", "Select by e&xpression…", "As in: degree > 4 and not reviewed", "&Edit", 5,
+               "Ctrl+F", enabled=with_editing),
+        Action("select_range", "Select by &range…", "A range in the histogram of lengths, degrees, evidence…", "&Edit",
+               5, enabled=with_editing),
+        Action("zoom_to", "&Zoom to selection", "Bring what is selected in the graph before the camera and the map",
+               "&Edit", 6, "Z", enabled=selected),
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        document = workspace.document
+        self._editing = document.editing
+        self.tables = TablePanel(document)
+        self.histogram = HistogramPanel(document)
+        self.history = HistoryPanel(document)
+        self.tables.activated.connect(self.show_selection)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (
+            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs"),
+            Dock("histogram", "Histogram", self.histogram, "bottom", "jobs"),
+            Dock("history", "History", self.history, "left", "frames"),
+        )
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "select_all": lambda: self._select(lambda graph, _: self._shown(selecting.everything(graph))),
+            "select_none": lambda: self._editing.select(GraphSelection()),
+            "invert": lambda: self._select(lambda graph, chosen: self._shown(selecting.inverted(graph, chosen))),
+            "grow": lambda: self._select(selecting.grown),
+            "component": lambda: self._select(self._component),
+            "path": self._path,
+            "select_expression": self._ask_expression,
+            "select_range": lambda: self.workspace.window.show_dock("histogram"),
+            "zoom_to": lambda: self.show_selection(self._editing.selection),
+        }
+
+    def _select(self, how: Callable[[NavGraph, GraphSelection], GraphSelection]) -> None:
+        graph = self._editing.graph
+        if graph is None:
+            return
+        try:
+            self._editing.select(how(graph, self._editing.selection))
+        except EditError as error:
+            self._editing.refuse(str(error))
+
+    def _ask_expression(self) -> None:
+        self.workspace.window.show_dock("tables")
+        self.tables.filter.setFocus()
+        self.tables.filter.selectAll()
+
+    def _shown(self, chosen: GraphSelection) -> GraphSelection:
+        """Without what stands on storeys that are not shown: nobody sees what would happen to it."""
+        index = self.workspace.document.shown_arrays.index
+        edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)
+        return GraphSelection(chosen.viewpoints & index.keys(), edges)
+
+    def _path(self) -> None:
+        self._select(lambda graph, chosen: selecting.path_between(graph, *sorted(chosen.viewpoints)))
+
+    @staticmethod
+    def _component(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+        return selecting.component(graph, chosen.viewpoints.union(*chosen.edges))
+
+    def show_selection(self, chosen: GraphSelection) -> None:
+        """Selects it and brings it before the camera and into the middle of the map."""
+        self._editing.select(chosen)
+        arrays = self.workspace.document.graph_arrays
+        ends = [id for key in chosen.edges for id in key]
+        rows = arrays.viewpoint_rows([*chosen.viewpoints, *ends])
+        if not len(rows):
+            return
+        places = arrays.feet[rows]
+        middle, size = (places.min(axis=0) + places.max(axis=0)) / 2, float(np.ptp(places, axis=0).max())
+        scene = self.workspace.scene
+        if len(rows) == 2 and len(chosen.edges) == 1 and self.workspace.document.contents.scene_stamp is not None:
+            # Among walls a view from anywhere else shows what stands before the edge.
+            pose = along(scene.pose, arrays.positions[rows], arrays.feet[rows])
+        else:
+            pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
+        scene.navigation.go_to(pose)
+        plan = self.workspace.window.panels["map"]
+        assert isinstance(plan, MapView)
+        plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))

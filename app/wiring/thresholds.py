@@ -1,0 +1,164 @@
+"""Threshold sliders: their panel, the preview in both views, and the step of the history that applies them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import cast
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.state.reasons import with_graph
+from app.thresholds.panel import ThresholdPanel
+from app.thresholds.preview import PreviewLayer, PreviewMarks
+from app.thresholds.table import THRESHOLDS
+from app.thresholds.trial import Trial
+from app.views.map_view import MapView
+from app.wiring.inspector import InspectorPart
+from app.wiring.part import Dock, Part, Workspace
+from nvsim.errors import InputError
+from nvsim.graph.difference import Difference
+from nvsim.mapping.config import MappingConfig
+
+
+class ThresholdPart(Part):
+    ACTIONS = (
+        Action(
+            "thresholds",
+            "&Thresholds",
+            "Try other thresholds on the whole graph, and see what would appear and disappear",
+            "&Graph",
+            9,
+            "Shift+I",
+            "thresholds",
+            enabled=with_graph,
+        ),
+        Action(
+            "thresholds_paper",
+            "Try the &paper's thresholds",
+            "Show what the paper's decision would make of the graph",
+            "&Graph",
+            9,
+            enabled=with_graph,
+        ),
+        Action(
+            "thresholds_reset",
+            "Thresholds as &built",
+            "Show the graph under the thresholds that it was built with",
+            "&Graph",
+            9,
+            enabled=with_graph,
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        document = workspace.document
+        self.trial = Trial(document, self)
+        self.panel = ThresholdPanel(self.trial, document)
+        self.layer = PreviewLayer(self.trial, document)
+        self.panel.applied.connect(self.apply)
+        self.panel.built.connect(self.build)
+        self.trial.decided.connect(self._on_trial)
+        document.contentsChanged.connect(self._on_contents)
+        document.graphChanged.connect(self._on_edit)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (Dock("thresholds", "Thresholds", self.panel, "right", tab="details"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "thresholds": self.show_panel,
+            "thresholds_paper": lambda: self._take("paper"),
+            "thresholds_reset": lambda: self._take("project"),
+        }
+
+    def restore(self, settings: QSettings) -> None:
+        window = self.workspace.window
+        self._marks = PreviewMarks(cast(MapView, window.panels["map"]).plot, self.trial, self.workspace.document, self)
+        self.workspace.scene.overlays.add(self.layer)
+        self._inspector = next((part for part in window.parts if isinstance(part, InspectorPart)), None)
+
+    def store(self, settings: QSettings) -> None:
+        self.trial.stop()
+
+    def show_panel(self) -> None:
+        """Brings the panel to the front."""
+        self.workspace.window.show_dock("thresholds")
+
+    def _take(self, preset: str) -> None:
+        self.show_panel()
+        self.panel.take_preset(preset)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if parts & {"graph", "capture"}:
+            self.trial.on_graph(fresh="graph" in parts)
+            applied = self._applied()
+            if "graph" in parts and applied is not None:
+                self.trial.set_config(applied)
+
+    def _on_edit(self, change: Difference) -> None:
+        self.trial.on_graph(fresh=False)
+
+    def _on_trial(self) -> None:
+        self.workspace.scene.update()
+        if self._inspector is not None:
+            self._inspector.inspection.try_out(self.trial.config if self.trial.differs else None)
+
+    # Making it so ------------------------------------------------------------------------------------------------
+
+    def apply(self) -> None:
+        """The edges become those shown, as one step."""
+        graph, outcome = self.trial.graph(), self.trial.outcome
+        if self.panel.obstacle is not None or graph is None or outcome is None:
+            return
+        text = f"Decide again: {len(outcome.appear)} edges appear, {len(outcome.disappear)} disappear"
+        self._remember_applied()
+        self.workspace.document.editing.perform(text, graph)
+
+    def build(self) -> None:
+        """Orders a build of the map with these thresholds."""
+        from app.forms.arguments import Settings
+        from app.forms.fields import fields_of
+
+        document, notices = self.workspace.document, self.workspace.notices
+        project = document.project
+        if project is None:
+            return
+        settings = Settings(project)
+        preset = settings.preset("map")
+        values = settings.changed("map")
+        tried = {t.field for t in THRESHOLDS} | {"rule", "both_ways"}
+        for field in fields_of("map", preset):
+            name = field.path.rpartition(".")[2]
+            if name in tried:
+                values[field.path] = getattr(self.trial.config, name)
+        try:
+            settings.keep("map", preset, values)
+            arguments = [word for word in settings.arguments("map") if word != "--reapply"]
+            self.workspace.jobs.start("map", [*arguments, "--reapply"], project, "Decide the map again")
+        except InputError as error:
+            notices.error(str(error))
+            return
+        notices.info("The map is being built again with these thresholds; the panel of jobs shows how it goes.")
+
+    def _remember_applied(self) -> None:
+        """An edited graph stays decided by these thresholds when it is opened again."""
+        kept = {"built": asdict(self.trial.project_config), "applied": asdict(self.trial.config)}
+        self.workspace.settings.setValue(self._key(), json.dumps(kept))
+
+    def _applied(self) -> MappingConfig | None:
+        """The thresholds that were applied to the graph of this build, None when none were."""
+        try:
+            kept = json.loads(str(self.workspace.settings.value(self._key(), "")))
+            if kept["built"] == asdict(self.trial.project_config):
+                return MappingConfig(**kept["applied"])
+        except (ValueError, KeyError, TypeError, InputError):
+            return None  # nothing was applied, or somebody wrote into the settings file
+        return None
+
+    def _key(self) -> str:
+        name = str(self.workspace.document.path).replace("/", "|").replace("\\", "|")
+        return f"thresholds/{name}"

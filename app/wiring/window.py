@@ -1,0 +1,265 @@
+"""The main window: puts the 3D view and the parts together and ties them to one document. What the window can do stands
+in the parts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, QTimer, Signal
+from PySide6.QtGui import QCloseEvent
+from PySide6.QtWidgets import QDockWidget, QMainWindow, QStackedWidget, QTabBar, QTabWidget, QToolBar, QWidget
+
+from app.actions import ActionTable
+from app.drawing.painter import Remark
+from app.drawing.render_child import RenderSource, Trouble
+from app.jobs.queue import JobQueue
+from app.look.notices import Notice, NoticeArea, Notices
+from app.modes.controller import Stage
+from app.panels.empty import EmptyState
+from app.plain_text import Label, title
+from app.state.document import Document
+from app.state.splat_file import SplatFile
+from app.views.scene_view import SceneView
+from app.wiring import ACTIONS, PARTS
+from app.wiring.part import Dock, Workspace
+
+LAYOUT_VERSION = 2  # raised when docks or toolbars change, so that an old stored layout is not forced on them
+_AREAS = {
+    "left": Qt.DockWidgetArea.LeftDockWidgetArea,
+    "right": Qt.DockWidgetArea.RightDockWidgetArea,
+    "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
+}
+
+
+class MainWindow(QMainWindow):
+    """projectChosen(Path): the person picked another project or a splat file; turnWanted(): the next axis for up;
+    refreshWanted(); closeWanted(): of the project, not of the window."""
+
+    projectChosen = Signal(object)
+    turnWanted = Signal()
+    refreshWanted = Signal()
+    closeWanted = Signal()
+
+    def __init__(self, document: Document, settings: QSettings, notices: Notices) -> None:
+        super().__init__()
+        self.setObjectName("mainWindow")
+        self.document, self.settings, self.notices = document, settings, notices
+        self._stored = False
+        self.scene = SceneView(document)
+        self.empty = EmptyState()
+        self.centre = QStackedWidget(self)
+        self.centre.addWidget(self.scene)
+        self.centre.addWidget(self.empty)
+        self.setCentralWidget(self.centre)
+        self.notice_area = NoticeArea(notices, self.centre)
+        self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front covers it
+        self.jobs = document.jobs = JobQueue(self)
+        self.modes = Stage(document, self)
+        document.projectChanged.connect(self._on_project)
+        self._titles = QTimer(self, singleShot=True, interval=0)
+        self._titles.timeout.connect(self._retitle)
+        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self)
+        self.parts = [part(workspace) for part in PARTS]
+        docks = [dock for part in self.parts for dock in part.docks()]
+        self.panels = {dock.name: dock.widget for dock in docks}
+        self._docks = {dock.name: self._dock(dock) for dock in docks}
+        self._rows = docks
+        handlers = {id: handler for part in self.parts for id, handler in part.handlers().items()}
+        self.actions_table = ActionTable(document, ACTIONS, handlers, self)
+        self._build_bars()
+        self._arrange()
+        self._default_layout = self.saveState(LAYOUT_VERSION)
+        self._connect()
+        self.resize(1480, 920)
+        self._restore()
+        # A hidden window that is laid out again leaves the tab bars of the time before where they stood.
+        for bar in self.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
+            bar.hide()
+        self._dress()
+        self._on_contents(frozenset({"capture"}))
+
+    # Making ----------------------------------------------------------------------------------------------------
+
+    def _dock(self, row: Dock) -> QDockWidget:
+        dock = QDockWidget(row.title, self)
+        dock.setObjectName(f"dock_{row.name}")
+        dock.setWidget(row.widget)
+        dock.setMinimumWidth(200)  # a layout of a smaller screen must not squeeze it to nothing
+        for changed in (dock.topLevelChanged, dock.visibilityChanged):
+            changed.connect(self._titles.start)
+        return dock
+
+    def _retitle(self) -> None:
+        """A panel that stands behind a tab needs no title as well."""
+        for dock in self._docks.values():
+            self._title(dock)
+
+    def _title(self, dock: QDockWidget) -> None:
+        named = not dock.isFloating() and any(not other.isHidden() for other in self.tabifiedDockWidgets(dock))
+        if named and dock.titleBarWidget() is None:
+            dock.setTitleBarWidget(QWidget(dock))
+        elif not named and dock.titleBarWidget() is not None:
+            dock.titleBarWidget().deleteLater()
+            dock.setTitleBarWidget(None)  # type: ignore[arg-type]
+
+    def _build_bars(self) -> None:
+        menus = self.actions_table.fill_menus(self.menuBar())
+        window_menu = menus["&Window"]
+        window_menu.addSeparator()
+        for dock in self._docks.values():
+            window_menu.addAction(dock.toggleViewAction())
+        bar = QToolBar("Tools", self)
+        bar.setObjectName("toolbar")
+        bar.setMovable(False)
+        bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
+        self.actions_table.fill_toolbar(bar)
+        self.addToolBar(bar)
+        self._summary = Label(self)
+        self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
+        self.statusBar().addPermanentWidget(self._summary)
+
+    def _arrange(self) -> None:
+        docks = self._docks
+        self.setDockNestingEnabled(True)
+        self.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
+        self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
+        above: dict[str, QDockWidget] = {}  # area -> the lowest dock there
+        for row in (r for r in self._rows if not r.tab):
+            if row.area in above:
+                self.splitDockWidget(above[row.area], docks[row.name], Qt.Orientation.Vertical)
+            else:
+                self.addDockWidget(_AREAS[row.area], docks[row.name])
+            above[row.area] = docks[row.name]
+        for row in (r for r in self._rows if r.tab):
+            self.tabifyDockWidget(docks[row.tab], docks[row.name])
+        for row in (r for r in self._rows if not r.tab):
+            docks[row.name].raise_()
+        self.resizeDocks([docks["submaps"], docks["map"]], [330, 380], Qt.Orientation.Horizontal)
+        self.resizeDocks([docks["map"], docks["details"]], [380, 440], Qt.Orientation.Vertical)
+        self.resizeDocks([docks["submaps"], docks["frames"]], [250, 350], Qt.Orientation.Vertical)
+        self.resizeDocks([docks["jobs"]], [215], Qt.Orientation.Vertical)
+
+    def _connect(self) -> None:
+        self.notice_area.detailsWanted.connect(self._on_details)
+        self.scene.troubled.connect(self._on_trouble)
+        self.scene.remarked.connect(self._on_remark)
+        self.document.contentsChanged.connect(self._on_contents)
+        self.document.graphChanged.connect(self._summarise)
+        self.jobs.changed.connect(self.actions_table.refresh)
+
+    # Following the document ------------------------------------------------------------------------------------
+
+    def show_source(self, source: RenderSource | None) -> None:
+        """Draws this reconstruction in the centre."""
+        self.scene.show_source(source)
+
+    def _on_project(self) -> None:
+        self.jobs.follow(self.document.project)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if parts == {"jobs"}:
+            return
+        contents = self.document.contents
+        missing = contents.missing
+        nothing = len(self.document.extent) == 0
+        if nothing or self.centre.currentWidget() is self.empty:
+            self.centre.setCurrentWidget(self.empty if nothing else self.scene)
+        if missing is not None:
+            self.empty.say(*missing, contents.missing_verb, contents.path is not None)
+        name = contents.path.name if contents.path else ""
+        self.setWindowTitle(f"{title(name)}[*] – NVSim" if name else "NVSim")  # Qt puts * there while edits are unsaved
+        self._summarise()
+
+    def _summarise(self, _: object = None) -> None:
+        contents, graph = self.document.contents, self.document.graph
+        capture = contents.capture
+        words = [
+            _count(len(capture.frames), "frame") if capture else "",
+            _count(len(contents.submaps), "submap") if contents.submaps else "",
+            f"{_count(len(graph.viewpoints), 'viewpoint')}, {_count(len(graph.edges), 'edge')}" if graph else "",
+        ]
+        self._summary.setText("   ".join(w for w in words if w) or self._summary_of_splats())
+
+    def _summary_of_splats(self) -> str:
+        stamp = self.document.contents.scene_stamp
+        return f"splat file, {stamp.up} is up" if isinstance(stamp, SplatFile) else ""
+
+    def _on_trouble(self, trouble: Trouble) -> None:
+        self.notices.add("error" if trouble.fatal else "warning", trouble.message, trouble.trace)
+
+    def _on_details(self, notice: Notice) -> None:
+        self.show_dock("log")
+
+    def _on_remark(self, remark: Remark) -> None:
+        self.notices.add("warning" if remark.warning else "log", remark.message, remark.trace)
+
+    # For the parts ---------------------------------------------------------------------------------------------------
+
+    def show_page(self, page: QWidget | None) -> None:
+        """Shows a page that a part added to the centre; None goes back to the 3D view."""
+        self.centre.setCurrentWidget(page if page is not None else self.scene)
+
+    def save_picture(self, path: Path, widget: QWidget) -> bool:
+        """What `widget` shows, as a file. A failure becomes a notice."""
+        if widget.grab().save(str(path)):
+            self.notices.info(f"Saved {path}.")
+            return True
+        self.notices.error(f"Cannot write {path}; choose a writable folder and a name ending in .png.")
+        return False
+
+    @property
+    def dock_titles(self) -> dict[str, str]:
+        """Name -> title of every panel."""
+        return {row.name: row.title for row in self._rows}
+
+    def show_dock(self, name: str) -> None:
+        """Brings a panel to the front. Raises KeyError when there is none of that name."""
+        self._docks[name].show()
+        self._docks[name].raise_()
+
+    def front_dock(self, name: str) -> None:
+        """Brings a panel before those it shares a place with, unless it was closed. Raises KeyError like show_dock."""
+        if not self._docks[name].isHidden():
+            self._docks[name].raise_()
+
+    def reset_layout(self) -> None:
+        """Every panel where it was at first."""
+        self.restoreState(self._default_layout, LAYOUT_VERSION)
+
+    # Look and layout -------------------------------------------------------------------------------------------
+
+    def _dress(self) -> None:
+        self.actions_table.dress(self.palette())
+        self.empty.dress()
+
+    def _restore(self) -> None:
+        geometry, state = self.settings.value("geometry"), self.settings.value("state")
+        if isinstance(geometry, QByteArray):
+            self.restoreGeometry(geometry)
+        if isinstance(state, QByteArray):
+            self.restoreState(state, LAYOUT_VERSION)
+        for part in self.parts:
+            part.restore(self.settings)
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "actions_table"):
+            self._dress()
+        super().changeEvent(event)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        if self._stored:
+            # Closed already: what the parts would look at may be gone by now.
+            super().closeEvent(event)
+            return
+        self._stored = True
+        self.settings.setValue("geometry", self.saveGeometry())
+        self.settings.setValue("state", self.saveState(LAYOUT_VERSION))
+        for part in self.parts:
+            part.store(self.settings)
+        self.jobs.stop()
+        self.scene.release()
+        super().closeEvent(event)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

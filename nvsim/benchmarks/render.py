@@ -1,0 +1,131 @@
+"""What a view of many Gaussians costs, part by part, and how near the kernels come to what the machine can do."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+from numba import njit
+
+from nvsim.benchmarks.machine_peak import multiply_adds_per_second
+from nvsim.geometry.camera import Camera, look
+from nvsim.render.ellipse_extent import pixel_rows
+from nvsim.render.gaussians import render_gaussians
+from nvsim.render.layout import TILE
+from nvsim.render.workspace import Workspace, ready
+from nvsim.splats.types import Gaussians
+
+EYE, TARGET, FIELD_OF_VIEW = (1.8, 1.6, 1.6), (6.0, 4.8, 1.0), np.radians(70)
+"""The fixed view into a room whose corner is the origin; horizontal field of view."""
+LANE_WORK = 16
+"""Multiplications, additions and multiply-adds of the forward raster loop per lane, the exponential among them."""
+TURN = 0.01
+"""Radians that the moving viewer turns from frame to frame."""
+
+
+def inside_view(width: int, height: int) -> Camera:
+    """The camera at EYE towards TARGET, level, with the principal point in the middle."""
+    from nvsim.geometry.camera import Intrinsics
+
+    return Camera(Intrinsics.from_fov(width, height, FIELD_OF_VIEW), _pose(0.0))
+
+
+def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, rounds: int = 15) -> dict[str, Any]:
+    """Medians over `rounds`, milliseconds:
+
+    project_ms, sort_ms, raster_ms   to splats, into tiles by depth, to colour and alpha
+    forward_ms                       their sum
+    raster_geometry_ms               as raster_ms, with depth and normals
+    raster_backward_ms               from the gradient of the images to that of the splats' 2D parameters
+    backward_ms                      on to the raw parameters, harmonics included
+    frame_ms                         a whole call for colour and alpha from a camera that turns
+    visible, intersections           Gaussians drawn, meetings of a Gaussian and a tile
+    gigaflops, peak_gigaflops, share multiply-adds a second of the forward raster loop, the machine's, and their ratio
+    """
+    g = gaussians
+    arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    gradients = Gaussians(*(np.empty_like(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    size = camera.intrinsics
+    height, width = size.height, size.width
+    rng = np.random.default_rng(0)
+    d_rgb = rng.normal(size=(height, width, 3)).astype(np.float32)
+    zeros, statistics_of = np.zeros((height, width), np.float32), np.zeros((len(g), 3), np.float32)
+    workspace = Workspace()
+    through = [zeros]
+    turning = [Camera(size, _turned(camera, k * TURN)) for k in range(rounds + 1)]
+    frames = iter(turning)
+
+    def draw(geometry: bool) -> None:
+        through[0] = workspace.draw(height, width, geometry)[1]
+
+    parts: dict[str, Callable[[], object]] = {
+        "project": lambda: workspace.project(arrays, camera, antialiased),
+        "sort": workspace.bin,
+        "raster_geometry": lambda: draw(True),
+        "raster": lambda: draw(False),
+        "raster_backward": lambda: workspace.draw_gradient(through[0], d_rgb, zeros, zeros),
+        "project_backward": lambda: workspace.project_gradient(arrays, gradients, statistics_of),
+        "frame": lambda: render_gaussians(arrays, next(frames), antialiased=antialiased),
+    }
+    times: dict[str, list[float]] = {name: [] for name in parts}
+    for _ in range(rounds + 1):
+        for name, part in parts.items():
+            started = time.perf_counter()
+            part()
+            times[name].append(1e3 * (time.perf_counter() - started))
+    ms = {name: statistics.median(values[1:]) for name, values in times.items()}
+    lanes = _lanes(*workspace.drawn_entries)
+    reached, peak = LANE_WORK * lanes / (1e-3 * ms["raster"]), multiply_adds_per_second()
+    figures = {
+        "project_ms": ms["project"],
+        "sort_ms": ms["sort"],
+        "raster_ms": ms["raster"],
+        "forward_ms": ms["project"] + ms["sort"] + ms["raster"],
+        "raster_geometry_ms": ms["raster_geometry"],
+        "raster_backward_ms": ms["raster_backward"],
+        "backward_ms": ms["raster_backward"] + ms["project_backward"],
+        "frame_ms": ms["frame"],
+    }
+    return {
+        **{name: round(value, 2) for name, value in figures.items()},
+        "backend": "numba",
+        "gaussians": len(g),
+        "sh_degree": g.sh_degree,
+        "size": f"{width}x{height}",
+        "threads": numba.get_num_threads(),
+        "antialiased": antialiased,
+        "visible": workspace.visible,
+        "intersections": workspace.intersections,
+        "gigaflops": round(reached / 1e9, 1),
+        "peak_gigaflops": round(peak / 1e9, 1),
+        "share": round(reached / peak, 3),
+    }
+
+
+@njit(error_model="numpy")
+def _lanes(splats: Any, order: Any, offsets: Any, last: Any, columns: Any) -> Any:
+    # Every touched row of a tile costs a whole row of lanes.
+    rows = 0
+    for tile in range(last.shape[0]):
+        top = (tile // columns) * TILE
+        for k in range(offsets[tile], last[tile]):
+            low, high = pixel_rows(splats[order[k]], top)
+            rows += high - low
+    return rows * TILE
+
+
+def _pose(turn: float) -> Any:
+    ahead = np.subtract(TARGET, EYE)
+    elevation = np.arctan2(ahead[2], np.hypot(ahead[0], ahead[1]))
+    return look(np.array(EYE), float(np.arctan2(ahead[0], ahead[1])) + turn, float(elevation))
+
+
+def _turned(camera: Camera, angle: float) -> Any:
+    pose = camera.camera_to_world.copy()
+    c, s = np.cos(angle), np.sin(angle)
+    pose[:3, :3] = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ pose[:3, :3]
+    return pose

@@ -1,0 +1,82 @@
+"""What a training step costs, and its parts, on a room made in memory."""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+import numba
+import numpy as np
+import torch
+
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.training.background.floor_paint import first_paint
+from nvsim.training.config import TrainingConfig
+from nvsim.training.fit import PARTS, Fit
+from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gaussians
+from nvsim.training.views import TrainingView
+
+VIEWS = 24
+
+
+def across(width: int, height: int) -> list[TrainingView]:
+    """Views from beside the walls across the room: each sees a third of it."""
+    intrinsics, views = Intrinsics.from_fov(width, height, np.radians(70)), []
+    for i, angle in enumerate(np.linspace(0, 2 * np.pi, VIEWS, endpoint=False)):
+        outward = np.array([np.cos(angle), np.sin(angle)])
+        place = ROOM[:2] * (0.5 + 0.43 * outward)
+        heading = float(np.arctan2(*-outward)) + 0.2 * (-1) ** i
+        views.append(photograph(f"{i:04d}", Camera(intrinsics, look(np.array([*place, EYE_HEIGHT]), heading, -0.1))))
+    return views
+
+
+def measure(
+    gaussians: int = 100_000,
+    width: int = 640,
+    height: int = 480,
+    sh_degree: int = 3,
+    steps: int = 48,
+    warm_up: int = 24,
+    seed: int = 0,
+) -> dict[str, float]:
+    """Medians over `steps` steps after `warm_up` ones, which also compile the kernels, each from another camera.
+
+    step_ms             a whole step, milliseconds
+    <part>_ms           of it, see `fit.PARTS`
+    forward_ms          project + sort + raster
+    ratio               step / (forward + raster_backward): what training costs over drawing and its way back
+    intersections, visible, gaussians, width, height, sh_degree, threads
+    """
+    config = TrainingConfig(gaussian_cap=gaussians, sh_degree=sh_degree)
+    views, floor = across(width, height), FloorSurface.flat(0.0)
+    torch_threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        start = synthetic_gaussians(gaussians, sh_degree, seed)
+        fit = Fit(start, *first_paint(views, floor, config, seed), floor, config)
+        inlier = np.ones((height, width), np.bool_)
+        laps: dict[str, list[float]] = {name: [] for name in ("step", *PARTS)}
+        for step in range(1, warm_up + steps + 1):
+            started = time.perf_counter()
+            fit.differentiate(views[step % VIEWS], inlier, sh_degree)
+            fit.move(step)
+            if step > warm_up:
+                laps["step"].append(1e3 * (time.perf_counter() - started))
+                for name in PARTS:
+                    laps[name].append(fit.parts[name])
+    finally:
+        torch.set_num_threads(torch_threads)
+    figures = {f"{name}_ms": statistics.median(values) for name, values in laps.items()}
+    figures["forward_ms"] = figures["project_ms"] + figures["sort_ms"] + figures["raster_ms"]
+    figures["ratio"] = figures["step_ms"] / (figures["forward_ms"] + figures["raster_backward_ms"])
+    return {
+        **{name: round(value, 3) for name, value in figures.items()},
+        "intersections": fit.workspace.intersections,
+        "visible": fit.workspace.visible,
+        "gaussians": gaussians,
+        "width": width,
+        "height": height,
+        "sh_degree": sh_degree,
+        "threads": numba.get_num_threads(),
+    }

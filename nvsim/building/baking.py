@@ -1,0 +1,232 @@
+"""Light computed once: every face of the building as a texture of its radiance, with coarser copies (a mip chain).
+
+Lamps are panels in the ceiling with inverse-square fall-off and shadows; the rest of the light is a constant dimmed
+where the half space above a point is obstructed (ambient occlusion), which also gives contact shadows.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from nvsim.building.flooring import paint_floor
+from nvsim.building.painting import Image, paint_face
+from nvsim.building.plan import HEIGHT, Plan
+from nvsim.building.raycast import Solids, normal, trace
+from nvsim.building.solids import BOTTOM, TOP, Box
+
+LEVELS = 6
+_FLOOR_TEXEL, _WALL_TEXEL, _FINE_TEXEL, _CEILING_TEXEL, _LIGHT_TEXEL = 0.01, 0.015, 0.0125, 0.04, 0.1
+_AMBIENT = 0.8
+_LAMP = 0.3  # half the side of a lamp panel, metres
+
+
+class Textures(NamedTuple):
+    """Radiance of every surface (6 per box, then floor and ceiling), texels row-major from the lower corner.
+
+    A surface that nobody sees (hidden, or glass) has one black texel.
+    """
+
+    texels: NDArray[np.uint8]  # (N, 3) RGB
+    chain: NDArray[np.int64]  # (S, LEVELS, 3): first texel, rows and columns of each level
+    place: NDArray[np.float64]  # (S, 5) metres: lower corner and extent along the surface's two axes, texel at level 0
+    gloss: NDArray[np.float32]  # (rows, columns) of the floor at `gloss_texel` metres
+    gloss_texel: float
+
+
+def lamp_places(plan: Plan) -> NDArray[np.float64]:
+    """(L, 2) metres: one panel per about 7 square metres of room."""
+    places = []
+    for room in plan.rooms:
+        for r in room.rects:
+            w, d = r.x1 - r.x0, r.y1 - r.y0
+            across, up = max(1, round(w / 2.8)), max(1, round(d / 2.8))
+            for i in range(across):
+                for j in range(up):
+                    places.append((r.x0 + (i + 0.5) * w / across, r.y0 + (j + 0.5) * d / up))
+    return np.array(places)
+
+
+def bake(plan: Plan, boxes: list[Box], solids: Solids, rng: np.random.Generator) -> Textures:
+    """Paints and lights every surface."""
+    places = _places(plan, boxes)
+    floor, gloss = paint_floor(plan, _FLOOR_TEXEL, rng)
+    albedos = [_albedo(boxes[s // 6], s % 6, places[s], rng) for s in range(6 * len(boxes))]
+    ceiling = len(albedos) + 1
+    rows, columns = round(plan.extent.y1 / _CEILING_TEXEL), round(plan.extent.x1 / _CEILING_TEXEL)
+    albedos += [floor, np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)]
+    lamps = lamp_places(plan)
+    light = _light(places, solids, lamps)
+    gain = 0.92 / float(np.mean(light[ceiling - 1]))
+    chains = []
+    for surface, albedo in enumerate(albedos):
+        if albedo is None:
+            chains.append([np.zeros((1, 1, 3), np.uint8)])
+            continue
+        # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
+        boost = 1.45 if surface == ceiling else 1.0
+        shade = _exposed(light[surface] * np.float32(gain * boost))
+        radiance = albedo * _spread(shade, *albedo.shape[:2])[..., None]
+        if surface == ceiling:
+            for x, y in lamps:
+                r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
+                radiance[r0:r1, c0:c1] = 0.97
+        chains.append(_mips(radiance))
+    return _packed(chains, places, gloss)
+
+
+def _exposed(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Highlights rolled off above 0.9, so that a pale wall beside a lamp keeps its shading."""
+    over = np.maximum(light - 0.9, 0)
+    return np.asarray(np.minimum(light, 0.9) + 0.25 * (1 - np.exp(-over / 0.25)), np.float32)
+
+
+class _Place(NamedTuple):
+    """A surface as a rectangle: its lower corner, the two axes along it, its extent and the texel wanted, metres."""
+
+    corner: tuple[float, float, float]
+    axes: tuple[int, int]
+    extent: tuple[float, float]
+    texel: float
+    hidden: bool = False
+
+
+def _places(plan: Plan, boxes: list[Box]) -> list[_Place]:
+    places = []
+    for box in boxes:
+        for face in range(6):
+            axis = face // 2
+            u, v = [k for k in range(3) if k != axis]
+            corner = list(box.lo)
+            corner[axis] = box.lo[axis] if face % 2 == 0 else box.hi[axis]
+            extent = (box.hi[u] - box.lo[u], box.hi[v] - box.lo[v])
+            texel = _WALL_TEXEL if box.hi[2] >= HEIGHT else _FINE_TEXEL
+            hidden = box.glass or (face == BOTTOM and box.lo[2] <= 0) or (face == TOP and box.hi[2] >= HEIGHT)
+            places.append(_Place((corner[0], corner[1], corner[2]), (u, v), extent, texel, hidden))
+    size = (plan.extent.x1, plan.extent.y1)
+    places.append(_Place((0.0, 0.0, 0.0), (0, 1), size, _FLOOR_TEXEL))
+    places.append(_Place((0.0, 0.0, HEIGHT), (0, 1), size, _CEILING_TEXEL))
+    return places
+
+
+def _albedo(box: Box, face: int, place: _Place, rng: np.random.Generator) -> Image | None:
+    if place.hidden:
+        return None
+    at = place.corner[place.axes[0]], place.corner[place.axes[1]]
+    return paint_face(box.face_paint(face), at, place.extent[0], place.extent[1], place.texel, rng)
+
+
+def _light(places: list[_Place], solids: Solids, lamps: NDArray[np.float64]) -> list[NDArray[np.float32]]:
+    """Irradiance on a coarse raster of every surface (relative)."""
+    shapes = [
+        (1 + max(1, round(p.extent[1] / _LIGHT_TEXEL)), 1 + max(1, round(p.extent[0] / _LIGHT_TEXEL))) for p in places
+    ]
+    points, surfaces = [], []
+    for s, (place, (rows, columns)) in enumerate(zip(places, shapes)):
+        if place.hidden:
+            continue
+        p = np.empty((rows, columns, 3))
+        p[...] = place.corner
+        p[..., place.axes[0]] += _nodes(place.extent[0], columns)[None, :]
+        p[..., place.axes[1]] += _nodes(place.extent[1], rows)[:, None]
+        points.append(p.reshape(-1, 3))
+        surfaces.append(np.full(rows * columns, s, np.int32))
+    flat = _irradiance(np.concatenate(points), np.concatenate(surfaces), solids, lamps, _hemisphere())
+    out, at = [], 0
+    for place, (rows, columns) in zip(places, shapes):
+        count = 0 if place.hidden else rows * columns
+        out.append(_blurred_inside(flat[at : at + count].reshape(rows, columns)) if count else flat[:0])
+        at += count
+    return out
+
+
+def _nodes(length: float, count: int) -> NDArray[np.float64]:
+    """Positions from edge to edge, so that two pieces of one wall agree where they meet; a little inside, because a
+    point exactly in a corner sees nothing."""
+    return np.clip(np.linspace(0.0, length, count), min(0.02, length / 4), length - min(0.02, length / 4))
+
+
+def _blurred_inside(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Softer shadows; the border is left, so that neighbouring faces still agree."""
+    soft = light.copy()
+    soft[1:-1, 1:-1] = cv2.blur(light, (3, 3))[1:-1, 1:-1]
+    return soft
+
+
+def _spread(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
+    """(rows, columns) from values at nodes that reach from edge to edge."""
+    x = ((np.arange(columns) + 0.5) * ((light.shape[1] - 1) / columns)).astype(np.float32)
+    y = ((np.arange(rows) + 0.5) * ((light.shape[0] - 1) / rows)).astype(np.float32)
+    x, y = np.meshgrid(x, y)
+    return np.asarray(cv2.remap(light, x, y, cv2.INTER_LINEAR), np.float32)
+
+
+def _hemisphere() -> NDArray[np.float64]:
+    """(24, 3) directions about +z with density proportional to the cosine: a spiral."""
+    k = np.arange(24)
+    radius, angle = np.sqrt((k + 0.5) / 24), k * np.pi * (3 - np.sqrt(5))
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)])
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _irradiance(points, surfaces, solids, lamps, hemisphere):  # type: ignore[no-untyped-def]
+    """(N,) float32: ambient light with occlusion within 1.5 m, and the lamps."""
+    boxes = solids.lo.shape[0]
+    nobody = np.empty((0, 5))
+    out = np.empty(points.shape[0], np.float32)
+    for i in prange(points.shape[0]):
+        nx, ny, nz = normal(surfaces[i], boxes)
+        x, y, z = points[i, 0] + 0.01 * nx, points[i, 1] + 0.01 * ny, points[i, 2] + 0.01 * nz
+        open_sky = 0.0
+        for k in range(hemisphere.shape[0]):
+            a, b, c = hemisphere[k, 0], hemisphere[k, 1], hemisphere[k, 2]
+            if abs(nx) > 0.5:
+                dx, dy, dz = c * nx, a, b
+            elif abs(ny) > 0.5:
+                dx, dy, dz = a, c * ny, b
+            else:
+                dx, dy, dz = a, b, c * nz
+            t, _, _ = trace(x, y, z, dx, dy, dz, solids, nobody)
+            open_sky += min(t / 1.5, 1.0)
+        total = _AMBIENT * (0.3 + 0.7 * open_sky / hemisphere.shape[0])
+        for k in range(lamps.shape[0]):
+            dx, dy, dz = lamps[k, 0] - x, lamps[k, 1] - y, solids.height - 0.02 - z
+            square = dx * dx + dy * dy + dz * dz
+            if square > 36.0 or dz <= 0:
+                continue
+            d = np.sqrt(square)
+            dx, dy, dz = dx / d, dy / d, dz / d
+            facing = dx * nx + dy * ny + dz * nz
+            if facing <= 0:
+                continue
+            t, _, _ = trace(x, y, z, dx, dy, dz, solids, nobody)
+            if t >= d - 1e-3:
+                fade = 1.0 - square / 36.0
+                total += 1.9 * facing * dz / max(square, 0.3) * fade * fade
+        out[i] = total
+    return out
+
+
+def _mips(radiance: Image) -> list[NDArray[np.uint8]]:
+    chain: list[NDArray[Any]] = [radiance]
+    while len(chain) < LEVELS and min(chain[-1].shape[:2]) >= 4:
+        rows, columns = chain[-1].shape[:2]
+        chain.append(cv2.resize(chain[-1], (columns // 2, rows // 2), interpolation=cv2.INTER_AREA))
+    return [np.rint(np.clip(c, 0, 1) * 255).astype(np.uint8) for c in chain]
+
+
+def _packed(chains: list[list[NDArray[np.uint8]]], places: list[_Place], gloss: NDArray[np.float32]) -> Textures:
+    table = np.zeros((len(chains), LEVELS, 3), np.int64)
+    flat, at = [], 0
+    for s, chain in enumerate(chains):
+        for level in range(LEVELS):
+            if level < len(chain):
+                table[s, level:] = (at, *chain[level].shape[:2])
+                flat.append(chain[level].reshape(-1, 3))
+                at += len(flat[-1])
+    place = np.array([(p.corner[p.axes[0]], p.corner[p.axes[1]], *p.extent, p.texel) for p in places])
+    return Textures(np.concatenate(flat), table, place, gloss, _FLOOR_TEXEL)

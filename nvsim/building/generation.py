@@ -1,0 +1,157 @@
+"""A building written to disk: an ordinary nerfstudio capture, and beside it the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim import atomic
+from nvsim.building.config import BuildingConfig
+from nvsim.building.novel import listing, novel_cameras
+from nvsim.building.rendering import render
+from nvsim.building.scan import scan
+from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
+from nvsim.building.truth import HIGH, LOW, RESOLUTION, floor_mask, normals, occupancy, transient_mask
+from nvsim.capture.types import Cloud
+from nvsim.events import Listener, Progress, silent
+from nvsim.occupancy.ros import write_ros_map
+
+VERSION = 4  # of what is generated: raise it when the same configuration gives other files
+_NOISE = 1.5 / 255
+_TRUTH_EVERY = 10
+_RECORD = "building.json"
+
+
+def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) -> None:
+    """Writes `folder`/capture and `folder`/ground_truth; returns at once where the same building is already there.
+
+    Raises InputError when the disk refuses.
+    """
+    record = json.dumps({"version": VERSION, **dataclasses.asdict(config)}, indent=1) + "\n"
+    finished = folder / _RECORD
+    if finished.is_file() and finished.read_text() == record:
+        listen(Progress("building", 1, 1, "already there"))
+        return
+    try:
+        finished.unlink(missing_ok=True)
+    except OSError as error:
+        raise atomic.as_input_error(finished, error) from error
+    listen(Progress("building", 0, 1, "plan"))
+    scene = make_scene(config)
+    true_map = occupancy(scene)
+    novel = novel_cameras(scene, true_map, _stream(config.seed, 7))
+    total = len(scene.walk) + len(novel) + 2
+    textures = textures_of(scene)
+    listen(Progress("building", 1, total, "scan"))
+    cloud = scan(scene, textures, _stream(config.seed, 5))
+    listen(Progress("building", 2, total, "frames"))
+    capture, truth = folder / "capture", folder / "ground_truth"
+    for frame in range(len(scene.walk)):
+        people, clothes = scene.present(frame)
+        view = render(scene.camera(frame), scene.solids, textures, people, clothes)
+        name = f"{frame:05d}"
+        _write(
+            capture / "images" / f"{name}.jpg", _exposed(view.color, config.seed, frame), [cv2.IMWRITE_JPEG_QUALITY, 93]
+        )
+        _write(truth / "floor" / f"{name}.png", 255 * floor_mask(scene, view).astype(np.uint8))
+        _write(truth / "transient" / f"{name}.png", 255 * transient_mask(scene, view).astype(np.uint8))
+        if frame % _TRUTH_EVERY == 0:
+            _write(truth / "depth" / f"{name}.png", np.rint(view.depth * 1000).astype(np.uint16))
+            rgb = np.rint((normals(scene, view) + 1) * 127.5).astype(np.uint8)
+            _write(truth / "normals" / f"{name}.png", rgb[..., ::-1])
+        listen(Progress("building", frame + 3, total, "frames"))
+    nobody = np.empty((0, 5)), np.empty((0, 3))
+    for i, camera in enumerate(novel):
+        view = render(camera, scene.solids, textures, *nobody)
+        picture = np.rint(np.clip(view.color[..., ::-1], 0, 1) * 255).astype(np.uint8)
+        _write(truth / "novel" / f"{i:03d}.png", picture)
+        _write(truth / "novel_floor" / f"{i:03d}.png", 255 * floor_mask(scene, view).astype(np.uint8))
+        listen(Progress("building", len(scene.walk) + i + 3, total, "novel views"))
+    atomic.write_text(truth / "holdout_frames.txt", listing(scene.camera(0).intrinsics, novel))
+    _write_capture(capture, scene, cloud)
+    write_ros_map(true_map, truth / "map.yaml")
+    atomic.write_text(truth / "README.txt", _readme(scene, cloud, len(novel)))
+    _forget_others(folder, len(scene.walk), len(novel))
+    atomic.write_text(finished, record)
+
+
+def _stream(*key: int) -> np.random.Generator:
+    """Independent random numbers for each part."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(list(key))))
+
+
+def _forget_others(folder: Path, frames: int, novel: int) -> None:
+    """Removes frames that a longer walk left here before."""
+    for pattern in ("capture/images/*.jpg", "ground_truth/*/*.png"):
+        for path in folder.glob(pattern):
+            count = novel if path.parent.name.startswith("novel") else frames
+            if path.stem.isdigit() and int(path.stem) >= count:
+                path.unlink()
+
+
+def _exposed(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.uint8]:
+    """BGR bytes with the sensor's noise."""
+    rng = _stream(seed, 6, frame)
+    noisy = color[..., ::-1] + np.float32(_NOISE) * rng.standard_normal(color.shape, dtype=np.float32)
+    return np.rint(np.clip(noisy, 0, 1) * 255).astype(np.uint8)
+
+
+def _write(path: Path, image: NDArray[np.unsignedinteger], options: list[int] | None = None) -> None:
+    encoded = cv2.imencode(path.suffix, image, options or [])[1]
+    atomic.write_bytes(path, encoded.tobytes())
+
+
+def _write_capture(capture: Path, scene: Scene, cloud: Cloud) -> None:
+    """transforms.json (nerfstudio: OpenGL axes, y up and looking along -z) and the cloud as binary PLY."""
+    k = scene.camera(0).intrinsics
+    frames = []
+    for frame in range(len(scene.walk)):
+        matrix = scene.camera(frame).camera_to_world @ np.diag([1.0, -1.0, -1.0, 1.0]) + 0.0
+        frames.append({"file_path": f"images/{frame:05d}.jpg", "transform_matrix": matrix.tolist()})
+    transforms = {
+        "camera_model": "OPENCV",
+        "w": k.width,
+        "h": k.height,
+        "fl_x": k.fx,
+        "fl_y": k.fy,
+        "cx": k.cx,
+        "cy": k.cy,
+        **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+        "ply_file_path": "points.ply",
+        "frames": frames,
+    }
+    table = np.empty(len(cloud.points), [(a, "<f4") for a in "xyz"] + [(c, "u1") for c in ("red", "green", "blue")])
+    assert cloud.colors is not None
+    for axis, name in enumerate("xyz"):
+        table[name] = cloud.points[:, axis]
+    for channel, name in enumerate(("red", "green", "blue")):
+        table[name] = cloud.colors[:, channel]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
+    header += [f"property float {a}" for a in "xyz"] + [f"property uchar {c}" for c in ("red", "green", "blue")]
+    atomic.write_bytes(capture / "points.ply", ("\n".join([*header, "end_header"]) + "\n").encode() + table.tobytes())
+    atomic.write_text(capture / "transforms.json", json.dumps(transforms, indent=1) + "\n")
+
+
+def _readme(scene: Scene, cloud: Cloud, novel: int) -> str:
+    moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
+    c = scene.config
+    return f"""The truth of a built-in building (seed {c.seed}, {c.size}): for evaluation, never an input.
+
+{len(scene.plan.rooms)} rooms on {scene.plan.extent.area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m of walk,
+{len(cloud.points)} points. World: metres, z up, floor at z = 0; cameras level, {CAMERA_HEIGHT} m above the floor.
+
+floor/      every frame: the floor is visible here, rugs included, also through glass; people are not floor
+transient/  every frame: a person is visible here
+depth/      every {_TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass,
+            people included
+normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
+novel/      {novel} views from beside the walk, turned 35 to 145 degrees off it, without people and noise;
+            holdout_frames.txt has their poses, novel_floor/ their true floor
+map.pgm     ROS map_server, {RESOLUTION} m: occupied is anything solid between {LOW} and {HIGH} m (glass and the step
+map.yaml    included, people not), free the floor connected with the walk, the rest unknown
+"""

@@ -1,0 +1,165 @@
+"""The two floor plans: rooms around a loop of corridors, and two rooms with a door."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.building.plan import OUTER_WALL, Opening, Plan, Rect, Room, Stop, Wall, varied
+
+_ENTRY = 0.95  # metres inside a door before the walk turns
+
+
+def make_plan(size: str, rng: np.random.Generator) -> Plan:
+    """The plan of a "full" or a "small" building, varied by the generator."""
+    return varied(_full(rng) if size == "full" else _small(rng), rng)
+
+
+def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """A length on a 5 cm raster, so that the occupancy map of the walls is exact."""
+    return float(np.round(rng.uniform(low, high) * 20) / 20)
+
+
+def _outer(width: float, depth: float) -> list[Wall]:
+    return [
+        Wall("x", 0.0, 0.0, width, OUTER_WALL),
+        Wall("x", depth, 0.0, width, OUTER_WALL),
+        Wall("y", 0.0, 0.0, depth, OUTER_WALL),
+        Wall("y", width, 0.0, depth, OUTER_WALL),
+    ]
+
+
+def _small(rng: np.random.Generator) -> Plan:
+    width, depth = _uniform(rng, 8.8, 9.4), _uniform(rng, 4.8, 5.2)
+    split = _uniform(rng, 4.4, 4.8)
+    glass_from = _uniform(rng, 3.2, 3.5)
+    door = Opening("y", split, _uniform(rng, 1.6, 1.9), _uniform(rng, 0.95, 1.05))
+    walls = [*_outer(width, depth), Wall("y", split, 0.0, glass_from), Wall("y", split, glass_from, depth, glass=True)]
+    floors = rng.permutation(["tiles", "wood"])
+    rooms = (
+        Room("west", "lounge", str(floors[0]), (Rect(0, 0, split, depth),)),
+        Room("east", "office", str(floors[1]), (Rect(split, 0, width, depth),)),
+    )
+    west, east = (split * 0.42, depth * 0.55), (split + (width - split) * 0.58, depth * 0.55)
+    stops = (
+        Stop(split * 0.36, 1.35),
+        Stop(*west, spin=True),
+        Stop(split - _ENTRY, door.centre),
+        Stop(split + _ENTRY, door.centre),
+        Stop(*east, spin=True),
+        Stop(split + _ENTRY, door.centre),
+        Stop(split - _ENTRY, door.centre),
+        Stop(split * 0.30, door.centre + 0.2),
+    )
+    return Plan(Rect(0, 0, width, depth), rooms, tuple(walls), (door,), stops)
+
+
+def _full(rng: np.random.Generator) -> Plan:
+    """Columns of two rooms left and right, a room below and above, a ring of corridors about a glazed core."""
+    left, right = _uniform(rng, 5.2, 5.7), _uniform(rng, 5.2, 5.7)
+    below, above = _uniform(rng, 5.0, 5.4), _uniform(rng, 5.0, 5.4)
+    corridor = _uniform(rng, 1.6, 1.75)
+    core_w = _uniform(rng, 3.5, 4.0)
+    width = round(left + right + 2 * corridor + core_w, 2)
+    depth = round(round(300.0 / width * 20) / 20, 2)
+    x1, x2 = left, width - right
+    y1, y2 = below, depth - above
+    core = Rect(x1 + corridor, y1 + corridor, x2 - corridor, y2 - corridor)
+    split_l = _uniform(rng, (y1 + y2) / 2 - 0.5, (y1 + y2) / 2 + 0.5)
+    split_r = _uniform(rng, (y1 + y2) / 2 - 0.2, (y1 + y2) / 2 + 0.2)
+    xl, xr, yb, yt = x1 + corridor / 2, x2 - corridor / 2, y1 + corridor / 2, y2 - corridor / 2
+    walls = [
+        *_outer(width, depth),
+        Wall("y", x1, 0.0, depth),
+        Wall("y", x2, 0.0, depth),
+        Wall("x", split_l, 0.0, x1),
+        Wall("x", split_r, x2, width),
+        Wall("x", y1, x1, x2),
+        Wall("x", y2, x1, x2),
+        Wall("y", core.x0, core.y0, core.y1),
+        Wall("y", core.x1, core.y0, core.y1),
+        Wall("x", core.y0, core.x0 - 0.06, core.x1 + 0.06, glass=True),
+        Wall("x", core.y1, core.x0 - 0.06, core.x1 + 0.06),
+    ]
+
+    def door(along: str, line: float, centre: float) -> Opening:
+        return Opening(along, line, centre, _uniform(rng, 0.95, 1.1))
+
+    # The doors on the left end the corridors, those on the right lie beside one
+    door_l1 = door("y", x1, yb)
+    door_l2 = door("y", x1, yt)
+    door_r1 = door("y", x2, yb + _uniform(rng, 0.85, 1.1))
+    door_r2 = door("y", x2, yt - _uniform(rng, 0.85, 1.1))
+    middle = (x1 + x2) / 2
+    door_b = door("x", y1, _uniform(rng, middle - 1.5, middle + 1.5))
+    opening_t = Opening("x", y2, _uniform(rng, middle - 1.2, middle + 1.2), _uniform(rng, 1.6, 2.0), 2.3, False)
+    opening_l = Opening("x", split_l, _uniform(rng, left * 0.4, left * 0.6), _uniform(rng, 1.3, 1.6), 2.3, False)
+    opening_r = Opening("x", split_r, width - _uniform(rng, right * 0.4, right * 0.6), _uniform(rng, 1.0, 1.1))
+    door_c = door("x", core.y1, _uniform(rng, middle - 0.8, middle + 0.8))
+    ring = (
+        Rect(x1, y1, x2, core.y0),
+        Rect(x1, core.y1, x2, y2),
+        Rect(x1, core.y0, core.x0, core.y1),
+        Rect(core.x1, core.y0, x2, core.y1),
+    )
+    kinds = [str(k) for k in rng.permutation(["office", "lounge", "library", "office", "kitchen", "hall"])]
+    floors = [str(f) for f in rng.permutation(["tiles", "wood", "wood", "tiles", "wood", "tiles"])]
+    places = [
+        ("left below", Rect(0, 0, x1, split_l)),
+        ("left above", Rect(0, split_l, x1, depth)),
+        ("right below", Rect(x2, 0, width, split_r)),
+        ("right above", Rect(x2, split_r, width, depth)),
+        ("below", Rect(x1, 0, x2, y1)),
+        ("above", Rect(x1, y2, x2, depth)),
+    ]
+    rooms = [Room(name, k, f, (rect,)) for (name, rect), k, f in zip(places, kinds, floors)]
+    rooms += [Room("core", "meeting", "wood", (core,)), Room("corridor", "corridor", "tiles", ring)]
+    low_l, high_l = (0.5 * left, split_l * 0.4), (0.5 * left, depth - (depth - split_l) * 0.4)
+    low_r, high_r = (width - 0.5 * right, split_r * 0.4), (width - 0.5 * right, depth - (depth - split_r) * 0.4)
+
+    def detour_across(o: Opening, line: float, sign: float, reach: float) -> list[Stop]:
+        """From the corridor at y = `line` through `o` to both ends of the room below or above, and back."""
+        inside = Stop(o.centre, o.line + sign * _ENTRY)
+        y = o.line + sign * reach * 0.52
+        a, b = x1 + (x2 - x1) * 0.28, x1 + (x2 - x1) * 0.72
+        far, near = (a, b) if abs(a - o.centre) > abs(b - o.centre) else (b, a)
+        return [Stop(o.centre, line), inside, Stop(far, y, True), Stop(near, y), inside, Stop(o.centre, line)]
+
+    stops = [
+        # once around: up on the left, the room above and the core on the way, the room below
+        Stop(xl, door_l1.centre),
+        Stop(xl, yt),
+        *detour_across(opening_t, yt, 1.0, above),
+        Stop(door_c.centre, yt),
+        Stop(door_c.centre, core.y1 - _ENTRY),
+        Stop(middle, (core.y0 + core.y1) / 2 - 0.2, True),
+        Stop(door_c.centre, core.y1 - _ENTRY),
+        Stop(door_c.centre, yt),
+        Stop(xr, yt),
+        Stop(xr, yb),
+        *detour_across(door_b, yb, -1.0, below),
+        Stop(xl, yb),
+        # through both rooms on the left
+        Stop(xl, door_l1.centre),
+        Stop(x1 - _ENTRY, door_l1.centre),
+        Stop(*low_l, True),
+        Stop(opening_l.centre, split_l - 0.6),
+        Stop(opening_l.centre, split_l + 0.6),
+        Stop(*high_l, True),
+        Stop(x1 - _ENTRY, door_l2.centre),
+        Stop(xl, door_l2.centre),
+        # and around the other way, through both rooms on the right
+        Stop(xl, yb),
+        Stop(xr, yb),
+        Stop(xr, door_r1.centre),
+        Stop(x2 + _ENTRY, door_r1.centre),
+        Stop(*low_r, True),
+        Stop(opening_r.centre, split_r - 0.6),
+        Stop(opening_r.centre, split_r + 0.6),
+        Stop(*high_r, True),
+        Stop(x2 + _ENTRY, door_r2.centre),
+        Stop(xr, door_r2.centre),
+        Stop(xr, yt),
+        Stop(xl, yt),
+    ]
+    openings = (door_l1, door_l2, door_r1, door_r2, door_b, opening_t, opening_l, opening_r, door_c)
+    return Plan(Rect(0, 0, width, depth), tuple(rooms), tuple(walls), openings, tuple(stops))

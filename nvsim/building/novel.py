@@ -1,0 +1,62 @@
+"""Views beside the walk of a building, turned away from it: what a model shows where nobody took a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from nvsim.building.scene import CAMERA_HEIGHT, Scene
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.occupancy.paths import clearance
+from nvsim.occupancy.types import FREE, OccupancyMap
+
+COUNT = {"full": 40, "small": 12}
+BESIDE = (0.3, 0.8)
+"""Metres from the nearest frame of the walk: no wall fits in between."""
+TURNED = (35.0, 145.0)
+"""Degrees off that frame's heading, to either side."""
+ROOM = 0.35
+"""Metres of free floor around the camera."""
+
+
+def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generator) -> list[Camera]:
+    """Level cameras at the walk's height, drawn evenly over the free floor beside it."""
+    walk = scene.walk
+    free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
+    places = occupancy.centres()[free[:, 0], free[:, 1]]
+    distance, nearest = cKDTree(walk[:, :2]).query(places)
+    allowed = np.flatnonzero((distance >= BESIDE[0]) & (distance <= BESIDE[1]))
+    chosen = _spread(places[allowed], min(COUNT[scene.config.size], len(allowed)), rng)
+    cameras = []
+    for i in allowed[chosen]:
+        turn = np.radians(rng.uniform(*TURNED)) * rng.choice([-1.0, 1.0])
+        pose = look(np.array([*places[i], CAMERA_HEIGHT]), float(walk[nearest[i], 2] + turn))
+        cameras.append(Camera(scene.camera(0).intrinsics, np.round(pose, 9) + 0.0))
+    return cameras
+
+
+def _spread(places: NDArray[np.float64], count: int, rng: np.random.Generator) -> list[int]:
+    """Farthest-point order: each place is as far from those before it as possible."""
+    if count == 0:
+        return []
+    chosen = [int(rng.integers(len(places)))]
+    distance = np.linalg.norm(places - places[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return chosen
+
+
+def listing(k: Intrinsics, cameras: list[Camera]) -> str:
+    """The text of `holdout_frames.txt`: a name and the row-major pose of every view."""
+    lines = [
+        "# novel views: name, 16 numbers of the row-major 4x4 camera-to-world (OpenCV axes: x right, y down, z forward;"
+        " world metres, z up)",
+        f"# PINHOLE {k.width} {k.height} fx {k.fx:.6f} fy {k.fy:.6f} cx {k.cx} cy {k.cy}"
+        " (pixel centres at +0.5); no people, no sensor noise",
+    ]
+    for i, camera in enumerate(cameras):
+        numbers = " ".join(f"{v:.9g}" for v in camera.camera_to_world.ravel())
+        lines.append(f"novel/{i:03d}.png {numbers}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,157 @@
+"""Rays against the building: a walk through a 2D grid of boxes, floor and ceiling planes, people as capsules."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from nvsim.building.plan import HEIGHT, Plan
+from nvsim.building.solids import Box
+
+NOTHING = -1
+_CELL = 0.5
+
+
+class Solids(NamedTuple):
+    """Boxes in the order of the scene, with the grid cells (row-major, y first) that each of them touches.
+
+    A hit is named by its surface: 6 * box + face, then the floor, the ceiling, and the capsules of people.
+    """
+
+    lo: NDArray[np.float64]  # (B, 3) metres
+    hi: NDArray[np.float64]  # (B, 3)
+    glass: NDArray[np.bool_]  # (B,)
+    start: NDArray[np.int32]  # (cells + 1,) offsets into `items`
+    items: NDArray[np.int32]  # boxes, cell by cell
+    origin: NDArray[np.float64]  # (2,) lower corner of the grid
+    shape: NDArray[np.int64]  # (2,) rows, columns
+    cell: float
+    height: float
+
+
+def make_solids(plan: Plan, boxes: list[Box]) -> Solids:
+    """The arrays that the ray caster wants."""
+    lo = np.array([b.lo for b in boxes], np.float64)
+    hi = np.array([b.hi for b in boxes], np.float64)
+    origin = np.array([-_CELL, -_CELL])
+    columns = int(np.ceil(plan.extent.x1 / _CELL)) + 2
+    rows = int(np.ceil(plan.extent.y1 / _CELL)) + 2
+    cells: list[list[int]] = [[] for _ in range(rows * columns)]
+    first = np.floor((lo[:, :2] - 1e-6 - origin) / _CELL).astype(int)
+    last = np.floor((hi[:, :2] + 1e-6 - origin) / _CELL).astype(int)
+    for b in range(len(boxes)):
+        for row in range(max(first[b, 1], 0), min(last[b, 1], rows - 1) + 1):
+            for column in range(max(first[b, 0], 0), min(last[b, 0], columns - 1) + 1):
+                cells[row * columns + column].append(b)
+    start = np.concatenate([[0], np.cumsum([len(c) for c in cells])]).astype(np.int32)
+    items = np.array([b for c in cells for b in c], np.int32)
+    glass = np.array([b.glass for b in boxes])
+    return Solids(lo, hi, glass, start, items, origin, np.array([rows, columns]), _CELL, HEIGHT)
+
+
+@njit(cache=True, error_model="numpy")
+def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-def]
+    """The first opaque surface along a ray: (distance, surface, distance of the first glass before it or inf).
+
+    `people` is (P, 5) float64: x, y, lower and upper centre height and radius of vertical capsules. A surface is met
+    from outside only, so that a ray may start on one.
+    """
+    boxes = solids.lo.shape[0]
+    best, surface, glass = np.inf, NOTHING, np.inf
+    if dz < -1e-9:
+        best, surface = -oz / dz, 6 * boxes
+    elif dz > 1e-9:
+        best, surface = (solids.height - oz) / dz, 6 * boxes + 1
+    ix = 1.0 / dx if abs(dx) > 1e-12 else 1e12
+    iy = 1.0 / dy if abs(dy) > 1e-12 else 1e12
+    iz = 1.0 / dz if abs(dz) > 1e-12 else 1e12
+    rows, columns, cell = solids.shape[0], solids.shape[1], solids.cell
+    gx, gy = (ox - solids.origin[0]) / cell, (oy - solids.origin[1]) / cell
+    column, row = int(np.floor(gx)), int(np.floor(gy))
+    step_x, step_y = (1 if ix > 0 else -1), (1 if iy > 0 else -1)
+    next_x = ((column + (1 if ix > 0 else 0)) - gx) * cell * ix
+    next_y = ((row + (1 if iy > 0 else 0)) - gy) * cell * iy
+    delta_x, delta_y = cell * abs(ix), cell * abs(iy)
+    entered = 0.0
+    while 0 <= row < rows and 0 <= column < columns and entered < best:
+        here = row * columns + column
+        for k in range(solids.start[here], solids.start[here + 1]):
+            b = solids.items[k]
+            axis = 0
+            t0, t1 = (solids.lo[b, 0] - ox) * ix, (solids.hi[b, 0] - ox) * ix
+            near, far = min(t0, t1), max(t0, t1)
+            t0, t1 = (solids.lo[b, 1] - oy) * iy, (solids.hi[b, 1] - oy) * iy
+            low = min(t0, t1)
+            if low > near:
+                near, axis = low, 1
+            far = min(far, max(t0, t1))
+            if near > far:
+                continue
+            t0, t1 = (solids.lo[b, 2] - oz) * iz, (solids.hi[b, 2] - oz) * iz
+            low = min(t0, t1)
+            if low > near:
+                near, axis = low, 2
+            far = min(far, max(t0, t1))
+            if near > far or near < 1e-6:
+                continue
+            if solids.glass[b]:
+                glass = min(glass, near)
+            elif near < best:
+                best = near
+                if axis == 0:
+                    surface = 6 * b + (0 if dx > 0 else 1)
+                elif axis == 1:
+                    surface = 6 * b + (2 if dy > 0 else 3)
+                else:
+                    surface = 6 * b + (4 if dz > 0 else 5)
+        if next_x < next_y:
+            entered, column, next_x = next_x, column + step_x, next_x + delta_x
+        else:
+            entered, row, next_y = next_y, row + step_y, next_y + delta_y
+    for p in range(people.shape[0]):
+        t = _capsule(ox, oy, oz, dx, dy, dz, people[p, 0], people[p, 1], people[p, 2], people[p, 3], people[p, 4])
+        if t < best:
+            best, surface = t, 6 * boxes + 2 + p
+    return best, surface, glass if glass < best else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _capsule(ox, oy, oz, dx, dy, dz, x, y, z0, z1, r):  # type: ignore[no-untyped-def]
+    """Distance to a vertical capsule, inf when missed or when the ray starts inside."""
+    px, py = ox - x, oy - y
+    a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py - r * r
+    if c < 0 or a < 1e-12:
+        return np.inf
+    root = b * b - a * c
+    if root < 0:
+        return np.inf
+    t = (-b - np.sqrt(root)) / a
+    z = oz + t * dz
+    if t > 0 and z0 <= z <= z1:
+        return t
+    pz = oz - (z0 if z < z0 else z1)
+    b, c = b + pz * dz, px * px + py * py + pz * pz - r * r
+    root = b * b - c
+    if root < 0:
+        return np.inf
+    t = -b - np.sqrt(root)
+    return t if t > 0 else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def normal(surface, boxes):  # type: ignore[no-untyped-def]
+    """The outward normal of a surface of the building (people excepted: they need the point)."""
+    if surface == 6 * boxes:
+        return 0.0, 0.0, 1.0
+    if surface == 6 * boxes + 1:
+        return 0.0, 0.0, -1.0
+    face = surface % 6
+    sign = -1.0 if face % 2 == 0 else 1.0
+    if face < 2:
+        return sign, 0.0, 0.0
+    if face < 4:
+        return 0.0, sign, 0.0
+    return 0.0, 0.0, sign

@@ -1,0 +1,64 @@
+"""The cloud that a LiDAR carried along the walk would give: range noise, beams, few returns from glass."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from nvsim.building.baking import Textures
+from nvsim.building.raycast import trace
+from nvsim.building.rendering import radiance
+from nvsim.building.scene import CAMERA_HEIGHT, Scene
+from nvsim.capture.types import Cloud
+
+_RANGE, _NOISE, _GLASS_RETURNS = 12.0, 0.01, 0.04
+_EVERY = 1.2  # metres of the walk between scans
+_VOXEL = 0.045
+_MOST = 340_000
+
+
+def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
+    """One point per voxel, in an order that does not depend on the machine; coordinates in whole millimetres."""
+    moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1))])
+    places = scene.path[np.searchsorted(moved, np.arange(0.0, moved[-1], _EVERY)), :2]
+    beams, turns = np.radians(np.linspace(-62, 48, 84)), 600
+    points, colors = [], []
+    for x, y in places:
+        azimuth = np.radians(np.arange(turns) * 360 / turns + rng.uniform(0, 360 / turns))
+        elevation = beams + np.radians(rng.uniform(-0.5, 0.5))
+        ce, se = np.cos(elevation)[:, None], np.sin(elevation)[:, None]
+        directions = np.stack(np.broadcast_arrays(ce * np.cos(azimuth), ce * np.sin(azimuth), se), axis=-1).reshape(
+            -1, 3
+        )
+        chance = rng.random(len(directions), dtype=np.float32)
+        ranges, rgb = _sweep(np.array([x, y, CAMERA_HEIGHT]), directions, chance, scene.solids, textures)
+        kept = ranges < _RANGE
+        noisy = ranges[kept] + rng.normal(0, _NOISE, int(kept.sum()))
+        points.append(np.array([x, y, CAMERA_HEIGHT]) + noisy[:, None] * directions[kept])
+        colors.append(rgb[kept])
+    cloud, rgb = np.concatenate(points), np.concatenate(colors)
+    cell = np.floor(cloud / _VOXEL).astype(np.int64) + 4096
+    key = (cell[:, 0] << 40) + (cell[:, 1] << 20) + cell[:, 2]
+    _, first = np.unique(key, return_index=True)
+    if len(first) > _MOST:
+        first = np.sort(rng.permutation(first)[:_MOST])
+    return Cloud(np.round(cloud[first], 3).astype(np.float32), rgb[first])
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _sweep(origin, directions, chance, solids, textures):  # type: ignore[no-untyped-def]
+    count = directions.shape[0]
+    ranges, colors = np.empty(count), np.empty((count, 3), np.uint8)
+    nobody, bare = np.empty((0, 5)), np.empty((0, 3))
+    for i in prange(count):
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        t, surface, glass = trace(origin[0], origin[1], origin[2], dx, dy, dz, solids, nobody)
+        if glass < t and chance[i] < _GLASS_RETURNS:
+            ranges[i] = glass
+            colors[i, 0], colors[i, 1], colors[i, 2] = 150, 160, 160
+            continue
+        ranges[i] = t
+        x, y, z = origin[0] + t * dx, origin[1] + t * dy, origin[2] + t * dz
+        r, g, b = radiance(x, y, z, dx, dy, dz, t, surface, 0.01, solids, textures, nobody, bare)
+        colors[i, 0], colors[i, 1], colors[i, 2] = int(255 * r + 0.5), int(255 * g + 0.5), int(255 * b + 0.5)
+    return ranges, colors

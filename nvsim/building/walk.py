@@ -1,0 +1,81 @@
+"""The walk of a robot along the stops of a plan: rounded corners, turns in place, an image per step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.building.plan import Stop
+
+_CORNER = 0.6  # metres before a corner where the turn begins
+_SHARPEST = np.radians(125)  # beyond this a robot stops and turns
+
+
+def _heading(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return float(np.arctan2(b[0] - a[0], b[1] - a[1]))
+
+
+def _wrapped(angle: float) -> float:
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def path(stops: tuple[Stop, ...]) -> NDArray[np.float64]:
+    """(N, 3) x, y and unwrapped heading (0 is +y, clockwise), metres and radians, every centimetre or half degree."""
+    points = [np.array([s.x, s.y]) for s in stops]
+    spins = [s.spin for s in stops]
+    kept = [0] + [i for i in range(1, len(points)) if np.linalg.norm(points[i] - points[i - 1]) > 0.02]
+    points, spins = [points[i] for i in kept], [spins[i] for i in kept]
+    heading = _heading(points[0], points[1])
+    pieces = [np.array([[*points[0], heading]])]
+    here = points[0]
+    for i in range(1, len(points) - 1):
+        before, corner, after = points[i - 1], points[i], points[i + 1]
+        turn = _wrapped(_heading(corner, after) - heading)
+        in_place = spins[i] or abs(turn) > _SHARPEST
+        if spins[i]:
+            turn -= 2 * np.pi * (1 if turn > 0 else -1)
+        lengths = float(np.linalg.norm(corner - before)), float(np.linalg.norm(after - corner))
+        cut = 0.0 if in_place or abs(turn) < 0.02 else min(_CORNER, 0.48 * lengths[0], 0.48 * lengths[1])
+        towards = np.array([np.sin(heading), np.cos(heading)])
+        pieces.append(_straight(here, corner - cut * towards, heading))
+        if in_place:
+            count = max(2, int(np.ceil(abs(turn) / np.radians(0.5))))
+            angles = heading + turn * np.arange(1, count + 1) / count
+            pieces.append(np.column_stack([np.tile(corner, (count, 1)), angles]))
+            here = corner
+        elif cut > 0:
+            outward = (after - corner) / lengths[1]
+            pieces.append(_bend(corner - cut * towards, corner, corner + cut * outward, heading))
+            here = corner + cut * outward
+        else:
+            here = corner
+        heading += turn
+    pieces.append(_straight(here, points[-1], heading))
+    return np.concatenate(pieces)
+
+
+def _straight(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
+    count = max(1, int(np.ceil(np.linalg.norm(b - a) / 0.01)))
+    s = np.arange(1, count + 1)[:, None] / count
+    return np.column_stack([a + s * (b - a), np.full(count, heading)])
+
+
+def _bend(
+    a: NDArray[np.float64], corner: NDArray[np.float64], b: NDArray[np.float64], heading: float
+) -> NDArray[np.float64]:
+    """A quadratic Bezier curve about the corner, heading along its tangent."""
+    s = np.arange(1, 161)[:, None] / 160
+    xy = (1 - s) ** 2 * a + 2 * s * (1 - s) * corner + s**2 * b
+    tangent = (1 - s) * (corner - a) + s * (b - corner)
+    angles = np.unwrap(np.concatenate([[heading], np.arctan2(tangent[:, 0], tangent[:, 1])]))[1:]
+    return np.column_stack([xy, angles])
+
+
+def frames(dense: NDArray[np.float64], step: float, turn: float) -> NDArray[np.float64]:
+    """The samples (M, 3) of a path (N, 3) at which an image is taken: `step` metres or `turn` radians apart, or a
+    mixture of both of the same length. Rounded to a micrometre, so that every machine agrees."""
+    moved = np.linalg.norm(np.diff(dense[:, :2], axis=0), axis=1) / step
+    turned = np.diff(dense[:, 2]) / turn
+    travelled = np.concatenate([[0.0], np.cumsum(np.hypot(moved, turned))])
+    chosen = np.searchsorted(np.round(travelled, 6), np.arange(int(travelled[-1]) + 1))
+    return np.round(dense[np.minimum(chosen, len(dense) - 1)], 6)

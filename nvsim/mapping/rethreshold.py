@@ -1,0 +1,216 @@
+"""Which edges the viewpoints of a graph have under other thresholds, from the stored evidence alone and fast enough to
+follow a slider.
+
+Only corridors between viewpoints that exist can be decided so. Where a step now leads to new ground, `reapply` renders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.touched import Touched, remember
+from nvsim.graph.types import Edge, Evidence, NavGraph, edge
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.draft import SAME
+from nvsim.mapping.evidence_stack import WORDS, EvidenceStack
+
+MACHINE = frozenset({"step", "merge"})  # origins of edges that the thresholds decide
+_OPEN = WORDS.index("open")
+
+
+@dataclass(frozen=True, eq=False)
+class Redecision:
+    """What `config` makes of the graph.
+
+    appear, disappear   (M, 2) rows of the viewpoints that an edge joins or no longer joins
+    kept                edges that the thresholds refuse and a person holds: made or locked by one
+    lonely              viewpoints that lose their last edge
+    beyond              steps that newly open towards places without a viewpoint; only a new build goes there
+    unanswered          edges that appear although nobody measured the way back
+    """
+
+    config: MappingConfig
+    appear: NDArray[np.int64]
+    disappear: NDArray[np.int64]
+    kept: int
+    lonely: int
+    beyond: int
+    unanswered: int
+    codes: NDArray[np.uint8] = field(repr=False)
+    back_closed: NDArray[np.bool_] = field(repr=False)
+
+    def __bool__(self) -> bool:
+        return bool(len(self.appear) or len(self.disappear))
+
+
+class Redecider:
+    """Decides the corridors of one graph again and again."""
+
+    def __init__(self, graph: NavGraph, walk: NDArray[np.floating] | None = None) -> None:
+        """`walk` (N, 3): the camera positions, for the distance from them; without it no distance is asked about."""
+        self.graph = graph
+        self.ids = tuple(graph.viewpoints)
+        row = {id: i for i, id in enumerate(self.ids)}
+        count = len(self.ids)
+        self._evidence = [e for e in graph.evidence.values() if e.viewpoint in row and not e.stale]
+        self._at = np.array([row[e.viewpoint] for e in self._evidence], np.int64)
+        self._stack = EvidenceStack(self._evidence, self._at, count)
+        viewpoints = graph.viewpoints.values()
+        self._start = np.array([v.origin == "start" for v in viewpoints], bool)
+        self._machine = np.array([v.origin in ("start", "step") for v in viewpoints], bool)
+        xy = np.array([v.position[:2] for v in viewpoints], np.float64).reshape(-1, 2)
+        self._lead = self._leads(row, xy)
+        self._far = np.zeros(count) if walk is None or not len(walk) else _distances(xy, np.asarray(walk)[:, :2])
+        self._pair(count)
+        self._match_edges(row)
+        stored = np.array([e.decision == "open" for e in self._evidence], bool)
+        self._stored = _either(self._forward, stored) | _either(self._backward, stored)
+        # Steps that a threshold stopped when the graph was built.
+        self._stopped = np.array([e.decision in WORDS[1:] and not e.joins for e in self._evidence], bool)
+
+    def _leads(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
+        """(E,) the row of the viewpoint that stands where the corridor ends, -1 where none does."""
+        lead = np.full(len(self._evidence), -1, np.int64)
+        if not len(xy) or not self._evidence:
+            return lead
+        targets = np.array([e.target for e in self._evidence], np.float64)
+        # Cells of a decimetre, sorted; a place within SAME of the target lies in its cell or in one beside it.
+        keys = _cell(np.floor(xy * 10).astype(np.int64))
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
+        for dx in (-SAME, SAME):
+            for dy in (-SAME, SAME):
+                key = _cell(np.floor((targets + [dx, dy]) * 10).astype(np.int64))
+                low, high = np.searchsorted(keys, key), np.searchsorted(keys, key, side="right")
+                for step in range(int((high - low).max(initial=0))):
+                    among = np.flatnonzero(low + step < high)
+                    found = order[low[among] + step]
+                    near = np.hypot(*(xy[found] - targets[among]).T) < SAME
+                    lead[among[near]] = found[near]
+        named = np.array([row.get(e.joins, -1) for e in self._evidence], np.int64)
+        joins = np.array([bool(e.joins) for e in self._evidence], bool)
+        # A join whose viewpoint was moved away or removed leads nowhere.
+        lead[joins & (named != lead)] = -1
+        lead[lead == self._at] = -1
+        return lead
+
+    def _pair(self, count: int) -> None:
+        """Evidence of the way there and back of every two viewpoints that evidence joins: _a, _b (P,) rows, a < b;
+        _forward from a to b and _backward (P,) rows of the evidence, -1 where there is none."""
+        joins = np.array([bool(e.joins) for e in self._evidence], bool)
+        used = np.flatnonzero(self._lead >= 0)
+        used = used[np.argsort(joins[used], kind="stable")]  # a step speaks before a corridor that was measured for it
+        a, b = self._at[used], self._lead[used]
+        key = np.minimum(a, b) * max(1, count) + np.maximum(a, b)
+        pairs, place = np.unique(key, return_inverse=True)
+        self._a, self._b = pairs // max(1, count), pairs % max(1, count)
+        self._forward = np.full(len(pairs), -1, np.int64)
+        self._backward = np.full(len(pairs), -1, np.int64)
+        for way, mine in ((self._forward, a < b), (self._backward, a > b)):
+            rows = np.flatnonzero(mine)[::-1]  # the first to speak is written last
+            way[place[rows]] = used[rows]
+
+    def _match_edges(self, row: Mapping[str, int]) -> None:
+        ends = {(min(row[a], row[b]), max(row[a], row[b])): e for (a, b), e in self.graph.edges.items()}
+        held = [ends.get((int(a), int(b))) for a, b in zip(self._a, self._b, strict=True)]
+        self._present = np.array([e is not None for e in held], bool)
+        free = [e is not None and e.origin in MACHINE and not e.locked for e in held]
+        self._free = np.array(free, bool)
+        self._degree = np.bincount(np.array(list(ends), np.int64).reshape(-1), minlength=len(self.ids))
+
+    def decide(self, config: MappingConfig) -> Redecision:
+        """What `config` makes of the graph."""
+        codes = self._stack.decide(config)
+        passes = codes == _OPEN
+        there, back = _either(self._forward, passes), _either(self._backward, passes)
+        if config.both_ways:
+            is_open = (there | (self._forward < 0)) & (back | (self._backward < 0))
+        else:
+            is_open = there | back
+        # As in the search: the paper asks about the floor of starts alone.
+        may = self._stack.stands(config) | ~self._machine
+        may |= ~self._start if config.rule == "mean" else False
+        may &= (self._far <= config.max_distance) | ~self._machine | self._start
+        is_open &= may[self._a] & may[self._b]
+        appear = is_open & ~self._present & ~self._stored
+        refused = ~is_open & self._present
+        disappear = refused & self._free
+        degree = self._degree.copy()
+        for sign, which in ((1, appear), (-1, disappear)):
+            for end in (self._a, self._b):
+                degree += sign * np.bincount(end[which], minlength=len(degree))
+        one_way = (self._forward < 0) | (self._backward < 0)
+        closed = np.zeros(len(codes), bool)
+        for way in (self._forward, self._backward):
+            closed[way[(way >= 0) & ~is_open]] = True
+        return Redecision(
+            config,
+            np.stack([self._a[appear], self._b[appear]], axis=1),
+            np.stack([self._a[disappear], self._b[disappear]], axis=1),
+            int((refused & ~self._free).sum()),
+            int(((degree == 0) & (self._degree > 0)).sum()),
+            int((passes & (self._lead < 0) & self._stopped).sum()),
+            int((appear & one_way).sum()) if config.both_ways else 0,
+            codes,
+            closed,
+        )
+
+    def apply(self, redecision: Redecision) -> NavGraph:
+        """The graph with these edges, and with evidence that says what was decided now."""
+        edges: dict[tuple[str, str], Edge] = dict(self.graph.edges)
+        for a, b in redecision.disappear.tolist():
+            del edges[edge(self.ids[a], self.ids[b]).key]
+        origins = self._origins()
+        for a, b in redecision.appear.tolist():
+            made = edge(self.ids[a], self.ids[b], origins[a, b])
+            edges[made.key] = made
+        evidence, changed = dict(self.graph.evidence), []
+        for i, e in enumerate(self._evidence):
+            word = self._word(e, int(redecision.codes[i]), bool(redecision.back_closed[i]))
+            if word != e.decision:
+                evidence[e.key] = replace(e, decision=word)
+                changed.append(e.key)
+        after = replace(self.graph, edges=edges, evidence=evidence)
+        pairs = np.concatenate([redecision.disappear, redecision.appear]).tolist()
+        touched = tuple(edge(self.ids[a], self.ids[b]).key for a, b in pairs)
+        remember(after, self.graph, Touched((), touched, tuple(changed)))
+        return after
+
+    def _word(self, e: Evidence, code: int, closed: bool) -> str:
+        if code != _OPEN:
+            return WORDS[code]
+        if closed:
+            return "return" if e.decision in ("open", *WORDS) else e.decision
+        return e.decision if e.decision in ("distance", "limit", "merge") else "open"
+
+    def _origins(self) -> dict[tuple[int, int], str]:
+        result = {}
+        for a, b, there, back in zip(self._a, self._b, self._forward, self._backward, strict=True):
+            steps = [not self._evidence[k].joins for k in (there, back) if k >= 0]
+            result[int(a), int(b)] = "step" if any(steps) else "merge"
+        return result
+
+
+def _either(way: NDArray[np.int64], values: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(P,) the values at the rows of `way`, false where it is -1."""
+    if not len(values):
+        return np.zeros(len(way), bool)
+    return values[way] & (way >= 0)
+
+
+def _cell(place: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) one number for each (N, 2) cell."""
+    return place[:, 0] * np.int64(2**31) + place[:, 1]
+
+
+def _distances(xy: NDArray[np.float64], walk: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) metres from each (N, 2) to the nearest of (M, 2)."""
+    nearest = np.empty(len(xy))
+    for first in range(0, len(xy), 256):
+        part = xy[first : first + 256]
+        nearest[first : first + 256] = np.hypot(*(part[:, None] - walk[None]).transpose(2, 0, 1)).min(axis=1)
+    return nearest

@@ -1,0 +1,96 @@
+"""What the background starts from: the mean colour of the floor, and a texture averaged from the images.
+
+A texture that starts as the average of what the views show of each spot leaves Adam only the details, and a floor that
+few views see is painted from the first step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.floor_texture import pack_floor
+from nvsim.training.background.floor_rays import meet_floor
+from nvsim.training.background.harmonics import pack_camera
+from nvsim.training.background.texture import LearnedTexture
+from nvsim.training.background.texture_samples import scatter_texture
+from nvsim.training.config import TrainingConfig
+from nvsim.training.networks import Networks
+from nvsim.training.views import TrainingView
+
+MARGIN = 0.5
+"""Metres of texture around the floor that the views show."""
+REACH = 12.0
+"""Floor farther than this from a camera does not widen the texture, metres."""
+DOUBT = 0.25
+"""Weight of "as the coarser level" against what the views show, in pixels."""
+Float32 = NDArray[np.float32]
+
+
+def first_paint(
+    views: Sequence[TrainingView], floor: FloorSurface, config: TrainingConfig, seed: int
+) -> tuple[Networks | None, LearnedTexture | None]:
+    """The networks and the texture of a configuration, None where it has none."""
+    if not config.background and config.appearance.kind == "none":
+        return None, None
+    colour = _mean_floor_colour(views)
+    networks = Networks(views, config, seed, colour)
+    if not config.texture:
+        return networks, None
+    hits = [_hits(view, floor) for view in views]
+    texture = LearnedTexture(*_area(views, hits))
+    _average(texture, views, hits, colour)
+    return networks, texture
+
+
+def _mean_floor_colour(views: Sequence[TrainingView]) -> NDArray[np.float64]:
+    """(3,) in 0 to 1; of all pixels when no view shows floor."""
+    total, count = np.zeros(3), 0
+    for view in views:
+        total += view.image[view.floor].sum(axis=0, dtype=np.float64)
+        count += int(view.floor.sum())
+    if count == 0:
+        return np.mean([v.image.reshape(-1, 3).mean(axis=0) for v in views], axis=0) / 255
+    return total / count / 255
+
+
+def _hits(view: TrainingView, floor: FloorSurface) -> Float32:
+    k = view.camera.intrinsics
+    hits = np.empty((3, k.height, k.width), np.float32)
+    meet_floor(pack_camera(view.camera), *pack_floor(floor), view.floor, np.zeros(view.floor.shape, np.float32), hits)
+    return hits
+
+
+def _area(views: Sequence[TrainingView], hits: Sequence[Float32]) -> tuple[tuple[float, float], tuple[float, float]]:
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for view, hit in zip(views, hits, strict=True):
+        eye = view.camera.position[:2]
+        xy = hit[:2, hit[2] >= 0]
+        near = xy[:, np.hypot(xy[0] - eye[0], xy[1] - eye[1]) < REACH]
+        for points in (near, eye[:, None]):
+            if points.size:
+                low, high = np.minimum(low, points.min(axis=1)), np.maximum(high, points.max(axis=1))
+    low, high = low - MARGIN, high + MARGIN
+    return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+
+
+def _average(
+    texture: LearnedTexture, views: Sequence[TrainingView], hits: Sequence[Float32], colour: NDArray[np.float64]
+) -> None:
+    # Coarse to fine, each level takes the mean of what the coarser ones leave.
+    for level in range(len(texture.table)):
+        only = slice(level, level + 1)
+        sums, weights = np.zeros_like(texture.values), np.zeros(len(texture.values), np.float32)
+        for view, hit in zip(views, hits, strict=True):
+            painted = np.zeros((3, *view.floor.shape), np.float32)
+            texture.add(hit, painted)
+            left = view.image.transpose(2, 0, 1) * np.float32(1 / 255) - colour.astype(np.float32)[:, None, None]
+            left = left - painted
+            scatter_texture(
+                hit, view.floor, texture.table[only], texture.sizes[only], texture.bounds, left, sums, weights
+            )
+        here = texture.level(level)
+        texture.values[here] = sums[here] / (weights[here] + DOUBT)[:, None]
