@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QApplication, QDockWidget, QWidget
 from app.look.notices import Notices
 from app.state.document import Document
 from app.state.loading import Contents
-from app.views.map_view import MapView
+from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
 from nvsim.benchmarks.graph import random_graph, random_map
 
@@ -38,8 +38,7 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     window.show()
     graph = random_graph(viewpoints, directions=8, seed=seed)
     document.set_contents(Contents(Path("field.nvsim"), graph=graph, occupancy=random_map(graph, seed)))
-    plan = window.panels["map"]
-    assert isinstance(plan, MapView)
+    plan = window.part(MapPart).view
     views = Watch([window.scene, plan.canvas])
     turns(lambda: bool(document.editing.findings), SETTLE)
     for layer in window.scene.overlays.layers:

@@ -11,10 +11,10 @@ from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QWidget
 
 from app.painting import cameras
-from app.views.map_view import MapView
 
 if TYPE_CHECKING:
-    from app.wiring.window import MainWindow
+    from app.wiring.panels import MapPart
+from app.wiring.window import MainWindow
 
 SECONDS = 1.5  # for each
 
@@ -23,8 +23,8 @@ def graph_views(window: MainWindow, figures: dict[str, float | str | None]) -> I
     """Adds scene_pan_fps, scene_hover_fps, map_pan_fps, map_zoom_fps and map_hover_fps to `figures`; the 3D view draws
     no reconstruction meanwhile. Yields seconds to wait."""
     scene, document = window.scene, window.document
-    plan = window.panels["map"]
-    if not document.graph_arrays.ids or not isinstance(plan, MapView):
+    plan = window.part(MapPart).view
+    if not document.graph_arrays.ids:
         return
     for layer in scene.overlays.layers:
         scene.overlays.set_shown(layer.name, layer.name in ("graph", "labels", "trajectory"))

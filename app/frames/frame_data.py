@@ -1,5 +1,5 @@
 """What there is to look at of one frame: its image, its masks, its candidates. Read and written in a thread, so that
-the window never waits for a disk. Everything but the signals knows no Qt."""
+the window never waits for a disk. Only its signals are Qt's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where an image lies on the canvas: one zoom for all panes, so that the same place is seen in each. Knows no Qt but
+"""Where an image lies on the canvas: one zoom for all panes, so that the same place is seen in each. Of Qt it uses only
 its rectangles."""
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from PySide6.QtGui import QImage, QPainter
 
 from app.layers.layer import Layer
 from app.state.document import Document
-from app.views.graph_surface import floor_height
+from app.state.on_floor import floor_height
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 

@@ -10,7 +10,7 @@ from app.look import colors
 from app.painting.picking import projected_segments
 from app.painting.primitives import Primitives
 from app.state.document import Document
-from app.views.graph_surface import walk_on_floor
+from app.state.on_floor import trajectory_on_floor
 from nvsim.geometry.camera import Camera
 
 
@@ -31,7 +31,7 @@ class TrajectoryLayer(Layer):
         pairs = trajectory.segments
         if len(pairs) == 0:
             return
-        positions = walk_on_floor(self._document)
+        positions = trajectory_on_floor(self._document)
         lines, index, _ = projected_segments(camera, positions[pairs[:, 0]], positions[pairs[:, 1]])
         owners = trajectory.submaps[pairs[index, 1]]
         for owner in np.unique(owners):

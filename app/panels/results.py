@@ -22,11 +22,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.jobs.results import Result, Table, save_table, value_words, words_of
 from app.look import colors
 from app.look.notices import Notices
 from app.panels.submaps import table as quiet_table
 from app.plain_text import CAPTION, Label, marked, plain, tip
+from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
 
 _Index = QModelIndex | QPersistentModelIndex

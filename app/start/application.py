@@ -17,8 +17,8 @@ from app.drawing.renderer_choice import PREFERENCES
 from app.look import theme as themes
 from app.look.icons import FOLDER
 from app.look.notices import install_excepthook
+from app.session import Session
 from app.start.collecting import Collecting
-from app.start.session import Session
 from app.wiring.keeping import OPEN
 from nvsim.errors import InputError
 
@@ -118,7 +118,7 @@ def _run(
 
 def left_open(settings: QSettings) -> Path | None:
     """What was open when the last window closed; None where nothing was, or where it can be opened no more."""
-    from app.start.main import check_project
+    from app.state.opening import check_project
 
     stored = str(settings.value(OPEN, "") or "")
     if not stored or not Path(stored).exists():

@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QWidget
 
 from app.painting.picking import NEAR, nearest_point, nearest_segment, projected_segments, within_polygon
 from app.state.document import Document
+from app.state.on_floor import floor_height, trajectory_on_floor
 
 if TYPE_CHECKING:
     from app.views.map_view import MapView
@@ -87,7 +88,7 @@ class _Surface:
         return None if row is None else arrays.edge_key(int(index[row]))
 
     def pick_frame(self, point: QPointF) -> int | None:
-        walk, storey = walk_on_floor(self._document), self._document.storeys.storey
+        walk, storey = trajectory_on_floor(self._document), self._document.storeys.storey
         if not len(walk):
             return None
         pixels, depths = self.project(walk)
@@ -179,35 +180,3 @@ class SceneSurface(_Surface):
         if height >= eye[2] or float(np.linalg.norm(place - eye)) > 200.0:
             return None
         return float(place[0]), float(place[1]), float(height)
-
-
-def floor_height(
-    document: Document, x: float, y: float, *, below: float | None = None, near: float | None = None
-) -> float:
-    """World z of the floor at x, y, as the nearest viewpoint or frame knows it.
-
-    below   only floors under this height count, as long as there are any: the storey the eye is in
-    near    floors that differ much from this height are far away: the same storey
-    """
-    feet = document.shown_arrays.feet
-    if not len(feet):
-        feet = walk_on_floor(document)
-    if not len(feet):
-        return 0.0
-    distance = np.hypot(feet[:, 0] - x, feet[:, 1] - y)
-    if below is not None and (feet[:, 2] < below).any():
-        # Of the floors beneath the eye the nearest one, looked for around it.
-        distance = distance + 3.0 * np.maximum(0.0, below - feet[:, 2]) + np.where(feet[:, 2] < below, 0.0, 1e6)
-    if near is not None:
-        distance = distance + 3.0 * np.abs(feet[:, 2] - near)
-    return float(feet[np.argmin(distance), 2])
-
-
-def walk_on_floor(document: Document) -> NDArray[np.float64]:
-    """(N, 3) the frames' places, lowered to the floor by the height that the graph's viewpoints have."""
-    positions = document.trajectory.positions
-    if not len(positions):
-        return positions
-    arrays = document.graph_arrays
-    height = float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2])) if arrays.ids else 1.5
-    return positions - [0.0, 0.0, height]

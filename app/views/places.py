@@ -9,7 +9,7 @@ import numpy as np
 from app.painting import cameras
 from app.painting.cameras import ViewPose
 from app.state.document import Document
-from app.views.graph_surface import floor_height
+from app.state.on_floor import floor_height
 from app.views.navigation import Navigation
 
 EYE = 1.5  # metres above the floor, where no viewpoint says otherwise

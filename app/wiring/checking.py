@@ -105,6 +105,4 @@ class CheckPart(Part):
         self.next()
 
     def _show(self, chosen: GraphSelection) -> None:
-        for part in self.workspace.window.parts:
-            if isinstance(part, SelectPart):
-                part.show_selection(chosen)
+        self.workspace.part(SelectPart).show_selection(chosen)

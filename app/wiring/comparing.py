@@ -119,9 +119,7 @@ class ComparePart(Part):
         self.panel.show_steps(texts, -1 if history is None else history.index)
 
     def _show(self, chosen: GraphSelection) -> None:
-        for part in self.workspace.window.parts:
-            if isinstance(part, SelectPart):
-                part.show_selection(chosen)
+        self.workspace.part(SelectPart).show_selection(chosen)
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         compared = self.panel.compared

@@ -59,11 +59,11 @@ class ContextPart(Part):
         return menu
 
     def _add_ghost(self, menu: QMenu, pointer: Pointer) -> None:
-        for part in self.workspace.window.parts:
-            ghost = part.under(pointer) if isinstance(part, ProposePart) else None
-            if isinstance(part, ProposePart) and ghost is not None and pointer.viewpoint is None:
-                menu.addAction("Take this proposed edge", partial(part.take, ghost))
-                menu.addAction("Do not propose it", partial(part.drop, ghost))
+        proposing = self.workspace.part(ProposePart)
+        ghost = proposing.under(pointer)
+        if ghost is not None and pointer.viewpoint is None:
+            menu.addAction("Take this proposed edge", partial(proposing.take, ghost))
+            menu.addAction("Do not propose it", partial(proposing.drop, ghost))
 
     def _fill_for_things(self, menu: QMenu) -> None:
         chosen = self.workspace.document.editing.selection

@@ -138,7 +138,7 @@ class FramePart(Part):
         self.browser.toolChanged.connect(self._show_tool)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("frames", "Frames", self.panel, "left"),)
+        return (Dock("frames", "Frames", self.panel, "left", height=350),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         corrector = self.browser.corrector

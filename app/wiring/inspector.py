@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import cast
 
 import numpy as np
 from PySide6.QtCore import QSettings
@@ -19,7 +18,7 @@ from app.inspector.state import Inspection
 from app.state.document import Document
 from app.state.graph_files import ForeignGraph
 from app.state.reasons import Reason, with_graph
-from app.views.map_view import MapView
+from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
 
 
@@ -77,8 +76,7 @@ class InspectorPart(Part):
             overlays.add(self.layer)
             overlays.changed.connect(self._follow_layer)
             self._follow_layer()
-        map_view = cast(MapView, self.workspace.window.panels["map"])
-        self._marks = RegionMarks(map_view.plot, self.inspection, self)
+        self._marks = RegionMarks(self.workspace.part(MapPart).view.plot, self.inspection, self)
         dock = self._dock()
         dock.visibilityChanged.connect(self._on_seen)
         self.panel.set_channel(str(settings.value("inspector/channel", "rgb")))

@@ -11,11 +11,11 @@ from app.actions import Action
 from app.forms.arguments import Settings
 from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
-from app.jobs.stages import EVALUATIONS, GIVES_RESULT, PIPELINE, STAGES, with_capture
 from app.panels.earlier import EarlierResults
 from app.panels.jobs import JobPanel, waiting_words
 from app.panels.stage_bar import JobStatus, StageBar
 from app.state.reasons import with_earlier
+from app.state.stages import EVALUATIONS, GIVES_RESULT, PIPELINE, STAGES, with_capture
 from app.wiring.part import Dock, Part
 from nvsim.errors import InputError
 from nvsim.events import Preview
@@ -70,7 +70,7 @@ class JobsPart(Part):
         w.jobs.ended.connect(self._on_ended)
         w.jobs.found.connect(self._on_found)
         w.jobs.foundForeign.connect(self._on_foreign)
-        return (Dock("jobs", "Jobs", self.panel, "bottom"),)
+        return (Dock("jobs", "Jobs", self.panel, "bottom", height=215),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {

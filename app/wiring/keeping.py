@@ -4,16 +4,15 @@ seen, the inspector's gaze, the camera path."""
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast
 
 from PySide6.QtCore import QSettings
 
-from app.inspector.panel import InspectorPanel
 from app.state.document import Selection
 from app.state.view_state_store import Left, decode, encode
-from app.views.map_view import MapView
 from app.wiring.camera_path import CameraPathPart
 from app.wiring.frames import FramePart
+from app.wiring.inspector import InspectorPart
+from app.wiring.panels import MapPart
 from app.wiring.part import Part, Workspace
 
 _PREFIX = "views/"
@@ -30,11 +29,11 @@ class KeepingPart(Part):
         self._wanted = Left()  # what waits for the project to be read
 
     def restore(self, settings: QSettings) -> None:
-        document, window = self.workspace.document, self.workspace.window
-        self._frames = next(p for p in window.parts if isinstance(p, FramePart))
-        self._camera_path = next(p for p in window.parts if isinstance(p, CameraPathPart))
-        self._map = cast(MapView, window.panels["map"])
-        self._inspector = cast(InspectorPanel, window.panels["inspector"])
+        document = self.workspace.document
+        self._frames = self.workspace.part(FramePart)
+        self._camera_path = self.workspace.part(CameraPathPart)
+        self._map = self.workspace.part(MapPart).view
+        self._inspector = self.workspace.part(InspectorPart).panel
         self.workspace.scene.poseChanged.connect(self._on_pose)
         document.projectLeft.connect(self._keep)
         document.projectChanged.connect(self._on_project)

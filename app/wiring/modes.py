@@ -10,7 +10,7 @@ from app.actions import Action
 from app.plain_text import plain
 from app.state.graph_reasons import with_editing, writable
 from app.views.graph_surface import MapSurface
-from app.views.map_view import MapView
+from app.wiring.panels import MapPart
 from app.wiring.part import Part, Workspace
 
 _SECTION = 0
@@ -68,8 +68,7 @@ class ModePart(Part):
         """Once everything is made, the modes come into both views."""
         workspace = self.workspace
         self.stage.attach(workspace.scene.surface)
-        plan = workspace.window.panels["map"]
-        assert isinstance(plan, MapView)
+        plan = workspace.part(MapPart).view
         self.stage.attach(MapSurface(plan, workspace.document))
 
     def _show(self, name: str) -> None:

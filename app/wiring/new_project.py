@@ -138,7 +138,7 @@ class NewProjectPart(Part):
             arguments = [str(capture), "--add", "--project", str(new.project)]
             self.workspace.jobs.start("import", arguments, new.project, f"Add {capture.name}")
         if new.everything:
-            self._jobs_part().run_everything()
+            self.workspace.part(JobsPart).run_everything()
 
     def _make(self, new: NewProject) -> None:
         if self._open_new(new.project):
@@ -154,7 +154,7 @@ class NewProjectPart(Part):
             arguments = [str(source), "--project", str(new.project), *new.options]
             self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")
             if new.everything:
-                self._jobs_part().run_everything()
+                self.workspace.part(JobsPart).run_everything()
 
     def choose_demo(self) -> None:
         """Asks where the demo project goes, and makes it there."""
@@ -178,9 +178,6 @@ class NewProjectPart(Part):
         if self.workspace.document.project != path:
             self.workspace.window.projectChosen.emit(path)
         return self.workspace.document.project == path
-
-    def _jobs_part(self) -> JobsPart:
-        return next(p for p in self.workspace.window.parts if isinstance(p, JobsPart))
 
     # Recent projects --------------------------------------------------------------------------------------------
 

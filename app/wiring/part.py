@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
 
 from PySide6.QtCore import QObject, QSettings
 from PySide6.QtWidgets import QWidget
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from app.views.scene_view import SceneView
     from app.wiring.window import MainWindow
 
+AnyPart = TypeVar("AnyPart", bound="Part")
+
 
 @dataclass(frozen=True)
 class Dock:
@@ -27,6 +29,7 @@ class Dock:
     name    its key in the stored layout and in `MainWindow.panels`
     area    the side it stands on, below what stands there already
     tab     name of the dock it shares its place with, "" for a place of its own
+    width, height   pixels that it has at first where there is room, 0 for whatever is left
     """
 
     name: str
@@ -34,6 +37,8 @@ class Dock:
     widget: QWidget
     area: Literal["left", "right", "bottom"]
     tab: str = ""
+    width: int = 0
+    height: int = 0
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,11 @@ class Workspace:
     scene: SceneView
     jobs: JobQueue  # what runs long goes through it
     modes: Stage  # how the mouse edits the graph in both views
-    window: MainWindow  # parent of dialogs, and the way to the other parts' panels
+    window: MainWindow  # parent of dialogs
+
+    def part(self, kind: type[AnyPart]) -> AnyPart:
+        """The part of that class, once every part is made. Raises LookupError while there is none."""
+        return self.window.part(kind)
 
 
 class Part(QObject):

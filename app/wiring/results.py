@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from app.jobs.queue import JobHandle
-from app.jobs.results import Result, result_of_job, stored_result
-from app.jobs.stages import GIVES_RESULT
 from app.panels.results import ResultPanel
+from app.state.results import Result, result_of_job, stored_result
+from app.state.stages import GIVES_RESULT
 from app.wiring.part import Dock, Part
 
 

@@ -12,7 +12,7 @@ from app.panels.histogram import HistogramPanel
 from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
 from app.state.graph_reasons import selected, viewpoints, with_editing
-from app.views.map_view import MapView
+from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
 from nvsim.graph import selection as selecting
 from nvsim.graph.edits import EditError
@@ -111,6 +111,5 @@ class SelectPart(Part):
         else:
             pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
         scene.navigation.go_to(pose)
-        plan = self.workspace.window.panels["map"]
-        assert isinstance(plan, MapView)
+        plan = self.workspace.part(MapPart).view
         plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QComboBox
 from app.actions import Action
 from app.state.document import Document
 from app.state.reasons import Reason, with_graph
-from app.views.map_view import MapView
+from app.wiring.panels import MapPart
 from app.wiring.part import Part, Workspace
 
 _EDGE = 8  # pixels from the corner of the map
@@ -49,8 +49,7 @@ class StoreyPart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
-        plan = self.workspace.window.panels["map"]
-        assert isinstance(plan, MapView)
+        plan = self.workspace.part(MapPart).view
         self.choice.setParent(plan)
         self.choice.move(_EDGE, _EDGE)
         self._storeys.changed.connect(self._show)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import cast
 
 from PySide6.QtCore import QSettings
 
@@ -15,8 +14,8 @@ from app.thresholds.panel import ThresholdPanel
 from app.thresholds.preview import PreviewLayer, PreviewMarks
 from app.thresholds.table import THRESHOLDS
 from app.thresholds.trial import Trial
-from app.views.map_view import MapView
 from app.wiring.inspector import InspectorPart
+from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
 from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
@@ -76,10 +75,10 @@ class ThresholdPart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
-        window = self.workspace.window
-        self._marks = PreviewMarks(cast(MapView, window.panels["map"]).plot, self.trial, self.workspace.document, self)
+        plot = self.workspace.part(MapPart).view.plot
+        self._marks = PreviewMarks(plot, self.trial, self.workspace.document, self)
         self.workspace.scene.overlays.add(self.layer)
-        self._inspector = next((part for part in window.parts if isinstance(part, InspectorPart)), None)
+        self._inspector = self.workspace.part(InspectorPart)
 
     def store(self, settings: QSettings) -> None:
         self.trial.stop()
@@ -104,8 +103,7 @@ class ThresholdPart(Part):
 
     def _on_trial(self) -> None:
         self.workspace.scene.update()
-        if self._inspector is not None:
-            self._inspector.inspection.try_out(self.trial.config if self.trial.differs else None)
+        self._inspector.inspection.try_out(self.trial.config if self.trial.differs else None)
 
     # Making it so ------------------------------------------------------------------------------------------------
 

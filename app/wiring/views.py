@@ -69,7 +69,7 @@ class ViewsPart(Part):
 
     def restore(self, settings: QSettings) -> None:
         scene, window = self.workspace.scene, self.workspace.window
-        self._frames = next(p for p in window.parts if isinstance(p, FramePart))
+        self._frames = self.workspace.part(FramePart)
         scene.poseChanged.connect(self._on_pose)
         scene.overlays.changed.connect(self._touch)
         window.centre.currentChanged.connect(self._touch)

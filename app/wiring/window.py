@@ -13,7 +13,7 @@ from app.actions import ActionTable
 from app.drawing.painter import Remark
 from app.drawing.render_child import RenderSource, Trouble
 from app.jobs.queue import JobQueue
-from app.look.notices import Notice, NoticeArea, Notices
+from app.look.notices import NoticeArea, Notices
 from app.modes.controller import Stage
 from app.panels.empty import EmptyState
 from app.plain_text import Label, title
@@ -21,13 +21,13 @@ from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
 from app.wiring import ACTIONS, PARTS
-from app.wiring.part import Dock, Workspace
+from app.wiring.part import AnyPart, Dock, Workspace
 
 LAYOUT_VERSION = 2  # raised when docks or toolbars change, so that an old stored layout is not forced on them
 _AREAS = {
+    "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
     "left": Qt.DockWidgetArea.LeftDockWidgetArea,
     "right": Qt.DockWidgetArea.RightDockWidgetArea,
-    "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
 }
 
 
@@ -134,13 +134,13 @@ class MainWindow(QMainWindow):
             self.tabifyDockWidget(docks[row.tab], docks[row.name])
         for row in (r for r in self._rows if not r.tab):
             docks[row.name].raise_()
-        self.resizeDocks([docks["submaps"], docks["map"]], [330, 380], Qt.Orientation.Horizontal)
-        self.resizeDocks([docks["map"], docks["details"]], [380, 440], Qt.Orientation.Vertical)
-        self.resizeDocks([docks["submaps"], docks["frames"]], [250, 350], Qt.Orientation.Vertical)
-        self.resizeDocks([docks["jobs"]], [215], Qt.Orientation.Vertical)
+        wide = [row for row in self._rows if row.width]
+        self.resizeDocks([docks[r.name] for r in wide], [r.width for r in wide], Qt.Orientation.Horizontal)
+        for area in reversed(_AREAS):
+            high = [row for row in self._rows if row.height and row.area == area]
+            self.resizeDocks([docks[r.name] for r in high], [r.height for r in high], Qt.Orientation.Vertical)
 
     def _connect(self) -> None:
-        self.notice_area.detailsWanted.connect(self._on_details)
         self.scene.troubled.connect(self._on_trouble)
         self.scene.remarked.connect(self._on_remark)
         self.document.contentsChanged.connect(self._on_contents)
@@ -187,13 +187,17 @@ class MainWindow(QMainWindow):
     def _on_trouble(self, trouble: Trouble) -> None:
         self.notices.add("error" if trouble.fatal else "warning", trouble.message, trouble.trace)
 
-    def _on_details(self, notice: Notice) -> None:
-        self.show_dock("log")
-
     def _on_remark(self, remark: Remark) -> None:
         self.notices.add("warning" if remark.warning else "log", remark.message, remark.trace)
 
     # For the parts ---------------------------------------------------------------------------------------------------
+
+    def part(self, kind: type[AnyPart]) -> AnyPart:
+        """The part of that class. Raises LookupError while there is none."""
+        for part in self.parts:
+            if isinstance(part, kind):
+                return part
+        raise LookupError(f"the window has no {kind.__name__}")
 
     def show_page(self, page: QWidget | None) -> None:
         """Shows a page that a part added to the centre; None goes back to the 3D view."""

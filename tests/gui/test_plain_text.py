@@ -16,7 +16,7 @@ from PySide6.QtGui import QTextDocument
 from PySide6.QtWidgets import QApplication, QLabel, QToolTip, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.jobs.results import Result, Table
+from app.state.results import Result, Table
 from app.modes.mode import Pointer
 from app.panels.help import HelpWindow
 from app.panels.results import ResultPanel

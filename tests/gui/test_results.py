@@ -10,9 +10,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
 from pytestqt.qtbot import QtBot
 
-from app.jobs.results import SUMMARY, Result, result_of_job, stored_result, tables_of, value_words, words_of
 from app.look.notices import Notices
 from app.panels.results import ResultModel, ResultPanel
+from app.state.results import SUMMARY, Result, result_of_job, stored_result, tables_of, value_words, words_of
 from nvsim.project.joblist import JobList
 
 FIGURES = {

@@ -16,7 +16,7 @@ from app.look import colors
 from app.painting.cameras import ViewPose, overview, seen_from_frame
 from app.state.document import Document
 from app.state.loading import Contents
-from app.views.graph_surface import walk_on_floor
+from app.state.on_floor import trajectory_on_floor
 from app.views.scene_view import SceneView
 from app.wiring.window import MainWindow
 
@@ -61,7 +61,7 @@ def test_a_double_click_on_the_walk_stands_where_the_frame_was_taken(
     view: SceneView, document: Document, qtbot: QtBot
 ) -> None:
     view.overlays.set_shown("graph", False)
-    place = pixel_of(view, walk_on_floor(document)[60])
+    place = pixel_of(view, trajectory_on_floor(document)[60])
     qtbot.mouseDClick(view, Qt.MouseButton.LeftButton, pos=place)
     chosen = document.selection.frame
     assert chosen is not None and abs(chosen - 60) <= 3

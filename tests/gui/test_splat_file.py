@@ -10,7 +10,7 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
-from app.start.session import Session
+from app.session import Session
 from app.state.document import Document
 from app.state.reasons import with_graph, with_scene, with_splat_file
 from app.state.splat_file import SplatFile, outline_of
@@ -99,7 +99,7 @@ def test_a_session_opens_a_file_and_turns_it(spz: Path, settings: QSettings, qtb
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
-    from app.start.main import check_project
+    from app.state.opening import check_project
 
     (tmp_path / "a.txt").write_text("hello")
     with pytest.raises(InputError, match=r"a\.txt is no splat file"):

@@ -114,7 +114,7 @@ class Session(QObject):
             self._watcher.refresh()
 
     def _on_chosen(self, path: Path) -> None:
-        from app.start.main import check_project
+        from app.state.opening import check_project
 
         try:
             check_project(path)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.jobs.stages import GIVES_RESULT, STAGES
+from app.state.stages import GIVES_RESULT, STAGES
 from nvsim.nofollow import read_end
 from nvsim.project.joblist import Job
 
