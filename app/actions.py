@@ -13,7 +13,7 @@ from PySide6.QtGui import QAction, QActionGroup, QKeySequence, QPalette
 from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
 
 from app.look.icons import icon
-from app.plain_text import plain, tip
+from app.look.plain_text import plain, tip
 from app.state.document import Document
 from app.state.reasons import Reason, always
 

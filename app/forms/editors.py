@@ -11,7 +11,8 @@ from PySide6.QtGui import QKeyEvent, QWheelEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFileDialog, QHBoxLayout, QLineEdit, QToolButton, QWidget
 
 from app.forms.fields import Field
-from app.plain_text import Label, tip
+from app.look.labels import Label
+from app.look.plain_text import tip
 
 
 class Editor(QWidget):

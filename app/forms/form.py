@@ -26,7 +26,8 @@ from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
 from app.forms.rows import Row
 from app.look import colors
-from app.plain_text import SENTENCE, Label, plain
+from app.look.labels import Label
+from app.look.plain_text import SENTENCE, plain
 from nvsim.errors import InputError
 
 GENERAL = "General"

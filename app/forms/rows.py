@@ -10,7 +10,8 @@ from PySide6.QtWidgets import QGridLayout, QSizePolicy, QToolButton, QWidget
 
 from app.forms.editors import editor_of, value_text
 from app.forms.fields import Field
-from app.plain_text import Label, tip
+from app.look.labels import Label
+from app.look.plain_text import tip
 
 _NOWHERE = object()
 

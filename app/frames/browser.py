@@ -18,8 +18,8 @@ from app.frames.rendering import FrameRender
 from app.frames.state import FrameState
 from app.layers.frame_mask import FrameMaskLayer
 from app.look.notices import Notices
+from app.look.plain_text import marked, plain
 from app.painting import cameras
-from app.plain_text import marked, plain
 from app.state.document import Document
 from app.views.scene_view import SceneView
 from nvsim.perception.hybrid import HybridSteps

@@ -13,8 +13,8 @@ from app.frames.brush import Box
 from app.frames.layers import FrameLayer
 from app.frames.panes import Pane, Zoom, panes
 from app.frames.pictures import Painted, difference
+from app.look.plain_text import lines
 from app.painting.primitives import chip
-from app.plain_text import lines
 
 MODES = ("photo", "render", "wipe", "blink", "difference", "beside")
 BLINK = 600  # milliseconds

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QSlider, QWidget
 
 from app.frames.pictures import Painted
 from app.look.icons import swatch
-from app.plain_text import tip
+from app.look.plain_text import tip
 
 FLOOR_COLOR = "#2ec4b6"
 

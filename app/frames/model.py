@@ -8,7 +8,7 @@ from PySide6.QtCore import QAbstractListModel, QModelIndex, QObject, QPersistent
 
 from app.frames.state import FrameState
 from app.frames.thumbnails import Thumbnails
-from app.plain_text import plain, tip
+from app.look.plain_text import plain, tip
 from app.state.document import Document
 
 _Index = QModelIndex | QPersistentModelIndex

@@ -19,7 +19,8 @@ from PySide6.QtWidgets import (
 from app.frames.canvas import Canvas
 from app.frames.layers import FrameLayer, LayerList
 from app.look.icons import icon
-from app.plain_text import Label, MarkedLabel, tip
+from app.look.labels import Label, MarkedLabel
+from app.look.plain_text import tip
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier

@@ -9,11 +9,11 @@ from PySide6.QtCore import QObject, QPointF, Qt
 from PySide6.QtGui import QColor, QPainter, QPainterPath, QPen, QPolygonF
 from PySide6.QtWidgets import QGraphicsPathItem
 
-from app.inspector.directions import Direction
 from app.inspector.state import Inspection
 from app.layers.layer import Layer
 from app.look import colors
 from app.painting.picking import NEAR
+from app.state.directions import Direction
 from nvsim.geometry.camera import Camera
 
 

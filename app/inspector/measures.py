@@ -6,12 +6,11 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app.inspector.directions import figure
 from app.look import colors
+from app.state.directions import figure
 from nvsim.mapping.explain import Explanation, Measure
 
 _ROW = 21  # pixels
-_SYMBOLS = {True: "<", False: ">"}
 
 
 class MeasureBars(QWidget):
@@ -68,7 +67,7 @@ class MeasureBars(QWidget):
             painter.setPen(QPen(shade, 2))
             painter.drawLine(QPointF(limit, box.top() - 3), QPointF(limit, box.bottom() + 3))
             painter.setPen(shade)
-            text = f"{figure(measure.value)} {_relation(measure)} {figure(measure.limit)}"
+            text = f"{figure(measure.value)} {measure.relation} {figure(measure.limit)}"
             right = QRectF(names + bar + 6, top, figures, _ROW)
             painter.drawText(right, line | Qt.AlignmentFlag.AlignRight, text)
         painter.end()
@@ -76,13 +75,6 @@ class MeasureBars(QWidget):
 
 def _name(measure: Measure) -> str:
     return measure.name[0].upper() + measure.name[1:]
-
-
-def _relation(measure: Measure) -> str:
-    """How the value lies to its limit."""
-    if measure.passes:
-        return "≥" if measure.field == "support" else _SYMBOLS[measure.below]
-    return "≥" if measure.below else "<" if measure.field == "support" else "≤"
 
 
 def _words(measure: Measure) -> str:

@@ -9,11 +9,11 @@ import numpy as np
 from PySide6.QtCore import QPointF
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from app.inspector.directions import short
 from app.inspector.sphere import angles
 from app.inspector.state import Inspection
 from app.look import colors
 from app.painting.primitives import chip
+from app.state.directions import short
 
 _REACH = 12.0  # pixels
 _SIZE = (5.0, 13.0)  # least and most radius in pixels

@@ -21,14 +21,15 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.inspector.directions import Direction, short
 from app.inspector.measures import MeasureBars
 from app.inspector.panorama_view import PanoramaView
 from app.inspector.panoramas import Panoramas
 from app.inspector.state import Inspection
 from app.look import colors
 from app.look.icons import swatch
-from app.plain_text import Label, plain, tip
+from app.look.labels import Label
+from app.look.plain_text import plain, tip
+from app.state.directions import Direction, short
 
 CHANNELS = {"rgb": "Colour", "alpha": "Alpha", "normal": "Normals"}
 _WIDE = 1.7  # times as wide as high: the list stands beside the panorama

@@ -21,14 +21,14 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app.inspector.directions import Direction
 from app.inspector.neighbours import NeighbourMarks
 from app.inspector.panoramas import Panoramas
 from app.inspector.sphere import angles, fine, met
 from app.inspector.state import Inspection
 from app.look import colors
+from app.look.plain_text import lines, tip
 from app.painting.primitives import chip
-from app.plain_text import lines, tip
+from app.state.directions import Direction
 
 _TURN = 2 * math.pi
 _NEAREST = 6.0  # times as near as the whole turn

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from app.inspector.directions import Direction
+from app.state.directions import Direction
 
 _FINE = 14  # points along each side of a region: straight lines on the floor are curves in a panorama
 

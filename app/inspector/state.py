@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Signal
 
-from app.inspector.directions import Direction, directions
+from app.state.directions import Direction, directions
 from app.state.document import Document
 from nvsim.graph.difference import Difference
 from nvsim.mapping.config import MappingConfig

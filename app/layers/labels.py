@@ -10,8 +10,8 @@ from PySide6.QtGui import QColor, QFont, QPainter
 from app.layers.graph import GraphLayer
 from app.layers.layer import Layer
 from app.look import colors
+from app.look.plain_text import plain
 from app.painting.primitives import chip
-from app.plain_text import plain
 from app.state.document import Document
 from nvsim.geometry.camera import Camera
 

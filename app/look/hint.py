@@ -7,7 +7,7 @@ from collections.abc import Callable
 from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QAbstractItemView, QAbstractScrollArea
 
-from app.plain_text import Label
+from app.look.labels import Label
 
 _MARGIN = 14  # pixels
 

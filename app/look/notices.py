@@ -15,7 +15,8 @@ from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QVBoxLayout, QWidget
 
 from app.look import colors
-from app.plain_text import Label, lines
+from app.look.labels import Label
+from app.look.plain_text import lines
 from nvsim.errors import InputError
 
 SECONDS = {"info": 6.0, "warning": 12.0, "error": None}

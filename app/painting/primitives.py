@@ -12,7 +12,7 @@ from pyqtgraph.Qt.internals import PrimitiveArray
 from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
 
-from app.plain_text import plain
+from app.look.plain_text import plain
 
 _LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the picture by far
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from app.actions import ActionTable
+from app.look.plain_text import plain
 from app.palette.fuzzy import fit
-from app.plain_text import plain
 from app.state.document import Document
 
 MOST_PLACES = 6

@@ -18,8 +18,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.labels import Label
+from app.look.plain_text import plain, tip
 from app.palette.entries import Entry
-from app.plain_text import Label, plain, tip
 
 _WIDTH, _ROWS = 560, 11
 _ENTRY = Qt.ItemDataRole.UserRole

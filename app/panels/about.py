@@ -9,8 +9,8 @@ from PySide6.QtGui import QFontDatabase, QGuiApplication, QIcon
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
 
 from app.look.icons import FOLDER
+from app.look.labels import Label, MarkedLabel
 from app.panels.system_report import report, version_of
-from app.plain_text import Label, MarkedLabel
 
 _WHAT = (
     "Turns a posed walk through a building into a simulator for vision-and-language navigation: floor-aware Gaussian "

@@ -16,8 +16,9 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.hint import Hint
+from app.look.labels import Label
+from app.look.plain_text import tip
 from app.painting.cameras import ViewPose, heading_degrees
-from app.plain_text import Label, tip
 
 
 class CameraPathPanel(QWidget):

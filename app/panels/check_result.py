@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
 
 from app.jobs.check import CheckResult
 from app.look import colors
-from app.plain_text import lines, plain, tip
+from app.look.plain_text import lines, plain, tip
 
 _COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
 _WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}

@@ -19,8 +19,9 @@ from PySide6.QtWidgets import (
 
 from app.layers.labels import short_ids
 from app.look import colors
+from app.look.labels import Label
+from app.look.plain_text import SENTENCE, plain, tip
 from app.panels.submaps import table
-from app.plain_text import SENTENCE, Label, plain, tip
 from app.state.comparing import Compared
 from nvsim.graph.compare import Deviation
 from nvsim.graph.selection import GraphSelection

@@ -9,11 +9,12 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from app.look import colors
-from app.model_words import model_words
-from app.plain_text import Label, MarkedLabel, marked, plain, tip
+from app.look.labels import Label, MarkedLabel
+from app.look.plain_text import marked, plain, tip
+from app.state.directions import Direction, directions
 from app.state.document import Document
-from app.state.evidence_words import Finding, findings
 from app.state.graph_details import marks_of, of_edge, of_several
+from app.state.model_words import model_words
 from app.views.overlays import short_id
 
 
@@ -22,11 +23,11 @@ class DirectionRose(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._findings: list[Finding] = []
+        self._directions: tuple[Direction, ...] = ()
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
-    def show_findings(self, found: list[Finding]) -> None:
-        self._findings = found
+    def show_directions(self, found: tuple[Direction, ...]) -> None:
+        self._directions = found
         self.setVisible(bool(found))
         self.update()
 
@@ -43,15 +44,15 @@ class DirectionRose(QWidget):
         painter.setPen(QPen(ring, 1))
         for share in (0.5, 1.0):
             painter.drawEllipse(QPointF(0, 0), radius * share, radius * share)
-        for finding in self._findings:
+        for direction in self._directions:
             painter.save()
-            painter.rotate(math.degrees(finding.heading))
-            color = QColor(colors.OPEN if finding.open else colors.BLOCKED)
-            color.setAlpha(225 if finding.open else 170)
+            painter.rotate(math.degrees(direction.evidence.heading))
+            color = QColor(colors.OPEN if direction.passable else colors.BLOCKED)
+            color.setAlpha(225 if direction.passable else 170)
             painter.setPen(Qt.PenStyle.NoPen)
             painter.setBrush(color)
-            length = radius * finding.reach
-            if finding.lattice:
+            length = radius * direction.reach
+            if direction.lattice:
                 painter.drawPie(QRectF(-length, -length, 2 * length, 2 * length), 16 * 75, 16 * 30)
             else:
                 painter.drawRect(QRectF(-1.5, -length, 3, length))
@@ -124,7 +125,7 @@ class DetailsPanel(QScrollArea):
         viewpoint = self._document.selected_viewpoint
         graph, chosen = self._document.graph, self._document.editing.selection
         if viewpoint is not None and graph is not None:
-            found = findings(graph, viewpoint.id)
+            found = directions(graph, self._document.graph_arrays, viewpoint.id, contents.thresholds)
             neighbours = graph.neighbours(viewpoint.id)
             x, y, z = viewpoint.position
             self._show(
@@ -143,9 +144,9 @@ class DetailsPanel(QScrollArea):
         elif graph is not None and len(chosen.edges) == 1 and not chosen.viewpoints:
             (key,) = chosen.edges
             title = f"Edge {short_id(key[0])} – {short_id(key[1])}"
-            self._show(title, of_edge(graph, key, contents.thresholds), [])
+            self._show(title, of_edge(graph, key, contents.thresholds), ())
         elif graph is not None and chosen:
-            self._show(*of_several(graph, chosen), [])
+            self._show(*of_several(graph, chosen), ())
         elif selection.frame is not None and contents.capture is not None:
             frame = contents.capture.frames[selection.frame]
             x, y, z = frame.camera_to_world[:3, 3]
@@ -159,7 +160,7 @@ class DetailsPanel(QScrollArea):
                     "Submap": str(owner) if owner >= 0 else "none",
                     "Sensor": frame.sensor,
                 },
-                [],
+                (),
             )
         elif selection.submap is not None:
             submap = next(s for s in contents.submaps if s.index == selection.submap)
@@ -167,14 +168,14 @@ class DetailsPanel(QScrollArea):
             facts = {"Frames": str(len(submap.core)), "Shared frames": str(len(submap.frames) - len(submap.core))}
             facts["Model"] = model_words(contents, submap.index)
             facts |= {_plain(k): _figure(v) for k, v in (info or {}).items() if isinstance(v, str | int | float)}
-            self._show(f"Submap {submap.index}", facts, [])
+            self._show(f"Submap {submap.index}", facts, ())
             if info is None:
                 self.words.setText("Not trained yet.")
         else:
-            self._show("", {}, [])
+            self._show("", {}, ())
             self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
 
-    def _show(self, title: str, facts: dict[str, str], found: list[Finding]) -> None:
+    def _show(self, title: str, facts: dict[str, str], found: tuple[Direction, ...]) -> None:
         self.title.setText(plain(title))
         self.title.setVisible(bool(title))
         while (item := self._facts.takeAt(0)) is not None:
@@ -186,10 +187,10 @@ class DetailsPanel(QScrollArea):
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)
-        self.rose.show_findings(found)
+        self.rose.show_directions(found)
         rows = (
-            f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN_TEXT if f.open else colors.BLOCKED_TEXT}">'
-            f"{marked(f.direction)}</td><td style='padding:2px 0'>{marked(f.words)}</td></tr>"
+            f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN_TEXT if f.passable else colors.BLOCKED_TEXT}">'
+            f"{marked(f.place)}</td><td style='padding:2px 0'>{marked(f.sentence)}</td></tr>"
             for f in found
         )
         self.words.setText(f"<table>{''.join(rows)}</table>" if found else "")

@@ -10,8 +10,9 @@ from PySide6.QtGui import QFont, QFontDatabase, QGuiApplication
 from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
 from app.look.icons import icon
+from app.look.labels import Label
+from app.look.plain_text import SENTENCE, caption, plain, tip
 from app.panels.stage_bar import TITLES
-from app.plain_text import SENTENCE, Label, caption, plain, tip
 
 MOST_RECENT = 4
 

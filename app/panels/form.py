@@ -18,7 +18,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.plain_text import Label, tip
+from app.look.labels import Label
+from app.look.plain_text import tip
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ from app.frames.thumbnails import Thumbnails
 from app.look import colors
 from app.look.hint import Hint
 from app.look.icons import swatch
-from app.plain_text import Label, tip
+from app.look.labels import Label
+from app.look.plain_text import tip
 from app.state.document import Document
 
 

@@ -12,8 +12,8 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.look import colors
+from app.look.labels import Label
 from app.panels.deferred_refresh import Afterwards
-from app.plain_text import Label
 from app.state.document import Document
 from nvsim.graph.edits import EditError
 from nvsim.graph.quantities import Kind, Known, quantity

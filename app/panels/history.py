@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor, QFont
 from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
 from app.look import colors
-from app.plain_text import plain, tip
+from app.look.plain_text import plain, tip
 from app.state.document import Document
 from nvsim.graph.history import Step
 

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QPlainTextEdit, QWidget
 from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle
 from app.look import colors
-from app.plain_text import lines, marked
+from app.look.plain_text import lines, marked
 from nvsim.nofollow import read_end
 
 MOST_PRINTED = 4000  # characters of the end of what it printed

@@ -10,7 +10,8 @@ from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from app.jobs.queue import JobHandle
 from app.look import colors
-from app.plain_text import Label, marked
+from app.look.labels import Label
+from app.look.plain_text import marked
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels

@@ -10,7 +10,7 @@ from PySide6.QtGui import QImageReader, QPainter, QPaintEvent, QPixmap, QShowEve
 from PySide6.QtWidgets import QWidget
 
 from app.jobs.queue import JobHandle
-from app.plain_text import plain
+from app.look.plain_text import plain
 from nvsim.nofollow import read_regular
 
 MOST = 3  # pictures side by side; those that came last

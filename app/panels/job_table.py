@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from app.jobs.queue import JobHandle, JobQueue
 from app.look import colors
-from app.plain_text import plain, tip
+from app.look.plain_text import plain, tip
 from app.state.document import Document
 from nvsim.project.jobs import JobRecord
 

@@ -11,13 +11,14 @@ from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSplitter, QTabWidget, Q
 from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle, JobQueue
 from app.look.hint import Hint
+from app.look.labels import Label
+from app.look.plain_text import plain, tip
 from app.panels.foreign_job import ForeignJob
 from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
 from app.panels.job_preview import JobPreview
 from app.panels.job_table import PROGRESS, JobModel, ProgressBar, Row, duration
 from app.panels.submaps import table
-from app.plain_text import Label, plain, tip
 from app.state.document import Document
 
 __all__ = ["JobModel", "JobPanel", "duration"]

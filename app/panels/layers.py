@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QVBoxLayout, QWidget
 
-from app.plain_text import caption, tip
+from app.look.plain_text import caption, tip
 from app.state.document import Document
 from app.views.overlays import Overlays
 

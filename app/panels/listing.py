@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import QWidget
 
-from app.plain_text import plain, tip
+from app.look.plain_text import plain, tip
 from app.views.overlays import short_id
 from nvsim.graph.clearness_cache import KeptEvidence
 from nvsim.graph.types import EdgeKey, NavGraph

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
 from app.look import colors
 from app.look.notices import Notice, Notices
-from app.plain_text import lines, marked
+from app.look.plain_text import lines, marked
 
 _COLORS = {
     "log": colors.QUIET_TEXT,

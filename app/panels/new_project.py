@@ -24,8 +24,9 @@ from app.forms.editors import LineEditor
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
 from app.look import colors
+from app.look.labels import Label
+from app.look.plain_text import tip
 from app.panels.check_result import FindingTree
-from app.plain_text import Label, tip
 from app.state.project_place import place_for, problem_with
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.project.config import CaptureConfig

@@ -23,9 +23,10 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
+from app.look.labels import Label
 from app.look.notices import Notices
+from app.look.plain_text import CAPTION, marked, plain, tip
 from app.panels.submaps import table as quiet_table
-from app.plain_text import CAPTION, Label, marked, plain, tip
 from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
 

@@ -7,8 +7,9 @@ from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QProgressBar, QPushButton, QSizePolicy, QWidget
 
 from app.jobs.queue import JobQueue
+from app.look.labels import Label
+from app.look.plain_text import plain, tip
 from app.panels.job_table import duration
-from app.plain_text import Label, plain, tip
 
 TITLES = {
     "submaps": "Cut into submaps",

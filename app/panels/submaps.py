@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxL
 from app.look import colors
 from app.look.hint import Hint
 from app.look.icons import swatch
-from app.model_words import model_words
-from app.plain_text import tip
+from app.look.plain_text import tip
 from app.state.document import Document
+from app.state.model_words import model_words
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()

@@ -20,10 +20,10 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
+from app.look.labels import Label
 from app.panels.deferred_refresh import Afterwards
 from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
 from app.panels.submaps import table
-from app.plain_text import Label
 from app.state.document import Document
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError

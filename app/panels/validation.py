@@ -23,9 +23,10 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
+from app.look.labels import Label
+from app.look.plain_text import SENTENCE, caption, plain, tip
 from app.panels.deferred_refresh import Afterwards
 from app.panels.submaps import table
-from app.plain_text import SENTENCE, Label, caption, plain, tip
 from app.state.document import Document
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.selection import GraphSelection

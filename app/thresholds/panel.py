@@ -16,7 +16,8 @@ from PySide6.QtWidgets import (
 
 from app.forms.fields import field_docs
 from app.look import colors
-from app.plain_text import Label, MarkedLabel, tip
+from app.look.labels import Label, MarkedLabel
+from app.look.plain_text import tip
 from app.state.document import Document
 from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import THRESHOLDS, changed, preset

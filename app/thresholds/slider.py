@@ -17,7 +17,8 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
-from app.plain_text import Label, tip
+from app.look.labels import Label
+from app.look.plain_text import tip
 from app.thresholds.table import Threshold
 
 MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.WARNING_TEXT}

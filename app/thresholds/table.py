@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvsim.mapping.config import WIDEST, MappingConfig
+from nvsim.mapping.criteria import CRITERIA
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,7 @@ class Threshold:
 
 
 THRESHOLDS = (
-    Threshold("tau_alpha", "Mean alpha below", 0.0, 1.0),
-    Threshold("row_alpha", "Row's alpha below", 0.0, 1.0, worst_only=True),
-    Threshold("cell_alpha", "Cell's alpha below", 0.0, 1.0, worst_only=True),
-    Threshold("tau_normal", "Mean normal above", 0.0, 1.0),
-    Threshold("row_normal", "Row's normal above", 0.0, 1.0, worst_only=True),
-    Threshold("support", "Known floor, least", 0.0, 1.0),
+    *(Threshold(c.field, c.label, 0.0, 1.0, worst_only=c.worst_only) for c in CRITERIA),
     Threshold("robot_radius", "Robot's radius", 0.0, 0.45, unit="m"),
     Threshold("margin", "Margin at each side", 0.0, 0.2, unit="m"),
     Threshold("max_distance", "Far from the walk", 0.5, 10.0, 0.1, "m"),

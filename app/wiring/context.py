@@ -6,8 +6,8 @@ from functools import partial
 
 from PySide6.QtWidgets import QMenu
 
+from app.look.plain_text import caption
 from app.modes.mode import Pointer
-from app.plain_text import caption
 from app.state import edit_commands
 from app.wiring.part import Part, Workspace
 from app.wiring.proposing import ProposePart

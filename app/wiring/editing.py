@@ -10,8 +10,9 @@ import numpy as np
 from PySide6.QtCore import QSettings
 
 from app.actions import Action
+from app.look.labels import Label
+from app.look.plain_text import caption, tip
 from app.panels.form import Choice, Form, Number
-from app.plain_text import Label, caption, tip
 from app.state import edit_commands
 from app.state.graph_reasons import can_redo, can_save, can_undo, edges, viewpoints, with_things
 from app.wiring.part import Part, Workspace

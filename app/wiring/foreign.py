@@ -10,7 +10,7 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QComboBox, QFileDialog
 
 from app.actions import Action
-from app.plain_text import CAPTION, plain
+from app.look.plain_text import CAPTION, plain
 from app.state.graph_files import ForeignGraph
 from app.state.graph_reasons import with_file_of_its_own
 from app.wiring.part import Part, Workspace

@@ -10,11 +10,11 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QDockWidget
 
 from app.actions import Action
-from app.inspector.directions import Direction
 from app.inspector.layers import RegionLayer, RegionMarks
 from app.inspector.panel import InspectorPanel
 from app.inspector.panoramas import Panoramas
 from app.inspector.state import Inspection
+from app.state.directions import Direction
 from app.state.document import Document
 from app.state.graph_files import ForeignGraph
 from app.state.reasons import Reason, with_graph

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from PySide6.QtCore import QSettings
 
 from app.actions import Action
-from app.plain_text import plain
+from app.look.plain_text import plain
 from app.state.graph_reasons import with_editing, writable
 from app.views.graph_surface import MapSurface
 from app.wiring.panels import MapPart

@@ -10,8 +10,8 @@ from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QFileDialog, QMenu
 
 from app.actions import Action
+from app.look.plain_text import caption, tip
 from app.panels.new_project import NewProject, NewProjectDialog
-from app.plain_text import caption, tip
 from app.state.document import Document
 from app.state.graph_files import holds_graph
 from app.state.reasons import Reason

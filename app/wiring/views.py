@@ -9,8 +9,8 @@ from PySide6.QtCore import QSettings, QTimer
 
 from app.actions import Action
 from app.drawing.renderer_choice import PREFERENCES
+from app.look.plain_text import caption
 from app.painting.tones import CHANNELS
-from app.plain_text import caption
 from app.state.document import Document
 from app.state.reasons import Reason, with_positions
 from app.state.view_states import ViewState, ViewStates, changes

@@ -13,10 +13,11 @@ from app.actions import ActionTable
 from app.drawing.painter import Remark
 from app.drawing.render_child import RenderSource, Trouble
 from app.jobs.queue import JobQueue
+from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
+from app.look.plain_text import title
 from app.modes.controller import Stage
 from app.panels.empty import EmptyState
-from app.plain_text import Label, title
 from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView

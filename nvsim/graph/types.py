@@ -9,13 +9,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 EdgeKey = tuple[str, str]
 EvidenceKey = tuple[str, int]
+ViewpointOrigin = Literal["start", "step", "person", "file"]
+EdgeOrigin = Literal["step", "merge", "person", "file"]
+Decision = Literal["", "open", "alpha", "normal", "unknown", "distance", "limit", "merge", "return"]
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Viewpoint:
     height: float = 1.5
     submap: int = -1
     included: bool = True
-    origin: str = "step"
+    origin: ViewpointOrigin = "step"
     reviewed: bool = False
     locked: bool = False
 
@@ -48,7 +51,7 @@ class Edge:
 
     a: str
     b: str
-    origin: str = "step"
+    origin: EdgeOrigin = "step"
     reviewed: bool = False
     locked: bool = False
 
@@ -57,7 +60,7 @@ class Edge:
         return (self.a, self.b)
 
 
-def edge(a: str, b: str, origin: str = "step") -> Edge:
+def edge(a: str, b: str, origin: EdgeOrigin = "step") -> Edge:
     """The edge between two ids in either order. Raises ValueError when they are the same."""
     if a == b:
         raise ValueError(f"an edge from viewpoint {a} to itself")
@@ -99,7 +102,7 @@ class Evidence:
     submap: int
     target: tuple[float, float]
     joins: str = ""
-    decision: str = ""
+    decision: Decision = ""
     stale: bool = False
 
     @property

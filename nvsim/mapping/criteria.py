@@ -1,34 +1,134 @@
-"""The decision from stored evidence alone: pure functions of the evidence and the thresholds."""
+"""The criteria of a corridor, in one table, and the decision from stored evidence alone.
+
+Whoever decides or explains reads `CRITERIA`: the builder (`decide`), the stack that decides a whole graph again
+(`evidence_stack`), the explanation (`explain`), the sliders and the words of the window. A new criterion is a threshold
+in `MappingConfig` and a row here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.types import Evidence
+from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.config import MappingConfig
 
-OPEN = "open"
+OPEN: Decision = "open"
+Plane = Literal["alpha", "up", "support"]
+Part = tuple[slice, slice]  # rows and cells of the corridor
+FULL: Mapping[Plane, int] = {"alpha": 255, "up": 255, "support": 1}
+"""What a stored value of 1 is in each plane of the evidence."""
 
 
-def decide(evidence: Evidence, config: MappingConfig) -> str:
-    """ "open", or the first criterion that fails: "alpha", "normal" (paper Algorithm 1, line 6), "unknown"."""
-    rows, cells = corridor_of(evidence, config)
-    # Means of the bytes, so that sums which were kept give the same answer to the last bit.
-    alpha, up = evidence.alpha[rows, cells], evidence.up[rows, cells]
-    if alpha.mean() / 255 >= config.tau_alpha:
-        return "alpha"
-    worst = config.rule == "worst"
-    if worst and (alpha.mean(axis=1).max() / 255 >= config.row_alpha or alpha.max() / 255 >= config.cell_alpha):
-        return "alpha"
-    if up.mean() / 255 <= config.tau_normal:
-        return "normal"
-    if worst and up.mean(axis=1).min() / 255 <= config.row_normal:
-        return "normal"
-    if evidence.support[rows, cells].mean(axis=1).min() < config.support:
-        return "unknown"
+@dataclass(frozen=True)
+class Criterion:
+    """One measured value against one threshold.
+
+    field       the threshold's name in MappingConfig
+    word        the decision when it fails
+    name        what is measured, in words
+    label       the same beside a slider
+    plane       the plane of the evidence that it looks at
+    over        "corridor" takes the mean of all cells, "row" the worst mean of a row, "cell" the worst cell
+    below       whether the value must stay below the limit; else it must exceed it
+    closed      whether a value at the limit passes
+    worst_only  whether only the rule "worst" asks for it
+    """
+
+    field: str
+    word: Decision
+    name: str
+    label: str
+    plane: Plane
+    over: Literal["corridor", "row", "cell"]
+    below: bool
+    closed: bool = False
+    worst_only: bool = False
+
+    def limit(self, config: MappingConfig) -> float:
+        return float(getattr(config, self.field))
+
+    def asked(self, config: MappingConfig) -> bool:
+        return not self.worst_only or config.rule == "worst"
+
+    def passes(self, value: Any, limit: float) -> Any:
+        """Whether a value, or each value of an array, is on the right side of the limit."""
+        if self.below:
+            return value <= limit if self.closed else value < limit
+        return value >= limit if self.closed else value > limit
+
+    def relation(self, passes: bool) -> str:
+        """How a value that passes, or fails, lies to the limit."""
+        if self.below == passes:
+            return "≤" if self.closed == passes else "<"
+        return "≥" if self.closed == passes else ">"
+
+    def measure(self, evidence: Evidence, corridor: Part) -> tuple[float, Part]:
+        """The value, 0 to 1, and the part of the corridor that it comes from."""
+        rows, cells = corridor
+        values: NDArray[Any] = getattr(evidence, self.plane)[rows, cells]
+        full = FULL[self.plane]
+        if self.over == "corridor":
+            return float(values.mean()) / full, corridor
+        if self.over == "row":
+            means = values.mean(axis=1)
+            row = int(means.argmax() if self.below else means.argmin())
+            return float(means[row]) / full, (slice(row, row + 1), cells)
+        row, cell = divmod(int(values.argmax() if self.below else values.argmin()), values.shape[1])
+        at = cells.start + cell
+        return float(values[row, cell]) / full, (slice(row, row + 1), slice(at, at + 1))
+
+
+CRITERIA: tuple[Criterion, ...] = (
+    Criterion("tau_alpha", "alpha", "mean alpha", "Mean alpha below", "alpha", "corridor", True),
+    Criterion("row_alpha", "alpha", "worst row's alpha", "Row's alpha below", "alpha", "row", True, worst_only=True),
+    Criterion(
+        "cell_alpha", "alpha", "worst cell's alpha", "Cell's alpha below", "alpha", "cell", True, worst_only=True
+    ),
+    Criterion("tau_normal", "normal", "mean upward normal", "Mean normal above", "up", "corridor", False),
+    Criterion(
+        "row_normal", "normal", "least row's upward normal", "Row's normal above", "up", "row", False, worst_only=True
+    ),
+    Criterion(
+        "support", "unknown", "least row's known floor", "Known floor, least", "support", "row", False, closed=True
+    ),
+)
+"""In the order in which they are asked: the first that fails is the decision (paper Algorithm 1, line 6, asks for the
+means of alpha and normal)."""
+
+
+@dataclass(frozen=True)
+class Words:
+    """label for a list, clause for a sentence."""
+
+    label: str
+    clause: str
+
+
+DECISIONS: Mapping[Decision, Words] = {
+    "alpha": Words("blocked", "something stands in the corridor"),
+    "normal": Words("not level", "what lies in the corridor does not face up"),
+    "unknown": Words("floor not seen", "no image and no scan shows floor along the corridor"),
+    "return": Words("no way back", "the way there is free, the way back is not"),
+    "distance": Words("too far out", "it leads too far from the trajectory"),
+    "limit": Words("limit reached", "the search had reached its limit of viewpoints"),
+    "merge": Words("too near", "another viewpoint stands near its end and the way to it is not free"),
+}
+"""Why no edge came of a corridor: the criteria's decisions, then those of the search."""
+
+
+def decide(evidence: Evidence, config: MappingConfig) -> Decision:
+    """OPEN, or the word of the first criterion that fails."""
+    corridor = corridor_of(evidence, config)
+    for criterion in CRITERIA:
+        if criterion.asked(config):
+            value, _ = criterion.measure(evidence, corridor)
+            if not criterion.passes(value, criterion.limit(config)):
+                return criterion.word
     return OPEN
 
 
@@ -71,7 +171,7 @@ def answers(evidence: Evidence, length: float, heading: float, config: MappingCo
     )
 
 
-def corridor_of(evidence: Evidence, config: MappingConfig) -> tuple[slice, slice]:
+def corridor_of(evidence: Evidence, config: MappingConfig) -> Part:
     """The rows up to the end of the step and the robot's radius beyond, the cells within its radius of the middle; at
     least one of each, so that a point-like robot has a corridor as well."""
     along, across = _centres(evidence)

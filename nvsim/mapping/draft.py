@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint, edge
+from nvsim.graph.types import Edge, EdgeOrigin, Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.corridor import DIRECTIONS
 
 _BUCKET = 2.5  # metres
@@ -46,7 +46,7 @@ class Draft:
             for direction in [k for k, e in found.items() if e.joins == id]:
                 del found[direction]
 
-    def join(self, a: str, b: str, origin: str) -> None:
+    def join(self, a: str, b: str, origin: EdgeOrigin) -> None:
         new = edge(a, b, origin)
         self._edges.setdefault(new.key, new)
         self._joined[a].add(b)

@@ -9,15 +9,9 @@ import numpy as np
 from nvsim.graph.quantities import evidence_along
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import decide
+from nvsim.mapping.criteria import DECISIONS, OPEN, decide
 from nvsim.mapping.draft import SAME
 from nvsim.mapping.explain import explain
-
-_WORDS = {
-    "alpha": "something stands in the corridor",
-    "normal": "what lies in the corridor does not face up",
-    "unknown": "no frame and no scan shows floor along the corridor",
-}
 
 
 def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
@@ -28,9 +22,9 @@ def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
         for here, there in (key, key[::-1]):
             for evidence in (graph.evidence[k] for k in graph.evidence_of.get(here, ())):
                 if evidence.viewpoint == here and not evidence.stale and _leads_to(evidence, graph, there):
-                    words = _WORDS.get(decide(evidence, config), "")
-                    if words:
-                        return f"seen from {here[:8]}, {words}"
+                    decision = decide(evidence, config)
+                    if decision != OPEN:
+                        return f"seen from {here[:8]}, {DECISIONS[decision].clause}"
         return ""
 
     return why
@@ -42,10 +36,7 @@ def margin(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], float]:
 
     def least(graph: NavGraph, key: EdgeKey) -> float:
         slack = [
-            (m.limit - m.value) if m.below else (m.value - m.limit)
-            for evidence in evidence_along(graph, key)
-            for m in explain(evidence, config).measures
-            if m.decides
+            m.slack for evidence in evidence_along(graph, key) for m in explain(evidence, config).measures if m.decides
         ]
         return min(slack, default=float("nan"))
 

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.types import Evidence
+from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import corridor_of, standing_limit, under
+from nvsim.mapping.criteria import CRITERIA, FULL, OPEN, Criterion, corridor_of, standing_limit, under
 
-WORDS = ("open", "alpha", "normal", "unknown")  # what the codes of `EvidenceStack.decide` say
+WORDS: tuple[Decision, ...] = (OPEN, *dict.fromkeys(c.word for c in CRITERIA))
+"""What the codes of `EvidenceStack.decide` say."""
 _KEPT = 4  # widths of corridors whose sums are kept
+
+
+_Kind = tuple[str, str, bool]  # plane, over, below: what a criterion takes from the evidence
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Over the rows up to each row r, (n, R): alpha and up summed, the largest and smallest sum of a row, the largest
-    cell, the fewest supported cells of a row. `cells` is the width of the corridor in cells."""
+    """`cells` is the width of the corridor in cells. `of` holds for each kind of measure, over the rows up to each row
+    r, (n, R): the sum of all cells, the extreme sum of a row, or the extreme cell."""
 
     cells: int
-    alpha: NDArray[np.uint32]
-    alpha_row: NDArray[np.uint16]
-    alpha_cell: NDArray[np.uint8]
-    up: NDArray[np.uint32]
-    up_row: NDArray[np.uint16]
-    support_row: NDArray[np.uint8]
+    of: Mapping[_Kind, NDArray[Any]]
 
 
 class _Group:
@@ -41,16 +41,13 @@ class _Group:
         count = len(evidence)
         self.length = np.array([e.length for e in evidence])
         self.rows = np.array([len(e.alpha) for e in evidence])
-        self._alpha = np.zeros((count, longest, cells), np.uint8)
-        self._up = np.zeros((count, longest, cells), np.uint8)
-        self._support = np.zeros((count, longest, cells), np.uint8)
-        for i, e in enumerate(evidence):
-            n = len(e.alpha)
-            self._alpha[i, :n], self._up[i, :n], self._support[i, :n] = e.alpha, e.up, e.support
-        # One plane for each cell across: sums over neighbouring cells become sums of planes.
-        self._alpha, self._up, self._support = (
-            np.ascontiguousarray(a.transpose(2, 0, 1)) for a in (self._alpha, self._up, self._support)
-        )
+        self._planes: dict[str, NDArray[np.uint8]] = {}
+        for plane in FULL:
+            padded = np.zeros((count, longest, cells), np.uint8)
+            for i, e in enumerate(evidence):
+                padded[i, : len(e.alpha)] = getattr(e, plane)
+            # One plane for each cell across: sums over neighbouring cells become sums of planes.
+            self._planes[plane] = np.ascontiguousarray(padded.transpose(2, 0, 1))
         self._sums: dict[tuple[int, int], _Sums] = {}
 
     def codes(self, config: MappingConfig) -> NDArray[np.uint8]:
@@ -58,20 +55,18 @@ class _Group:
         _, across = corridor_of(self.sample, config)
         sums = self._summed(across.start, across.stop)
         e = self.sample
-        starts = e.near + (np.arange(sums.alpha.shape[1]) + 0.5) * e.depth - e.depth / 2
+        starts = e.near + (np.arange(self._planes["alpha"].shape[2]) + 0.5) * e.depth - e.depth / 2
         used = np.searchsorted(starts, self.length + config.half_width - 1e-9, side="left")
         last = np.minimum(np.maximum(used, 1), self.rows) - 1
         at = (np.arange(len(last)), last)
         count = (last + 1) * sums.cells
-        worst = config.rule == "worst"
-        alpha = sums.alpha[at] / count / 255 >= config.tau_alpha
-        normal = sums.up[at] / count / 255 <= config.tau_normal
-        if worst:
-            alpha |= sums.alpha_row[at] / sums.cells / 255 >= config.row_alpha
-            alpha |= sums.alpha_cell[at] / 255 >= config.cell_alpha
-            normal |= sums.up_row[at] / sums.cells / 255 <= config.row_normal
-        unknown = sums.support_row[at] / sums.cells < config.support
-        return np.where(alpha, 1, np.where(normal, 2, np.where(unknown, 3, 0))).astype(np.uint8)
+        codes = np.zeros(len(last), np.uint8)
+        for criterion in reversed(CRITERIA):  # the first that fails is written last
+            if criterion.asked(config):
+                cells = {"corridor": count, "row": sums.cells, "cell": 1}[criterion.over]
+                value = sums.of[_kind(criterion)][at] / cells / FULL[criterion.plane]
+                codes[~criterion.passes(value, criterion.limit(config))] = WORDS.index(criterion.word)
+        return codes
 
     def beneath(self, config: MappingConfig) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
         """(n,) alpha * 255 and (n,) support, summed over the cells under the viewpoint, and how many cells that is."""
@@ -79,8 +74,8 @@ class _Group:
         alpha = np.zeros(len(self.index), np.int64)
         support = np.zeros(len(self.index), np.int64)
         for r, c in zip(rows, cells, strict=True):
-            alpha += self._alpha[c, :, r]
-            support += self._support[c, :, r]
+            alpha += self._planes["alpha"][c, :, r]
+            support += self._planes["support"][c, :, r]
         return alpha, support, len(rows)
 
     def _summed(self, first: int, end: int) -> _Sums:
@@ -89,24 +84,24 @@ class _Group:
             return found
         if len(self._sums) >= _KEPT:
             del self._sums[next(iter(self._sums))]
-        shape = self._alpha.shape[1:]
-        alpha, up = np.zeros(shape, np.uint16), np.zeros(shape, np.uint16)
-        support, cell = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
-        for c in range(first, end):
-            alpha += self._alpha[c]
-            up += self._up[c]
-            support += self._support[c]
-            np.maximum(cell, self._alpha[c], out=cell)
-        made = self._sums[first, end] = _Sums(
-            end - first,
-            np.cumsum(alpha, axis=1, dtype=np.uint32),
-            np.maximum.accumulate(alpha, axis=1),
-            np.maximum.accumulate(cell, axis=1),
-            np.cumsum(up, axis=1, dtype=np.uint32),
-            np.minimum.accumulate(up, axis=1),
-            np.minimum.accumulate(support, axis=1),
-        )
+        of: dict[_Kind, NDArray[Any]] = {}
+        for plane, cells in self._planes.items():
+            kinds = {_kind(c) for c in CRITERIA if c.plane == plane}
+            row = cells[first:end].sum(axis=0, dtype=np.uint16) if any(k[1] != "cell" for k in kinds) else cells[first]
+            for kind in kinds:
+                _, over, below = kind
+                if over == "corridor":
+                    of[kind] = np.cumsum(row, axis=1, dtype=np.uint32)
+                    continue
+                extreme = np.maximum if below else np.minimum
+                one = row if over == "row" else extreme.reduce(cells[first:end], axis=0)
+                of[kind] = extreme.accumulate(one, axis=1)
+        made = self._sums[first, end] = _Sums(end - first, of)
         return made
+
+
+def _kind(criterion: Criterion) -> _Kind:
+    return criterion.plane, criterion.over, criterion.below
 
 
 class EvidenceStack:

@@ -7,40 +7,46 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.types import Evidence
+from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import OPEN, corridor_of
-from nvsim.mapping.evidence_stack import WORDS
-
-Part = tuple[slice, slice]  # rows and cells of the corridor
+from nvsim.mapping.criteria import CRITERIA, OPEN, Criterion, Part, corridor_of
 
 
 @dataclass(frozen=True)
 class Measure:
-    """One value against one threshold.
+    """What one criterion found.
 
-    field    the threshold's name in MappingConfig
-    name     what is measured, in words
-    word     the decision when it fails
-    below    whether the value must stay below the limit; else it must exceed it
-    decides  False for a value that the rule "mean" does not ask about
+    decides  False for a criterion that the rule does not ask about
     part     where in the corridor the value was found
     """
 
-    field: str
-    name: str
-    word: str
+    criterion: Criterion
     value: float
     limit: float
-    below: bool
     decides: bool
     part: Part
 
     @property
+    def name(self) -> str:
+        return self.criterion.name
+
+    @property
+    def word(self) -> Decision:
+        return self.criterion.word
+
+    @property
     def passes(self) -> bool:
-        if self.below:
-            return self.value < self.limit
-        return self.value >= self.limit if self.field == "support" else self.value > self.limit
+        return bool(self.criterion.passes(self.value, self.limit))
+
+    @property
+    def slack(self) -> float:
+        """How far the value stays from the limit, negative where it fails."""
+        return self.limit - self.value if self.criterion.below else self.value - self.limit
+
+    @property
+    def relation(self) -> str:
+        """How the value lies to the limit, as a sign."""
+        return self.criterion.relation(self.passes)
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,7 @@ class Explanation:
     obstacle  metres to the first row that something stands in, None where nothing does
     """
 
-    decision: str
+    decision: Decision
     measures: tuple[Measure, ...]
     corridor: Part
     obstacle: float | None
@@ -64,44 +70,19 @@ class Explanation:
     @property
     def tightest(self) -> Measure:
         """Of what the rule asks about, what is nearest to its limit."""
-        return min((m for m in self.measures if m.decides), key=lambda m: abs(m.limit - m.value))
+        return min((m for m in self.measures if m.decides), key=lambda m: abs(m.slack))
 
 
 def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
     """The decision of `criteria.decide`, with its reasons."""
-    rows, cells = corridor_of(evidence, config)
-    alpha, up = evidence.alpha[rows, cells], evidence.up[rows, cells]
-    worst = config.rule == "worst"
-    row = alpha.mean(axis=1) / 255
-    fullest = int(row.argmax())
-    cell = np.unravel_index(int(alpha.argmax()), alpha.shape)
-    normal = up.mean(axis=1) / 255
-    steepest = int(normal.argmin())
-    known = evidence.support[rows, cells].mean(axis=1)
-    barest = int(known.argmin())
-    whole = (rows, cells)
-
-    def one(r: int) -> Part:
-        return slice(r, r + 1), cells
-
-    at = (slice(int(cell[0]), int(cell[0]) + 1), slice(cells.start + int(cell[1]), cells.start + int(cell[1]) + 1))
-
-    def measure(field: str, name: str, value: float, below: bool, decides: bool, part: Part) -> Measure:
-        word = "unknown" if field == "support" else field.split("_")[1]
-        return Measure(field, name, word, float(value), float(getattr(config, field)), below, decides, part)
-
-    measures = (
-        measure("tau_alpha", "mean alpha", alpha.mean() / 255, True, True, whole),
-        measure("row_alpha", "worst row's alpha", row[fullest], True, worst, one(fullest)),
-        measure("cell_alpha", "worst cell's alpha", alpha.max() / 255, True, worst, at),
-        measure("tau_normal", "mean upward normal", up.mean() / 255, False, True, whole),
-        measure("row_normal", "least row's upward normal", normal[steepest], False, worst, one(steepest)),
-        measure("support", "least row's known floor", known[barest], False, True, one(barest)),
-    )
+    corridor = corridor_of(evidence, config)
+    measures = []
+    for criterion in CRITERIA:
+        value, part = criterion.measure(evidence, corridor)
+        measures.append(Measure(criterion, value, criterion.limit(config), criterion.asked(config), part))
     failed = next((m for m in measures if m.decides and not m.passes), None)
     word = OPEN if failed is None else failed.word
-    assert word in WORDS
-    return Explanation(word, measures, whole, _obstacle(evidence, alpha, config))
+    return Explanation(word, tuple(measures), corridor, _obstacle(evidence, evidence.alpha[corridor], config))
 
 
 def _obstacle(evidence: Evidence, alpha: NDArray[np.uint8], config: MappingConfig) -> float | None:

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.touched import Touched, remember
-from nvsim.graph.types import Edge, Evidence, NavGraph, edge
+from nvsim.graph.types import Decision, Edge, EdgeOrigin, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.criteria import OPEN
 from nvsim.mapping.draft import SAME
 from nvsim.mapping.evidence_stack import WORDS, EvidenceStack
 
 MACHINE = frozenset({"step", "merge"})  # origins of edges that the thresholds decide
-_OPEN = WORDS.index("open")
+_OPEN = WORDS.index(OPEN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,15 +181,15 @@ class Redecider:
         remember(after, self.graph, Touched((), touched, tuple(changed)))
         return after
 
-    def _word(self, e: Evidence, code: int, closed: bool) -> str:
+    def _word(self, e: Evidence, code: int, closed: bool) -> Decision:
         if code != _OPEN:
             return WORDS[code]
         if closed:
-            return "return" if e.decision in ("open", *WORDS) else e.decision
-        return e.decision if e.decision in ("distance", "limit", "merge") else "open"
+            return "return" if e.decision in WORDS else e.decision
+        return e.decision if e.decision in ("distance", "limit", "merge") else OPEN
 
-    def _origins(self) -> dict[tuple[int, int], str]:
-        result = {}
+    def _origins(self) -> dict[tuple[int, int], EdgeOrigin]:
+        result: dict[tuple[int, int], EdgeOrigin] = {}
         for a, b, there, back in zip(self._a, self._b, self._forward, self._backward, strict=True):
             steps = [not self._evidence[k].joins for k in (there, back) if k >= 0]
             result[int(a), int(b)] = "step" if any(steps) else "merge"

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.types import Evidence, Viewpoint
+from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt
 from nvsim.mapping.criteria import OPEN, can_stand, decide
@@ -113,7 +113,7 @@ class Search:
             if evidence.decision == OPEN:
                 self._keep(replace(evidence, decision=self._step(viewpoint, evidence)))
 
-    def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> str:
+    def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> Decision:
         """Where an open corridor leads: to an existing viewpoint, to a new one, or nowhere for the reason returned."""
         target = np.array(evidence.target)
         if self._walk.distance(target) > self._config.max_distance:
@@ -136,7 +136,7 @@ class Search:
         self._queue.append(id)
         return OPEN
 
-    def _join(self, viewpoint: Viewpoint, other: Viewpoint) -> str:
+    def _join(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
         """Adds the edge to an existing viewpoint when its corridor passes, and back where that is known already; else
         the reason."""
         if self.draft.are_joined(viewpoint.id, other.id):
@@ -151,7 +151,7 @@ class Search:
         self.draft.join(viewpoint.id, other.id, "step" if step else "merge")
         return OPEN
 
-    def _way(self, viewpoint: Viewpoint, other: Viewpoint) -> str:
+    def _way(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
         """The decision about the corridor from one viewpoint to another; its evidence is kept."""
         step = self.draft.step_towards(viewpoint, other)
         if step is not None:
@@ -172,7 +172,7 @@ class Search:
     def _keep(self, evidence: Evidence) -> None:
         self.draft.evidence[evidence.viewpoint][evidence.direction] = evidence
 
-    def _viewpoint(self, xy: NDArray[np.floating], origin: str, z: float) -> Viewpoint:
+    def _viewpoint(self, xy: NDArray[np.floating], origin: ViewpointOrigin, z: float) -> Viewpoint:
         floor = float(self._floor_at(np.asarray(xy, np.float64)))
         return Viewpoint(self.draft.id_at(xy), (float(xy[0]), float(xy[1]), z), z - floor, -1, True, origin)
 

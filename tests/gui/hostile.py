@@ -29,8 +29,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.labels import MarkedLabel
 from app.panels.help import HelpWindow
-from app.plain_text import MarkedLabel
 from app.state.loading import Contents
 from nvsim.graph.types import NavGraph, edge
 from nvsim.project.jobs import JobRecord

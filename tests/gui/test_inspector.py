@@ -13,9 +13,9 @@ from PySide6.QtWidgets import QApplication, QDockWidget
 from pytestqt.qtbot import QtBot
 
 from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
-from app.inspector.directions import directions
 from app.inspector.layers import before_the_eye
 from app.inspector.sphere import angles, met
+from app.state.directions import directions
 from app.state.document import Document
 from app.wiring.inspector import InspectorPart
 from app.wiring.window import MainWindow

@@ -16,13 +16,14 @@ from PySide6.QtGui import QTextDocument
 from PySide6.QtWidgets import QApplication, QLabel, QToolTip, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.state.results import Result, Table
+from app.look.labels import Label, MarkedLabel
+from app.look.plain_text import caption, lines, marked, plain, tip, title
 from app.modes.mode import Pointer
 from app.panels.help import HelpWindow
 from app.panels.results import ResultPanel
 from app.panels.validation import ValidationPanel
-from app.plain_text import Label, MarkedLabel, caption, lines, marked, plain, tip, title
 from app.state.document import Document
+from app.state.results import Result, Table
 from app.wiring.comparing import ComparePart
 from app.wiring.context import ContextPart
 from app.wiring.frames import FramePart

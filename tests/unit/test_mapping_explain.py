@@ -46,7 +46,7 @@ def test_the_row_that_decided_is_the_one_that_something_stands_in() -> None:
     e = evidence()
     e.alpha[12, 6:12] = 130
     found = explain(e, MappingConfig())
-    assert found.decision == "alpha" and found.failed is not None and found.failed.field == "row_alpha"
+    assert found.decision == "alpha" and found.failed is not None and found.failed.criterion.field == "row_alpha"
     assert found.failed.part[0] == slice(12, 13)
     assert found.obstacle == pytest.approx(NEAR + 12 * DEPTH)
 
@@ -76,5 +76,5 @@ def test_under_the_mean_rule_rows_are_measured_and_do_not_decide() -> None:
     e.alpha[10] = 255
     found = explain(e, MappingConfig.paper())
     assert found.decision == "open"
-    assert {m.field for m in found.measures if not m.decides} == {"row_alpha", "cell_alpha", "row_normal"}
-    assert not next(m for m in found.measures if m.field == "row_alpha").passes
+    assert {m.criterion.field for m in found.measures if not m.decides} == {"row_alpha", "cell_alpha", "row_normal"}
+    assert not next(m for m in found.measures if m.criterion.field == "row_alpha").passes

@@ -47,7 +47,7 @@ def _slips(source: str, name: str) -> list[str]:
     for node in ast.walk(ast.parse(source)):
         word = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
         if word in READERS and name not in READERS[word]:
-            found.append(f"{name}:{node.lineno}: {word}; use Label, tip or marked of app/plain_text.py")
+            found.append(f"{name}:{node.lineno}: {word}; use Label, tip or marked of app/look/plain_text.py")
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             called = node.func.attr
             if called in ("setToolTip", "setWhatsThis", "setTabToolTip", "setTabWhatsThis") and not _own(node.args[-1]):

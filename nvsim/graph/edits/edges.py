@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.edits.change import Change, EditError, key_of, need_number, unique
-from nvsim.graph.types import EdgeKey, NavGraph, edge
+from nvsim.graph.types import EdgeKey, EdgeOrigin, NavGraph, edge
 
 Visible = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
 """Whether one sees straight from places a (N, 3) to places b (N, 3), metres, world: (N,) bool."""
 
 
-def add_edge(graph: NavGraph, a: str, b: str, origin: str = "person") -> NavGraph:
+def add_edge(graph: NavGraph, a: str, b: str, origin: EdgeOrigin = "person") -> NavGraph:
     """An edge between two viewpoints, at the end. Raises EditError when one is missing or they are joined already."""
     return add_edges(graph, [(a, b)], origin)
 
 
-def add_edges(graph: NavGraph, pairs: Iterable[EdgeKey], origin: str = "person") -> NavGraph:
+def add_edges(graph: NavGraph, pairs: Iterable[EdgeKey], origin: EdgeOrigin = "person") -> NavGraph:
     """An edge for each pair of ids, at the end. Raises EditError when a viewpoint is missing or a pair is joined
     already."""
     change = Change(graph)

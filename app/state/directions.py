@@ -8,21 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.plain_text import plain
-from app.state.evidence_words import compass
+from app.look.plain_text import plain
 from app.state.graph_arrays import GraphArrays
 from nvsim.graph.types import Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
+from nvsim.mapping.criteria import DECISIONS, OPEN
 from nvsim.mapping.explain import Explanation, explain, outline
 
 _HERE = 0.01  # metres: a step that ends this near to a viewpoint leads to it
-_FATES = {
-    "return": "the way there is free, the way back is not",
-    "distance": "it leads too far from the walk",
-    "limit": "the search had reached its limit of viewpoints",
-    "merge": "another viewpoint stands near its end and the way to it is not free",
-}
+_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_SHORTEST = 0.12  # of its length: a corridor that is closed at once is still drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +49,7 @@ class Direction:
     @property
     def open(self) -> bool:
         """Whether the corridor passes the thresholds."""
-        return self.explanation.decision == "open"
+        return self.explanation.decision == OPEN
 
     def polygon(self) -> NDArray[np.float64]:
         """(4, 3) the region of interest on the floor, world."""
@@ -77,11 +73,30 @@ class Direction:
         failed, obstacle = self.explanation.failed, self.explanation.obstacle
         if failed is not None:
             where = f", {obstacle:.1f} m" if failed.word == "alpha" and obstacle is not None else ""
-            return {"alpha": "blocked", "normal": "not level", "unknown": "floor not seen"}[failed.word] + where
+            return DECISIONS[failed.word].label + where
         if self.joined:
             return f"edge, {self.evidence.length:.1f} m"
-        stored = {"return": "no way back", "distance": "too far out", "limit": "limit reached", "merge": "too near"}
-        return stored.get(self.evidence.decision, "free, no edge")
+        stored = DECISIONS.get(self.evidence.decision)
+        # What a threshold once stopped and now lets pass has no edge for another reason.
+        return "free, no edge" if stored is None or self._by_threshold else stored.label
+
+    @property
+    def _by_threshold(self) -> bool:
+        return self.evidence.decision in {m.word for m in self.explanation.measures}
+
+    @property
+    def passable(self) -> bool:
+        """Whether an edge leads there, or would by all that was measured and decided."""
+        return self.joined or (self.open and (self.evidence.decision in ("", OPEN) or self._by_threshold))
+
+    @property
+    def reach(self) -> float:
+        """How far the way is clear, as a share of its length."""
+        failed, obstacle, e = self.explanation.failed, self.explanation.obstacle, self.evidence
+        if self.passable or e.length <= 0 or failed is None:
+            return 1.0
+        metres = e.near + failed.part[0].start * e.depth if obstacle is None else obstacle
+        return min(1.0, max(_SHORTEST, metres / e.length))
 
     @property
     def sentence(self) -> str:
@@ -95,10 +110,8 @@ class Direction:
             words = f"{failed.name} {figure(failed.value)}, limit {figure(failed.limit)}"
             if failed.word == "alpha" and explanation.obstacle is not None:
                 words += f", something stands at {explanation.obstacle:.1f} m"
-            elif failed.word == "normal":
-                words += ", what lies there does not face up"
-            elif failed.word == "unknown":
-                words += ", nobody saw the floor there"
+            else:
+                words += f", {DECISIONS[failed.word].clause}"
             if self.joined:
                 return f"An edge {way} against the thresholds: {words}."
             return f"No edge {way}: {words}."
@@ -106,12 +119,18 @@ class Direction:
         measured = f"{near.name} {figure(near.value)}, limit {figure(near.limit)}"
         if self.joined:
             return f"An edge {way}, {e.length:.2f} m: every limit holds; the nearest is {measured}."
-        reason = _FATES.get(e.decision, "")
+        stored = DECISIONS.get(e.decision)
+        reason = "" if stored is None or self._by_threshold else stored.clause
         if not reason and self.neighbour:
             reason = "the corridor passes, but the edge was removed or waits for a new decision"
-        elif not reason and e.decision == "open" and not e.joins:
+        elif not reason and e.decision == OPEN and not e.joins:
             reason = "the step was free and a viewpoint near its end was joined instead"
         return f"No edge {way}: {reason or 'the corridor passes now, and no viewpoint stands at its end'} ({measured})."
+
+
+def compass(heading: float) -> str:
+    """The nearest of eight points; `heading` in radians, 0 is north (+y), clockwise."""
+    return _POINTS[round(heading / (math.pi / 4)) % 8]
 
 
 def figure(value: float) -> str:

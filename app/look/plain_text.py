@@ -1,31 +1,24 @@
 """What comes from outside (a file's name, a frame, an identifier, a job, an error) is shown as plain text.
 
 Qt takes a text for HTML as soon as it looks like it, and then opens the files that the text names: an image in a tool
-tip reads /dev/zero. So every label is a `Label`, every tool tip goes through `tip`, and our own markup holds what comes
+tip reads /dev/zero. So every label is a `labels.Label`, every tool tip goes through `tip`, and our own markup holds what comes
 from outside only through `marked`. What would mislead or break the layout is made visible or cut: control characters,
-changes of the direction of writing, line breaks in a name, a name of a megabyte.
+changes of the direction of writing, line breaks in a name, a name of a megabyte. Knows no Qt.
 """
 
 from __future__ import annotations
 
 import html
 import re
-from typing import Any
-
-from PySide6.QtCore import QSize, Qt
-from PySide6.QtWidgets import QLabel, QWidget
 
 NAME, SENTENCE, ROWS = 200, 2000, 40  # characters of a name, of a text of several lines, and its lines
 CAPTION = 100  # characters on a button or in a menu: it is as wide as its words
 _TIP_LINE = 120  # characters of a plain tool tip in one line; Qt folds rich text alone
-_WIDEST = 400  # pixels that the words of a label may claim
 _FOLD, _LONGEST_WORD = 40, 48  # characters without a place to fold; none of those that people copy is longer
 
 # Control characters, line and paragraph separators, directions of writing, the byte order mark, halves of a character.
 _UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
 _WORD = re.compile(f"[^\\s/\u200b]{{{_LONGEST_WORD},}}")
-_TAG = re.compile(r"<\s*/?\s*([^\s/>]*)")
-_OUR_TAGS = frozenset({"b", "br", "span", "table", "td", "tr"})
 
 
 def plain(text: object, most: int = NAME) -> str:
@@ -57,7 +50,7 @@ def tip(text: object) -> str:
     shown = lines(text)
     if "<" not in shown and "&" not in shown and all(len(row) <= _TIP_LINE for row in shown.split("\n")):
         return shown
-    return f'<span style="white-space:pre-wrap">{html.escape(_folded(shown))}</span>'
+    return f'<span style="white-space:pre-wrap">{html.escape(folded(shown))}</span>'
 
 
 def caption(text: object, most: int = CAPTION) -> str:
@@ -68,35 +61,6 @@ def caption(text: object, most: int = CAPTION) -> str:
 def title(text: object) -> str:
     """In the title of a window, where [*] is the mark of unsaved changes."""
     return plain(text, CAPTION).replace("[*]", "[*][*]")
-
-
-class Label(QLabel):
-    """Words as they are. It asks for no more room than a window can give."""
-
-    def __init__(self, words: str | QWidget | None = "", parent: QWidget | None = None, **options: Any) -> None:
-        """QLabel's own arguments: the words and the parent, or the parent alone."""
-        own = words if isinstance(words, str) else ""
-        super().__init__(parent if isinstance(words, str) else words, **options)
-        self.setTextFormat(Qt.TextFormat.PlainText)
-        if own:
-            self.setText(own)
-
-    def setText(self, words: str) -> None:
-        super().setText(_folded(lines(words)))
-
-    def minimumSizeHint(self) -> QSize:
-        hint = super().minimumSizeHint()
-        return QSize(min(hint.width(), _WIDEST), hint.height())
-
-
-class MarkedLabel(Label):
-    """Words in our own HTML. What comes from outside stands in it by `marked`; where that was forgotten, and it brought
-    tags of its own, everything is shown as plain text."""
-
-    def setText(self, words: str) -> None:
-        ours = _OUR_TAGS.issuperset(_TAG.findall(words)) and "url(" not in words and "background" not in words
-        self.setTextFormat(Qt.TextFormat.RichText if ours else Qt.TextFormat.PlainText)
-        QLabel.setText(self, words if ours else _folded(lines(words)))
 
 
 def _cut(words: str, most: int) -> str:
@@ -112,6 +76,6 @@ def _seen(found: re.Match[str]) -> str:
     return ascii(letter)[1:-1] if letter < "\x80" else f"‹U+{ord(letter):04X}›"
 
 
-def _folded(words: str) -> str:
+def folded(words: str) -> str:
     """With places to fold in words that have none; a path has them already, and must be copied as it is."""
     return _WORD.sub(lambda found: "\u200b".join(re.findall(f".{{1,{_FOLD}}}", found.group())), words)
