@@ -1,4 +1,4 @@
-"""The labels of the window: words as they are, or our own markup. A QLabel of Qt's takes for HTML what looks like it."""
+"""The labels of the window: words as they are, or our own markup. A QLabel takes for HTML what looks like it."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """What comes from outside (a file's name, a frame, an identifier, a job, an error) is shown as plain text.
 
 Qt takes a text for HTML as soon as it looks like it, and then opens the files that the text names: an image in a tool
-tip reads /dev/zero. So every label is a `labels.Label`, every tool tip goes through `tip`, and our own markup holds what comes
-from outside only through `marked`. What would mislead or break the layout is made visible or cut: control characters,
-changes of the direction of writing, line breaks in a name, a name of a megabyte. Knows no Qt.
+tip reads /dev/zero. So every label is a `labels.Label`, every tool tip goes through `tip`, and our own markup holds
+what comes from outside only through `marked`. What would mislead or break the layout is made visible or cut: control
+characters, changes of the direction of writing, line breaks in a name, a name of a megabyte. Knows no Qt.
 """
 
 from __future__ import annotations

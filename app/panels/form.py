@@ -4,7 +4,6 @@ one can try, undo and try again."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QSettings, Qt
@@ -20,30 +19,7 @@ from PySide6.QtWidgets import (
 
 from app.look.labels import Label
 from app.look.plain_text import tip
-
-
-@dataclass(frozen=True)
-class Number:
-    """One field. `unit` stands behind the number; `decimals` 0 makes it a whole number."""
-
-    name: str
-    title: str
-    default: float
-    low: float
-    high: float
-    unit: str = " m"
-    decimals: int = 2
-    tip: str = ""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One field with a few answers: JSON value -> words."""
-
-    name: str
-    title: str
-    answers: dict[Any, str]
-    tip: str = ""
+from nvsim.graph.offers import Choice, Number
 
 
 class Form(QDialog):

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from app.state.document import Document
 from app.state.graph_files import ForeignGraph
 from app.state.reasons import UNDECIDED, Reason
+from nvsim.graph.offers import Needs
 
 Check = Callable[[Document], Reason]
 
@@ -22,43 +23,13 @@ def writable(document: Document) -> Reason:
     return with_editing(document) or document.editing.locked or None
 
 
-def with_things(document: Document) -> Reason:
-    """Something in the graph is selected."""
-    chosen = document.editing.selection
-    return writable(document) or (None if chosen.viewpoints or chosen.edges else "nothing in the graph is selected")
-
-
-def selected(document: Document) -> Reason:
-    """As with_things, where nothing is changed."""
-    chosen = document.editing.selection
-    return with_editing(document) or (None if chosen.viewpoints or chosen.edges else "nothing in the graph is selected")
-
-
-def viewpoints(least: int, most: int | None = None, *, changes: bool = True) -> Check:
-    """Between `least` and `most` viewpoints are selected."""
+def with_chosen(needs: Needs, *, changes: bool = True) -> Check:
+    """What is needed is selected, and the graph may be changed where that is what comes of it."""
 
     def reason(document: Document) -> Reason:
-        count = len(document.editing.selection.viewpoints)
+        chosen = document.editing.selection
         first = writable(document) if changes else with_editing(document)
-        if first is not None or (count >= least and (most is None or count <= most)):
-            return first
-        wanted = f"{least}" if most == least else f"at least {least}" if most is None else f"{least} to {most}"
-        noun = "viewpoint" if wanted.endswith("1") and wanted != "at least 1" else "viewpoints"
-        return f"{wanted} selected {noun} needed, there {'is' if count == 1 else 'are'} {count or 'none'}"
-
-    return reason
-
-
-def edges(least: int, most: int | None = None) -> Check:
-    """Between `least` and `most` edges are selected."""
-
-    def reason(document: Document) -> Reason:
-        count = len(document.editing.selection.edges)
-        if (first := writable(document)) is not None or (count >= least and (most is None or count <= most)):
-            return first
-        wanted = f"{least}" if most == least else f"at least {least}"
-        noun = "edge" if least == 1 else "edges"
-        return f"{wanted} selected {noun} needed, there {'is' if count == 1 else 'are'} {count or 'none'}"
+        return first or needs.reason(len(chosen.viewpoints), len(chosen.edges))
 
     return reason
 

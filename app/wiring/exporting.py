@@ -10,10 +10,11 @@ from typing import Any
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.panels.form import Choice, Form
+from app.panels.form import Form
 from app.state.graph_reasons import with_editing
 from app.wiring.part import Part, Workspace
 from nvsim.errors import InputError
+from nvsim.graph.offers import Choice
 from nvsim.graph.types import NavGraph
 
 KINDS = {

@@ -11,31 +11,34 @@ from app.painting.cameras import along, focused
 from app.panels.histogram import HistogramPanel
 from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
-from app.state.graph_reasons import selected, viewpoints, with_editing
+from app.state.graph_reasons import with_chosen, with_editing
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
 from nvsim.graph import selection as selecting
 from nvsim.graph.edits import EditError
+from nvsim.graph.offers import Needs
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
+
+_CHOSEN = with_chosen(Needs("things"), changes=False)
 
 
 class SelectPart(Part):
     ACTIONS = (
         Action("select_all", "Select &all", "Every viewpoint and edge", "&Edit", 5, "Ctrl+A", enabled=with_editing),
-        Action("select_none", "Select n&one", "Nothing", "&Edit", 5, "Ctrl+Shift+A", enabled=selected),
+        Action("select_none", "Select n&one", "Nothing", "&Edit", 5, "Ctrl+Shift+A", enabled=_CHOSEN),
         Action("invert", "In&vert selection", "What is not selected now", "&Edit", 5, "Ctrl+I", enabled=with_editing),
-        Action("grow", "&Grow selection", "The neighbours too", "&Edit", 5, "Ctrl++", enabled=selected),
+        Action("grow", "&Grow selection", "The neighbours too", "&Edit", 5, "Ctrl++", enabled=_CHOSEN),
         Action("component", "Select &component", "All that can be reached from the selection", "&Edit", 5,
-               "Ctrl+Shift+K", enabled=selected),
+               "Ctrl+Shift+K", enabled=_CHOSEN),
         Action("path", "Select pat&h between", "The shortest way between two viewpoints", "&Edit", 5, "Ctrl+Shift+P",
-               enabled=viewpoints(2, 2, changes=False)),
+               enabled=with_chosen(Needs("viewpoints", 2, 2), changes=False)),
         Action("select_expression", "Select by e&xpression…", "As in: degree > 4 and not reviewed", "&Edit", 5,
                "Ctrl+F", enabled=with_editing),
         Action("select_range", "Select by &range…", "A range in the histogram of lengths, degrees, evidence…", "&Edit",
                5, enabled=with_editing),
         Action("zoom_to", "&Zoom to selection", "Bring what is selected in the graph before the camera and the map",
-               "&Edit", 6, "Z", enabled=selected),
+               "&Edit", 6, "Z", enabled=_CHOSEN),
     )  # fmt: skip
 
     def __init__(self, workspace: Workspace) -> None:

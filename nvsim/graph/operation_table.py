@@ -13,6 +13,8 @@ from nvsim.graph import edits
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError, Visible
 from nvsim.graph.history import counted, named
+from nvsim.graph.offers import Choice, Needs, Number, Offer, marked
+from nvsim.graph.selection import selection
 from nvsim.graph.types import NavGraph
 
 
@@ -31,6 +33,7 @@ class Operation:
     function   (graph, surroundings, **arguments) -> graph
     arguments  in order
     words      arguments -> what was done, for the history
+    offers     how an editor offers it on what is selected; none for what only scripts and the mouse do
     """
 
     name: str
@@ -38,6 +41,7 @@ class Operation:
     function: Callable[..., NavGraph]
     arguments: tuple[Argument, ...]
     words: Callable[[Mapping[str, Any]], str]
+    offers: tuple[Offer, ...] = ()
 
 
 def _pure(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
@@ -92,6 +96,7 @@ _IDS = Argument("ids", "viewpoints", "ids of viewpoints")
 _HEIGHT = Argument("height", "number", "metres of the camera above the floor", 1.5)
 _ID = Argument("id", "name", "id of the new viewpoint; made from its place when left out", None)
 _SUBMAP = Argument("submap", "integer", "index of the submap that renders it; -1 for none", -1)
+_SOME = Needs("viewpoints")
 _PAIRS = Argument("pairs", "edges", "pairs of ids")
 _MARKED = (
     Argument("viewpoints", "viewpoints", "ids of viewpoints", ()),
@@ -129,6 +134,16 @@ OPERATIONS: dict[str, Operation] = _table(
             _ID,
         ),
         lambda a: "Split an edge",
+        (
+            Offer(
+                "split",
+                "S&plit",
+                "A viewpoint in the middle of the edge",
+                2,
+                Needs("edges", 1, 1),
+                arguments=lambda c: {"edge": list(c.edges[0])},
+            ),
+        ),
     ),
     Operation(
         "move_viewpoints",
@@ -157,6 +172,26 @@ OPERATIONS: dict[str, Operation] = _table(
         _pure(edits.set_included),
         (_IDS, Argument("included", "flag", "false takes them out", True)),
         lambda a: f"{'Include' if a['included'] else 'Exclude'} {_viewpoints(a)}",
+        (
+            Offer(
+                "exclude",
+                "&Exclude",
+                "Keep the viewpoints in the file but out of navigation",
+                1,
+                _SOME,
+                "X",
+                {"included": False},
+            ),
+            Offer(
+                "include",
+                "&Include",
+                "Take the viewpoints into navigation again",
+                1,
+                _SOME,
+                "Shift+X",
+                {"included": True},
+            ),
+        ),
     ),
     Operation(
         "rename_viewpoint",
@@ -171,6 +206,17 @@ OPERATIONS: dict[str, Operation] = _table(
         _pure(edits.set_height),
         (_IDS, Argument("height", "number", "metres above the floor")),
         lambda a: f"Set the height of {_viewpoints(a)} to {a['height']:g} m",
+        (
+            Offer(
+                "set_height",
+                "Set &height…",
+                "How high the camera stands above the floor",
+                3,
+                _SOME,
+                asks=(Number("height", "Above the floor", 1.5, 0.05, 10.0),),
+                about="Moves the cameras of the selected viewpoints up or down; their floor stays.",
+            ),
+        ),
     ),
     Operation(
         "merge_viewpoints",
@@ -182,6 +228,17 @@ OPERATIONS: dict[str, Operation] = _table(
             Argument("middle", "flag", "it moves to the middle of them all", False),
         ),
         lambda a: f"Merge {_viewpoints(a)}",
+        (
+            Offer(
+                "merge",
+                "Mer&ge",
+                "The viewpoints become one, with the edges of all",
+                2,
+                Needs("viewpoints", 2),
+                "Ctrl+M",
+                {"middle": True},
+            ),
+        ),
     ),
     Operation(
         "straighten",
@@ -189,6 +246,19 @@ OPERATIONS: dict[str, Operation] = _table(
         _pure(edits.straighten),
         (_IDS, Argument("even", "flag", "at equal distances", False)),
         lambda a: f"{'Space evenly' if a['even'] else 'Straighten'} {_viewpoints(a)}",
+        (
+            Offer(
+                "straighten",
+                "Strai&ghten…",
+                "Put a chain of viewpoints on the line between its ends",
+                3,
+                Needs("viewpoints", 3),
+                asks=(
+                    Choice("even", "Along the line", {False: "keep the distances as they are", True: "space evenly"}),
+                ),
+                about="Puts the chain of the selected viewpoints on the line between its ends.",
+            ),
+        ),
     ),
     Operation(
         "align_to_lattice",
@@ -201,6 +271,21 @@ OPERATIONS: dict[str, Operation] = _table(
             Argument("anchor", "name", "id of the viewpoint that stays", None),
         ),
         lambda a: f"Align {_viewpoints(a)}",
+        (
+            Offer(
+                "align",
+                "&Align to the lattice…",
+                "Put viewpoints where whole steps lead",
+                3,
+                _SOME,
+                asks=(
+                    Number("spacing", "Step", 2.5, 0.1, 20.0),
+                    Number("offset", "Turned by", 7.5, -45.0, 45.0, "°", 1),
+                ),
+                about="Moves the selected viewpoints to where whole steps in one of eight directions lead from what is "
+                "aligned already.",
+            ),
+        ),
     ),
     Operation(
         "copy_by",
@@ -213,6 +298,17 @@ OPERATIONS: dict[str, Operation] = _table(
             Argument("dy", "number", "metres along y", 0.0),
         ),
         lambda a: f"Copy {_viewpoints(a)} by {a['dz']:g} m",
+        (
+            Offer(
+                "copy_to_floor",
+                "Cop&y to another floor…",
+                "The same viewpoints and edges, higher or lower",
+                3,
+                _SOME,
+                asks=(Number("dz", "Higher by", 3.0, -100.0, 100.0),),
+                about="Makes the selected viewpoints and the edges among them again.",
+            ),
+        ),
     ),
     Operation(
         "add_edges",
@@ -220,6 +316,18 @@ OPERATIONS: dict[str, Operation] = _table(
         _pure(edits.add_edges),
         (_PAIRS,),
         lambda a: f"Add {named(a['pairs'], 'edge')}",
+        (
+            Offer(
+                "join",
+                "&Join",
+                "An edge between the two viewpoints",
+                2,
+                Needs("viewpoints", 2, 2),
+                "Ctrl+J",
+                arguments=lambda c: {"pairs": [list(c.viewpoints)]},
+                selects=lambda c: selection(edges=[(c.viewpoints[0], c.viewpoints[1])]),
+            ),
+        ),
     ),
     Operation(
         "remove_edges",
@@ -238,6 +346,22 @@ OPERATIONS: dict[str, Operation] = _table(
             Argument("steep", "number", "degrees that an edge may rise at most", 45.0),
         ),
         lambda a: f"Connect what sees each other within {a['distance']:g} m",
+        (
+            Offer(
+                "connect_visible",
+                "&Connect visible…",
+                "Join all of the viewpoints that see each other within a distance",
+                2,
+                Needs("viewpoints", 2),
+                arguments=lambda c: {"viewpoints": list(c.viewpoints)},
+                asks=(
+                    Number("distance", "At most apart", 3.0, 0.1, 50.0),
+                    Number("steep", "At most steep", 45.0, 1.0, 90.0, "°", 0, "Keeps floors apart"),
+                ),
+                about="Joins every two of the selected viewpoints that are near enough and see each other: on the "
+                "map, or without one by the lists of the file.",
+            ),
+        ),
     ),
     Operation(
         "mark_reviewed",
@@ -245,6 +369,28 @@ OPERATIONS: dict[str, Operation] = _table(
         _pure(edits.mark_reviewed),
         (*_MARKED, Argument("reviewed", "flag", "false takes it back", True)),
         lambda a: f"Mark {_marked(a)} as {'reviewed' if a['reviewed'] else 'not reviewed'}",
+        (
+            Offer(
+                "reviewed",
+                "Mark as re&viewed",
+                "You looked at it and found it right",
+                4,
+                Needs("things"),
+                "Y",
+                {"reviewed": True},
+                marked,
+            ),
+            Offer(
+                "unreviewed",
+                "Mark as not reviewed",
+                "It should be looked at again",
+                4,
+                Needs("things"),
+                "Shift+Y",
+                {"reviewed": False},
+                marked,
+            ),
+        ),
     ),
     Operation(
         "lock",
@@ -252,6 +398,19 @@ OPERATIONS: dict[str, Operation] = _table(
         _pure(edits.set_locked),
         (*_MARKED, Argument("locked", "flag", "false unlocks", True)),
         lambda a: f"{'Lock' if a['locked'] else 'Unlock'} {_marked(a)}",
+        (
+            Offer(
+                "lock",
+                "&Lock",
+                "No edit changes or removes it until it is unlocked",
+                4,
+                Needs("things"),
+                "",
+                {"locked": True},
+                marked,
+            ),
+            Offer("unlock", "U&nlock", "Edits may change it again", 4, Needs("things"), "", {"locked": False}, marked),
+        ),
     ),
     Operation(
         "ignore_finding",
