@@ -22,7 +22,7 @@ from app.wiring.look import LookPart
 from app.wiring.modes import ModePart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
-from app.wiring.panels import DetailsPart, LogPart, MapPart, SubmapPart
+from app.wiring.panels import LogPart, MapPart, ShownPart, SubmapPart
 from app.wiring.part import Part
 from app.wiring.proposing import ProposePart
 from app.wiring.results import ResultPart
@@ -41,7 +41,7 @@ PARTS: tuple[type[Part], ...] = (
     LayersPart,
     CameraPathPart,
     MapPart,
-    DetailsPart,
+    ShownPart,
     InspectorPart,
     ThresholdPart,
     JobsPart,

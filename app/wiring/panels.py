@@ -1,16 +1,20 @@
-"""The panels that only show the document: submaps, map, details, log."""
+"""The panels that only show the document, in a table; and the map, the submaps and the log, which do a little more."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QWidget
 
 from app.look.notices import Notice
 from app.panels.details import DetailsPanel
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapPanel
+from app.state.document import Document
 from app.views.map_view import MapView
 from app.wiring.part import Dock, Part, Workspace
 
@@ -49,9 +53,30 @@ class MapPart(Part):
             self.workspace.scene.go_to_position(np.array([x, y, nearest[2]]))
 
 
-class DetailsPart(Part):
+@dataclass(frozen=True)
+class Shown:
+    """A panel that renders the document and needs no commands of its own. `panel` makes it from the document; the rest
+    as in `part.Dock`."""
+
+    name: str
+    title: str
+    panel: Callable[[Document], QWidget]
+    area: Literal["left", "right", "bottom"]
+    tab: str = ""
+    width: int = 0
+    height: int = 0
+
+
+SHOWN: tuple[Shown, ...] = (Shown("details", "Details", DetailsPanel, "right", height=440),)
+"""A new panel that only shows something is a file in `app.panels` and a line here."""
+
+
+class ShownPart(Part):
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("details", "Details", DetailsPanel(self.workspace.document), "right", height=440),)
+        document = self.workspace.document
+        return tuple(
+            Dock(row.name, row.title, row.panel(document), row.area, row.tab, row.width, row.height) for row in SHOWN
+        )
 
 
 class LogPart(Part):
