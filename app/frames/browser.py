@@ -10,7 +10,7 @@ from app.frames.brush import Box
 from app.frames.candidates import Candidates
 from app.frames.canvas import Tool
 from app.frames.corrector import Corrector
-from app.frames.frame_data import Failure, Matter, Reader
+from app.frames.frame_data import Failure, FrameData, Reader
 from app.frames.layers import CANDIDATES, FrameLayer, standard_layers
 from app.frames.model import coverage_words
 from app.frames.page import FramePage
@@ -59,7 +59,7 @@ class FrameBrowser(QObject):
         scene.overlays.add(self.over_scene, below="graph")
         self.tool = ""
         self.index: int | None = None  # of the frame on the page
-        self.matter: Matter | None = None
+        self.matter: FrameData | None = None
         self._connect()
 
     def _connect(self) -> None:
@@ -157,7 +157,7 @@ class FrameBrowser(QObject):
         if self.is_open:
             self.left.emit()
 
-    def _on_matter(self, matter: Matter) -> None:
+    def _on_matter(self, matter: FrameData) -> None:
         path = self._document.path
         if matter.index != self.index or path is None:
             return
@@ -179,7 +179,7 @@ class FrameBrowser(QObject):
             self.candidates.want()
         self._show_over_scene()
 
-    def _show_mask(self, matter: Matter) -> None:
+    def _show_mask(self, matter: FrameData) -> None:
         correction = self.corrector.correction
         if correction is not None:
             self._layer["floor"].painted = pictures.tint(correction.mask, self._layer["floor"].color)

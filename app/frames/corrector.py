@@ -11,7 +11,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.frames.brush import Box, Mask
 from app.frames.correction import Correction, Prompt, surfaces
-from app.frames.frame_data import Matter, Reader
+from app.frames.frame_data import FrameData, Reader
 from app.frames.tools import LARGEST, SMALLEST, Brush, Points
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project.layout import Layout
@@ -36,7 +36,7 @@ class Corrector(QObject):
         super().__init__(parent)
         self._reader = reader
         self._layout: Layout | None = None
-        self._matter: Matter | None = None
+        self._matter: FrameData | None = None
         self._steps: HybridSteps | None = None
         self._by_color = False  # there will be no normals
         self._network = False
@@ -55,7 +55,7 @@ class Corrector(QObject):
         self.close()
         self._kept.clear()
 
-    def open(self, layout: Layout, matter: Matter) -> None:
+    def open(self, layout: Layout, matter: FrameData) -> None:
         """Takes a frame in hand. Its history goes on where it was left, unless its masks are others by now."""
         self.close()
         self._layout, self._matter = layout, matter

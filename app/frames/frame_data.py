@@ -23,7 +23,7 @@ LARGEST = 2048  # pixels: a mask is not painted finer than this
 
 
 @dataclass(frozen=True, eq=False)
-class Matter:
+class FrameData:
     """image    (H, W, 3) uint8 RGB, undistorted
     mask     (H, W) bool, the floor that counts, or None before the floors were found
     machine  (H, W) bool, the floor that the machine found, or None
@@ -44,7 +44,7 @@ class Failure:
     sentence: str
 
 
-def read_matter(layout: Layout, frame: Frame, index: int) -> Matter:
+def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
     """Raises InputError for an image that cannot be read; a mask that cannot be is None."""
     from nvsim.capture.images import read_image
     from nvsim.perception.segment import read_mask
@@ -58,7 +58,7 @@ def read_matter(layout: Layout, frame: Frame, index: int) -> Matter:
         mask = read_mask(path, size.width, size.height)
     if layout.mask(index).is_file():
         machine = read_mask(layout.mask(index), size.width, size.height)
-    return Matter(index, frame, image, mask, machine)
+    return FrameData(index, frame, image, mask, machine)
 
 
 def write_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_] | None) -> None:

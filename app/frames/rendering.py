@@ -8,7 +8,7 @@ import numpy as np
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.drawing.render_child import Picture, Request
-from app.frames.frame_data import Matter
+from app.frames.frame_data import FrameData
 from app.frames.pictures import render
 from app.views.scene_view import SceneView
 
@@ -25,7 +25,7 @@ class FrameRender(QObject):
         super().__init__(parent)
         self._scene = scene
         self._numbers = count()
-        self._matter: Matter | None = None
+        self._matter: FrameData | None = None
         self._soon = QTimer(self, singleShot=True, interval=30)
         self._soon.timeout.connect(self.wanted)
         scene.link.arrived.connect(self._on_picture)
@@ -35,7 +35,7 @@ class FrameRender(QObject):
         """The camera's picture is another one, or seen larger: `wanted` follows when nothing changes any more."""
         self._soon.start()
 
-    def ask(self, matter: Matter, scale: float) -> None:
+    def ask(self, matter: FrameData, scale: float) -> None:
         """At `scale` pixels per pixel of the photo, but no finer than that."""
         self._matter = matter
         height, width = matter.image.shape[:2]

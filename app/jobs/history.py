@@ -44,7 +44,7 @@ class Line:
     text: str
 
 
-class History:
+class JobReport:
     """Grows with `hear`; everything else reads."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from app.jobs.history import History
+from app.jobs.history import JobReport
 from nvsim.cli.orders import check_order
 from nvsim.cli.worker import start_worker
 from nvsim.errors import InputError
@@ -35,7 +35,7 @@ class JobHandle(QObject):
         super().__init__(parent)
         self._jobs = jobs
         self.job = job
-        self.history = History()
+        self.history = JobReport()
         self.wish: Wish | None = None
         self.asked = 0.0
         self._file = EventFile(job.events)

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.layers.layer import Layer
 from app.look import colors
-from app.painting.drawing_cache import KeptDrawing
+from app.painting.drawing_cache import DrawingCache
 from app.painting.graph_ink import LARGE, GraphInk
 from app.painting.picking import NEAR, projected_segments
 from app.state.document import Document
@@ -92,7 +92,7 @@ class GraphLayer(Layer):
         self.hovered: str | None = None
         self._ink = GraphInk()
         self._latest: Seen | None = None
-        self._kept = KeptDrawing(parent, again)
+        self._kept = DrawingCache(parent, again)
 
     @property
     def missing(self) -> str:

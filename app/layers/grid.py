@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.layers.layer import Layer
-from app.painting.drawing_cache import KeptDrawing
+from app.painting.drawing_cache import DrawingCache
 from app.painting.picking import projected_segments
 from app.painting.primitives import Primitives
 from app.state.document import Document
@@ -26,7 +26,7 @@ class GridLayer(Layer):
     def __init__(self, document: Document) -> None:
         self._document = document
         self._primitives = Primitives()
-        self._kept = KeptDrawing()
+        self._kept = DrawingCache()
         self.bare = False
 
     @property

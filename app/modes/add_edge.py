@@ -21,13 +21,13 @@ class AddEdgeMode(Mode):
     _now: Pointer | None = None
 
     def enter(self) -> None:
-        chosen = self.desk.editing.selection.viewpoints
+        chosen = self.context.editing.selection.viewpoints
         self._start = next(iter(chosen)) if len(chosen) == 1 else None
 
     def click(self, pointer: Pointer) -> bool:
         there = pointer.viewpoint
         if there is None:
-            self.desk.editing.refuse("An edge joins two viewpoints: click one.")
+            self.context.editing.refuse("An edge joins two viewpoints: click one.")
         elif self._held is None:
             self._begin(there)
         else:
@@ -47,19 +47,19 @@ class AddEdgeMode(Mode):
         there = now.viewpoint
         if there is None:
             self.cancel()
-            self.desk.editing.refuse("The edge must end at a viewpoint.")
+            self.context.editing.refuse("The edge must end at a viewpoint.")
         elif there != self._held:
             self._join(there, now.adds)
 
     def hover(self, pointer: Pointer) -> bool:
         pointer.surface.widget.setCursor(self.cursor)
         self._now = pointer
-        self.desk.refresh()
+        self.context.refresh()
         return True
 
     def cancel(self) -> bool:
         was, self._start, self._now = self._held is not None, None, None
-        self.desk.refresh()
+        self.context.refresh()
         return was
 
     def leave(self) -> None:
@@ -68,12 +68,12 @@ class AddEdgeMode(Mode):
     @property
     def _held(self) -> str | None:
         """Where the edge begins, as long as it is there."""
-        return self._start if self._start in self.desk.document.graph_arrays.index else None
+        return self._start if self._start in self.context.document.graph_arrays.index else None
 
     def _begin(self, id: str) -> None:
         self._start = id
-        self.desk.editing.select(GraphSelection(frozenset({id})))
-        self.desk.refresh()
+        self.context.editing.select(GraphSelection(frozenset({id})))
+        self.context.refresh()
 
     def _join(self, there: str, go_on: bool) -> None:
         start = self._held
@@ -81,13 +81,13 @@ class AddEdgeMode(Mode):
         if there == start:
             self.cancel()
             return
-        edit_commands.add_edge(self.desk.editing, start, there)
+        edit_commands.add_edge(self.context.editing, start, there)
         self._start = there if go_on else None
-        self.desk.refresh()
+        self.context.refresh()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         start, now = self._held, self._now
-        arrays = self.desk.document.graph_arrays
+        arrays = self.context.document.graph_arrays
         if start is not None:
             dots(painter, surface, arrays.feet[arrays.index[start]], radius=7.0)
         if now is None or now.surface is not surface:

@@ -23,7 +23,7 @@ class AddViewpointMode(Mode):
     _ghost: tuple[GraphSurface, QPointF, np.ndarray, str] | None = None
 
     def click(self, pointer: Pointer) -> bool:
-        editing = self.desk.editing
+        editing = self.context.editing
         there = pointer.viewpoint
         if there is not None:
             # What is there already is what one wants to go on from.
@@ -33,7 +33,7 @@ class AddViewpointMode(Mode):
         frame, edge = self._snapped(pointer)
         place = pointer.surface.floor_point(pointer.point)
         if frame is not None:
-            x, y, z = (float(v) for v in self.desk.document.trajectory.positions[frame])
+            x, y, z = (float(v) for v in self.context.document.trajectory.positions[frame])
             edit_commands.add_viewpoint(editing, (x, y, z), join=join)
         elif edge is not None:
             edit_commands.split_edge(editing, edge, self._share(edge, place))
@@ -52,7 +52,8 @@ class AddViewpointMode(Mode):
         elif frame is not None:
             words = "add a viewpoint where this frame was taken"
             place = tuple(
-                self.desk.document.trajectory.positions[frame] - [0.0, 0.0, edit_commands.eye_height(self.desk.editing)]
+                self.context.document.trajectory.positions[frame]
+                - [0.0, 0.0, edit_commands.eye_height(self.context.editing)]
             )
         elif edge is not None:
             words = "part this edge by a viewpoint"
@@ -64,21 +65,21 @@ class AddViewpointMode(Mode):
             words = "add a viewpoint"
         self._ghost = None if place is None else (pointer.surface, pointer.point, np.array(place), words)
         self._joins = pointer.adds
-        self.desk.refresh()
+        self.context.refresh()
         return True
 
     _joins = False
 
     def cancel(self) -> bool:
         self._ghost = None
-        self.desk.refresh()
+        self.context.refresh()
         return False
 
     def leave(self) -> None:
         self.cancel()
 
     def _joined(self) -> str | None:
-        chosen = self.desk.editing.selection.viewpoints
+        chosen = self.context.editing.selection.viewpoints
         return next(iter(chosen)) if len(chosen) == 1 else None
 
     def _snapped(self, pointer: Pointer) -> tuple[int | None, tuple[str, str] | None]:
@@ -91,7 +92,7 @@ class AddViewpointMode(Mode):
 
     def _share(self, edge: tuple[str, str], place: tuple[float, float, float] | None) -> float:
         """How far along the edge, 0.05 to 0.95."""
-        arrays = self.desk.document.graph_arrays
+        arrays = self.context.document.graph_arrays
         a, b = (arrays.feet[arrays.index[end]] for end in edge)
         if place is None:
             return 0.5
@@ -103,7 +104,7 @@ class AddViewpointMode(Mode):
             return
         _, point, place, words = self._ghost
         join = self._joined() if self._joins else None
-        arrays = self.desk.document.graph_arrays
+        arrays = self.context.document.graph_arrays
         if join is not None and join in arrays.index:
             line(painter, surface, arrays.feet[arrays.index[join]], place)
         dots(painter, surface, place)

@@ -18,24 +18,24 @@ class BoxMode(Mode):
     _box: tuple[GraphSurface, QRectF] | None = None
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.desk, pointer)
+        return choose_what_is_under(self.context, pointer)
 
     def takes_drag(self, start: Pointer) -> bool:
         return True
 
     def drag(self, start: Pointer, now: Pointer) -> None:
         self._box = (start.surface, QRectF(start.point, now.point).normalized())
-        self.desk.refresh()
+        self.context.refresh()
 
     def drop(self, start: Pointer, now: Pointer) -> None:
         box = QRectF(start.point, now.point).normalized()
         self.cancel()
         corners = [box.topLeft(), box.topRight(), box.bottomRight(), box.bottomLeft()]
-        choose(self.desk, now, start.surface.polygon_selection(corners))
+        choose(self.context, now, start.surface.polygon_selection(corners))
 
     def cancel(self) -> bool:
         was, self._box = self._box is not None, None
-        self.desk.refresh()
+        self.context.refresh()
         return was
 
     leave = cancel  # type: ignore[assignment]
@@ -53,7 +53,7 @@ class LassoMode(Mode):
     _way: tuple[QPointF, ...] = ()
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.desk, pointer)
+        return choose_what_is_under(self.context, pointer)
 
     def takes_drag(self, start: Pointer) -> bool:
         return True
@@ -63,16 +63,16 @@ class LassoMode(Mode):
             self._way = (start.point,)
         self._surface = start.surface
         self._way = (*self._way, now.point)
-        self.desk.refresh()
+        self.context.refresh()
 
     def drop(self, start: Pointer, now: Pointer) -> None:
         way = (*self._way, now.point)
         self.cancel()
-        choose(self.desk, now, start.surface.polygon_selection(way))
+        choose(self.context, now, start.surface.polygon_selection(way))
 
     def cancel(self) -> bool:
         was, self._surface, self._way = self._surface is not None, None, ()
-        self.desk.refresh()
+        self.context.refresh()
         return was
 
     leave = cancel  # type: ignore[assignment]

@@ -16,7 +16,7 @@ from app.layers.labels import short_ids
 from app.look import colors
 from app.modes import MODES
 from app.modes.ink import label
-from app.modes.mode import Desk, Mode, Pointer
+from app.modes.mode import Mode, ModeContext, Pointer
 from app.modes.review_marks import ReviewMarks
 from app.modes.selection_marks import SelectionMarks
 from app.state.document import Document
@@ -27,7 +27,7 @@ REFUSAL = 4000  # milliseconds a refusal stands at the cursor
 Layer = Callable[[QPainter, GraphSurface], None]
 
 
-class Stage(QObject):
+class ModeController(QObject):
     """changed(str): another mode is current; said(str): what the mouse does now, for the status bar;
     menuWanted(Pointer): a click with the right button."""
 
@@ -38,11 +38,11 @@ class Stage(QObject):
     def __init__(self, document: Document, parent: QObject) -> None:
         super().__init__(parent)
         self._document = document
-        self.canvases: list[Canvas] = []
+        self.canvases: list[ModeOverlay] = []
         self.layers: list[Layer] = []
         """What parts draw over every view, in the pixels of its surface."""
-        desk = Desk(document, document.editing, self.said.emit, self.refresh)
-        self.modes: dict[str, Mode] = {name: kind(desk) for name, kind in MODES.items()}
+        context = ModeContext(document, document.editing, self.said.emit, self.refresh)
+        self.modes: dict[str, Mode] = {name: kind(context) for name, kind in MODES.items()}
         self.current: Mode = self.modes["select"]
         self._inputs: list[_Input] = []
         self._marks = SelectionMarks(document)
@@ -56,7 +56,7 @@ class Stage(QObject):
 
     def attach(self, surface: GraphSurface) -> None:
         """From now on the current mode works in this view too."""
-        self.canvases.append(Canvas(surface, self))
+        self.canvases.append(ModeOverlay(surface, self))
         self._inputs.append(_Input(surface, self))
 
     def choose(self, name: str) -> None:
@@ -129,10 +129,10 @@ class Stage(QObject):
         self.refresh()
 
 
-class Canvas(QWidget):
+class ModeOverlay(QWidget):
     """A clear sheet over a view, on which the modes draw."""
 
-    def __init__(self, surface: GraphSurface, stage: Stage) -> None:
+    def __init__(self, surface: GraphSurface, stage: ModeController) -> None:
         super().__init__(surface.widget)
         self.surface, self._stage = surface, stage
         self.cursor_at: QPointF | None = None
@@ -163,7 +163,7 @@ class Canvas(QWidget):
 class _Input(QObject):
     """Hears a view's events before the view does."""
 
-    def __init__(self, surface: GraphSurface, stage: Stage) -> None:
+    def __init__(self, surface: GraphSurface, stage: ModeController) -> None:
         super().__init__(surface.widget)
         self._surface, self._stage = surface, stage
         self._press: QMouseEvent | None = None  # held back

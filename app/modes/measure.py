@@ -31,29 +31,29 @@ class MeasureMode(Mode):
     def click(self, pointer: Pointer) -> bool:
         place = self._place(pointer)
         if place is None:
-            self.desk.editing.refuse("There is no floor under the cursor.")
+            self.context.editing.refuse("There is no floor under the cursor.")
         else:
             self._places = (*self._places, place)
-            self.desk.say(f"{self.metres:.2f} m")
-        self.desk.refresh()
+            self.context.say(f"{self.metres:.2f} m")
+        self.context.refresh()
         return True
 
     def hover(self, pointer: Pointer) -> bool:
         pointer.surface.widget.setCursor(self.cursor)
         self._now = pointer
-        self.desk.refresh()
+        self.context.refresh()
         return True
 
     def key(self, event: QKeyEvent) -> bool:
         if event.key() != Qt.Key.Key_Backspace or not self._places:
             return False
         self._places = self._places[:-1]
-        self.desk.refresh()
+        self.context.refresh()
         return True
 
     def cancel(self) -> bool:
         was, self._places, self._now = bool(self._places), (), None
-        self.desk.refresh()
+        self.context.refresh()
         return was
 
     def leave(self) -> None:
@@ -63,7 +63,7 @@ class MeasureMode(Mode):
         there = None if pointer.free else pointer.viewpoint
         if there is None:
             return pointer.surface.floor_point(pointer.point)
-        arrays = self.desk.document.graph_arrays
+        arrays = self.context.document.graph_arrays
         x, y, z = (float(v) for v in arrays.feet[arrays.index[there]])
         return x, y, z
 

@@ -50,7 +50,7 @@ class Pointer:
 
 
 @dataclass(frozen=True)
-class Desk:
+class ModeContext:
     """What every mode may use. `say` shows what a click would do; `refresh` draws the views' hints again."""
 
     document: Document
@@ -67,8 +67,8 @@ class Mode:
     """What the mouse does, for the status bar."""
     cursor: ClassVar[Qt.CursorShape] = Qt.CursorShape.ArrowCursor
 
-    def __init__(self, desk: Desk) -> None:
-        self.desk = desk
+    def __init__(self, context: ModeContext) -> None:
+        self.context = context
 
     def enter(self) -> None:
         """It became the current mode."""

@@ -4,29 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from app.modes.mode import Desk, Pointer
+from app.modes.mode import ModeContext, Pointer
 from nvsim.graph.selection import GraphSelection
 
 
-def choose(desk: Desk, pointer: Pointer, viewpoints: Iterable[str] = (), edges: Iterable[tuple[str, str]] = ()) -> None:
+def choose(
+    context: ModeContext, pointer: Pointer, viewpoints: Iterable[str] = (), edges: Iterable[tuple[str, str]] = ()
+) -> None:
     """Selects these instead of what is selected; with Shift as well, with Ctrl the other way round."""
     found = GraphSelection(frozenset(viewpoints), frozenset(edges))
-    now = desk.editing.selection
+    now = context.editing.selection
     if pointer.toggles:
         found = GraphSelection(now.viewpoints ^ found.viewpoints, now.edges ^ found.edges)
     elif pointer.adds:
         found = GraphSelection(now.viewpoints | found.viewpoints, now.edges | found.edges)
-    desk.editing.select(found)
+    context.editing.select(found)
 
 
-def choose_what_is_under(desk: Desk, pointer: Pointer) -> bool:
+def choose_what_is_under(context: ModeContext, pointer: Pointer) -> bool:
     """Selects the viewpoint or else the edge under the cursor. Returns False when there is neither."""
     viewpoint = pointer.viewpoint
     if viewpoint is not None:
-        choose(desk, pointer, [viewpoint])
+        choose(context, pointer, [viewpoint])
         return True
     edge = pointer.edge
     if edge is not None:
-        choose(desk, pointer, edges=[edge])
+        choose(context, pointer, edges=[edge])
         return True
     return pointer.adds or pointer.toggles

@@ -12,7 +12,7 @@ from PySide6.QtGui import QKeyEvent, QPainter
 
 from app.modes.areas import BoxMode
 from app.modes.ink import dots, label, line
-from app.modes.mode import Desk, Mode, Pointer
+from app.modes.mode import Mode, ModeContext, Pointer
 from app.modes.picking import choose_what_is_under
 from app.state import edit_commands
 from app.views.graph_surface import GraphSurface
@@ -34,9 +34,9 @@ class SelectMode(Mode):
         "Ctrl+drag selects a box · right click for more"
     )
 
-    def __init__(self, desk: Desk) -> None:
-        super().__init__(desk)
-        self._box = BoxMode(desk)
+    def __init__(self, context: ModeContext) -> None:
+        super().__init__(context)
+        self._box = BoxMode(context)
         self._moving: tuple[str, ...] = ()
         self._offset = np.zeros(3)
         self._now: Pointer | None = None
@@ -45,7 +45,7 @@ class SelectMode(Mode):
         self._nudge = 0
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.desk, pointer)
+        return choose_what_is_under(self.context, pointer)
 
     # Dragging --------------------------------------------------------------------------------------------------
 
@@ -54,10 +54,10 @@ class SelectMode(Mode):
             return True  # Shift is for moving the camera sideways
         viewpoint = start.viewpoint
         # Only what is selected moves: a drag that turns the camera often begins on some viewpoint.
-        if viewpoint not in self.desk.editing.selection.viewpoints or not self.desk.editing.writable:
+        if viewpoint not in self.context.editing.selection.viewpoints or not self.context.editing.writable:
             return False
-        arrays = self.desk.document.graph_arrays
-        chosen = sorted(self.desk.editing.selection.viewpoints, key=arrays.index.__getitem__)
+        arrays = self.context.document.graph_arrays
+        chosen = sorted(self.context.editing.selection.viewpoints, key=arrays.index.__getitem__)
         self._moving = (viewpoint, *(id for id in chosen if id != viewpoint))
         return True
 
@@ -66,7 +66,7 @@ class SelectMode(Mode):
             self._box.drag(start, now)
             return
         self._offset, self._now = self._offset_to(now), now
-        self.desk.refresh()
+        self.context.refresh()
 
     def drop(self, start: Pointer, now: Pointer) -> None:
         if not self._moving:
@@ -75,11 +75,11 @@ class SelectMode(Mode):
         offset, moved = self._offset_to(now), self._moving
         self.cancel()
         if offset.any():
-            edit_commands.move(self.desk.editing, moved, (float(offset[0]), float(offset[1]), float(offset[2])))
+            edit_commands.move(self.context.editing, moved, (float(offset[0]), float(offset[1]), float(offset[2])))
 
     def _offset_to(self, now: Pointer) -> np.ndarray:
         """Metres from where the dragged viewpoint's foot is to the floor under the cursor."""
-        arrays = self.desk.document.graph_arrays
+        arrays = self.context.document.graph_arrays
         place = now.surface.floor_point(now.point)
         if place is None or self._moving[0] not in arrays.index:
             return np.zeros(3)
@@ -90,7 +90,7 @@ class SelectMode(Mode):
 
     def cancel(self) -> bool:
         was, self._moving, self._offset = bool(self._moving), (), np.zeros(3)
-        self.desk.refresh()
+        self.context.refresh()
         return self._box.cancel() or was
 
     def leave(self) -> None:
@@ -106,7 +106,7 @@ class SelectMode(Mode):
 
     def key(self, event: QKeyEvent) -> bool:
         way = _ARROWS.get(Qt.Key(event.key()))
-        chosen = self.desk.editing.selection.viewpoints
+        chosen = self.context.editing.selection.viewpoints
         if way is None or not chosen:
             return False
         now, (same, last) = time.monotonic(), self._nudged
@@ -115,7 +115,7 @@ class SelectMode(Mode):
         self._nudged = chosen, now
         step = NUDGE * (10 if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1)
         edit_commands.move(
-            self.desk.editing, sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}"
+            self.context.editing, sorted(chosen), (way[0] * step, way[1] * step, 0.0), merge=f"nudge {self._nudge}"
         )
         return True
 
@@ -125,7 +125,7 @@ class SelectMode(Mode):
         self._box.paint(painter, surface)
         if not self._moving:
             return
-        arrays = self.desk.document.graph_arrays
+        arrays = self.context.document.graph_arrays
         rows = arrays.viewpoint_rows(self._moving)
         moving = np.zeros(len(arrays.ids), bool)
         moving[rows] = True

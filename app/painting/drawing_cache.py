@@ -13,7 +13,7 @@ LARGEST_PATCH = 0.3  # of the picture; beyond this it is drawn anew
 Draw = Callable[[QPainter, QRectF | None], None]
 
 
-class KeptDrawing:
+class DrawingCache:
     """The first time a drawing is painted directly, since a view that moves never shows it again; the second time into
     an image, which is shown from then on.
 

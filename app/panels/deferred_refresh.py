@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QWidget
 SLICE = 0.006  # seconds of the event loop at a time
 
 
-class Afterwards(QObject):
+class DeferredRefresh(QObject):
     """Calls `renew` some milliseconds after the last `mark`, or when the panel comes into sight. What `renew` gives to
     iterate over is gone through a slice at a time, and given up when the panel is marked again."""
 

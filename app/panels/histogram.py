@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, 
 
 from app.look import colors
 from app.look.labels import Label
-from app.panels.deferred_refresh import Afterwards
+from app.panels.deferred_refresh import DeferredRefresh
 from app.state.document import Document
 from nvsim.graph.edits import EditError
 from nvsim.graph.quantities import Kind, Known, quantity
@@ -77,7 +77,7 @@ class HistogramPanel(QWidget):
         layout.setSpacing(4)
         layout.addLayout(row)
         layout.addWidget(self.plot)
-        self._soon = Afterwards(self, self._renewal, SETTLE)
+        self._soon = DeferredRefresh(self, self._renewal, SETTLE)
         self._soon.mark()
         document.graphChanged.connect(self._on_change)
         document.contentsChanged.connect(self._on_contents)

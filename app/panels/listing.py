@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QWidget
 
 from app.look.plain_text import plain, tip
 from app.views.overlays import short_id
-from nvsim.graph.clearness_cache import KeptEvidence
+from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -30,7 +30,7 @@ class Facts:
     """What the columns read: one state of the graph, and what is kept of the evidence of its edges."""
 
     graph: NavGraph
-    evidence: KeptEvidence
+    evidence: ClearnessCache
 
     def length(self, key: EdgeKey) -> float:
         """Metres."""

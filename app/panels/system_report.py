@@ -13,7 +13,7 @@ from PySide6.QtCore import qVersion
 from PySide6.QtGui import QGuiApplication, QOffscreenSurface, QOpenGLContext
 
 PACKAGES = (
-    "nvsim", "PySide6-Essentials", "pyqtgraph", "moderngl", "numpy", "numba", "scipy", "scikit-learn", "torch",
+    "nvsim", "PySide6-Essentials", "pyqtgraph", "moderngl", "numpy", "numba", "scipy", "torch",
     "opencv-contrib-python-headless", "onnxruntime", "networkx", "safetensors",
 )  # fmt: skip
 _NO_WINDOWS = ("offscreen", "minimal", "vnc", "linuxfb")  # platforms of Qt without OpenGL

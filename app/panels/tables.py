@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 
 from app.look import colors
 from app.look.labels import Label
-from app.panels.deferred_refresh import Afterwards
+from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
 from app.panels.submaps import table
 from app.state.document import Document
@@ -77,7 +77,7 @@ class TablePanel(QWidget):
             self.tabs.addTab(view, title)
             view.selectionModel().selectionChanged.connect(self._on_rows)
             view.doubleClicked.connect(self._activate)
-        self._soon = Afterwards(self, self._renewal, SETTLE)
+        self._soon = DeferredRefresh(self, self._renewal, SETTLE)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_change)
         document.editing.selectionChanged.connect(self._show_selection)

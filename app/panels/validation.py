@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import SENTENCE, caption, plain, tip
-from app.panels.deferred_refresh import Afterwards
+from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.submaps import table
 from app.state.document import Document
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
@@ -167,7 +167,7 @@ class ValidationPanel(QWidget):
         layout.addWidget(self.sentence)
         layout.addWidget(self.fix)
         layout.addLayout(bottom)
-        self._soon = Afterwards(self, self.renew, SETTLE)
+        self._soon = DeferredRefresh(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
         self.renew()
 

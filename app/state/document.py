@@ -14,10 +14,10 @@ from app.jobs.queue import JobQueue
 from app.state.editing import Editing
 from app.state.graph_arrays import GraphArrays, TrajectoryArrays
 from app.state.graph_changes import GraphChanges
-from app.state.loading import PARTS, Contents
+from app.state.loading import CONTENT_PARTS, Contents
 from app.state.storeys import Storeys
 from app.state.view_states import ViewStates
-from nvsim.graph.clearness_cache import KeptEvidence
+from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.difference import Difference
 from nvsim.graph.findings import Context
 from nvsim.graph.selection import GraphSelection
@@ -58,7 +58,7 @@ class Document(QObject):
         self.graph_arrays = GraphArrays()
         self.graph_changes = GraphChanges()
         self.storeys = Storeys(self)
-        self.evidence = KeptEvidence()
+        self.evidence = ClearnessCache()
         self.trajectory = TrajectoryArrays()
         self.editing = Editing(self)
         self._following = False  # the editing's selection follows ours, or ours follows it
@@ -101,7 +101,7 @@ class Document(QObject):
         if self._contents.path not in (None, contents.path):
             self.projectLeft.emit()
         before, self._contents = self._contents, contents
-        changed = frozenset(part for part in PARTS if getattr(before, part) is not getattr(contents, part))
+        changed = frozenset(part for part in CONTENT_PARTS if getattr(before, part) is not getattr(contents, part))
         if changed & {"capture", "submaps"}:
             self.trajectory = TrajectoryArrays.of(contents.capture, contents.submaps)
         if "graph" in changed or before.path != contents.path:

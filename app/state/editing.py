@@ -23,7 +23,7 @@ from nvsim.graph.difference import difference
 from nvsim.graph.edits import EditError, Visible
 from nvsim.graph.findings import Finding
 from nvsim.graph.history import History, HistoryChange
-from nvsim.graph.operations import Surroundings, apply, describe, record
+from nvsim.graph.operations import EditContext, apply, describe, record
 from nvsim.graph.review import Review
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.sight import sight_on
@@ -58,7 +58,7 @@ class Editing(QObject):
         self._thresholds = MappingConfig()
         self.review = Review(margin(self._thresholds))
         """The order in which a person looks at edges."""
-        self._surroundings = Surroundings()
+        self._surroundings = EditContext()
         self._keeping = Keeping(self)
         self._keeping.told.connect(self.told)
         self._keeping.failed.connect(self.failed)
@@ -223,7 +223,7 @@ class Editing(QObject):
             visible = partial(_see_each_other, occupancy)
         elif self.file is not None:
             visible = self.file.sight()
-        self._surroundings = Surroundings(visible, trajectory)
+        self._surroundings = EditContext(visible, trajectory)
 
     def set_thresholds(self, config: MappingConfig) -> None:
         """What the walk through the least certain edges holds evidence against."""

@@ -15,13 +15,14 @@ from nvsim.atomic import write_bytes
 from nvsim.errors import InputError
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.new_viewpoint_evidence import Newcomers
+from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence
 
 AROUND = 8.0  # metres; what is farther from what is measured cannot matter to it
 
 
 class EvidenceChild(QObject):
-    """measured(Newcomers, dict): what was found, and the places (id -> position) that it was found at; failed(str)."""
+    """measured(NewViewpointEvidence, dict): what was found, and the places (id -> position) that it was found at;
+    failed(str)."""
 
     measured = Signal(object, object)
     failed = Signal(str)
@@ -89,7 +90,7 @@ class EvidenceChild(QObject):
         self._clear()
         ids = set(self._asked)
         self.measured.emit(
-            Newcomers(
+            NewViewpointEvidence(
                 tuple(e for e in found.evidence.values() if e.viewpoint in ids or e.joins in ids),
                 {id: found.viewpoints[id].submap for id in ids if id in found.viewpoints},
                 tuple((a, b) for a, b in told.get("proposed", ())),

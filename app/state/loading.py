@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from nvsim.project.jobs import JobRecord
     from nvsim.project.project import Project
 
-PARTS = (
+CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
     "results", "training",
 )  # fmt: skip

@@ -23,7 +23,7 @@ from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import THRESHOLDS, changed, preset
 from app.thresholds.trial import Trial
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.rethreshold import Redecision
+from nvsim.mapping.rethreshold import Rethreshold
 
 _RULES = {"worst": "Mean, worst row and cell", "mean": "Mean alone (the paper's)"}
 
@@ -190,7 +190,7 @@ class ThresholdPanel(QScrollArea):
         return "" if outcome is None else " ".join(notes(outcome))
 
 
-def notes(outcome: Redecision) -> list[str]:
+def notes(outcome: Rethreshold) -> list[str]:
     """What else follows, one sentence each."""
     found = []
     if outcome.lonely:

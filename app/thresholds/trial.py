@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from app.state.document import Document
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.rethreshold import Redecider, Redecision
+from nvsim.mapping.rethreshold import Rethreshold, Rethresholder
 
 
 class Trial(QObject):
@@ -24,9 +24,9 @@ class Trial(QObject):
         super().__init__(parent)
         self._document = document
         self.config = document.contents.thresholds
-        self.outcome: Redecision | None = None
+        self.outcome: Rethreshold | None = None
         self.milliseconds = 0.0  # that the last decision took
-        self._redecider: Redecider | None = None
+        self._redecider: Rethresholder | None = None
         self._number = 0
         self._thread: threading.Thread | None = None
         self._due = QTimer(self, singleShot=True, interval=0)
@@ -48,7 +48,7 @@ class Trial(QObject):
         return self._redecider is None and self._thread is not None
 
     @property
-    def redecider(self) -> Redecider | None:
+    def redecider(self) -> Rethresholder | None:
         return self._redecider
 
     def set_config(self, config: MappingConfig) -> None:
@@ -71,7 +71,7 @@ class Trial(QObject):
         self._redecider = None
 
         def work() -> None:
-            redecider = Redecider(graph, walk)
+            redecider = Rethresholder(graph, walk)
             redecider.decide(config)  # the sums for this width of the robot are made here
             self._prepared.emit(number, redecider)
 
@@ -103,7 +103,7 @@ class Trial(QObject):
             return None
         return self._redecider.apply(self.outcome)
 
-    def _on_prepared(self, number: int, redecider: Redecider) -> None:
+    def _on_prepared(self, number: int, redecider: Rethresholder) -> None:
         if self._thread is not None:
             self._thread.join()
             self._thread = None

@@ -13,7 +13,7 @@ from PySide6.QtCore import QPointF, QRectF
 from PySide6.QtGui import QPainter
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
-from app.painting.drawing_cache import KeptDrawing
+from app.painting.drawing_cache import DrawingCache
 from app.painting.graph_ink import LARGE, GraphInk
 from app.state.document import Document
 from app.state.graph_arrays import GraphArrays, extremes
@@ -32,7 +32,7 @@ class GraphItem(pg.GraphicsObject):
         super().__init__()
         self._document = document
         self._ink = GraphInk()
-        self._kept = KeptDrawing(self, self.update)
+        self._kept = DrawingCache(self, self.update)
         self._latest: tuple[GraphArrays, tuple[float, ...], _Lines] | None = None  # what was drawn, and from where
         self._bounds = QRectF()
         self._spacing = 1.0  # metres from a viewpoint to the next, about

@@ -14,7 +14,7 @@ from app.look.hint import Hint
 from app.look.theme import is_dark
 from app.painting.cameras import ViewPose
 from app.state.document import Document
-from app.state.loading import PARTS
+from app.state.loading import CONTENT_PARTS
 from app.views.map_camera import CameraMarker
 from app.views.map_graph import GraphItem
 from nvsim.occupancy.types import FREE, OCCUPIED
@@ -73,7 +73,7 @@ class MapView(QWidget):
         document.graphChanged.connect(self._draw_graph)
         document.selectionChanged.connect(self._draw_selection)
         self._dress()
-        self._on_contents(frozenset(PARTS))
+        self._on_contents(frozenset(CONTENT_PARTS))
 
     def show_hovered(self, viewpoint: str | None) -> None:
         """Marks the viewpoint under the cursor, be it of this view or of the 3D view."""

@@ -15,7 +15,7 @@ from app.drawing.picture_feed import PictureFeed
 from app.drawing.render_child import Picture, RenderSource
 from app.painting.cameras import ViewPose
 from app.state.document import Document
-from app.state.loading import PARTS
+from app.state.loading import CONTENT_PARTS
 from app.views.graph_surface import SceneSurface
 from app.views.navigation import Navigation
 from app.views.overlays import Overlays
@@ -63,7 +63,7 @@ class SceneView(QWidget):
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self.update)
         document.selectionChanged.connect(self.update)
-        self._on_contents(frozenset(PARTS))
+        self._on_contents(frozenset(CONTENT_PARTS))
 
     # What others ask of it -------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QFileDialog
 from app.actions import Action
 from app.modes.ink import dots, line
 from app.panels.comparison import INKS, ComparePanel
-from app.panels.deferred_refresh import Afterwards
+from app.panels.deferred_refresh import DeferredRefresh
 from app.state.comparing import Compared, read_graph
 from app.state.graph_reasons import with_editing
 from app.views.graph_surface import GraphSurface
@@ -46,7 +46,7 @@ class ComparePart(Part):
         self._soon.timeout.connect(self._again)
         workspace.document.graphChanged.connect(self._on_edit)
         workspace.document.projectChanged.connect(self.close)
-        self._steps = Afterwards(self.panel, self._on_steps, SETTLE)
+        self._steps = DeferredRefresh(self.panel, self._on_steps, SETTLE)
         self._editing.stepsChanged.connect(self._steps.mark)
         workspace.modes.layers.append(self.paint)
 

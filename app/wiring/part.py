@@ -15,7 +15,7 @@ from app.look.notices import Notices
 from app.state.document import Document
 
 if TYPE_CHECKING:
-    from app.modes.controller import Stage
+    from app.modes.controller import ModeController
     from app.views.scene_view import SceneView
     from app.wiring.window import MainWindow
 
@@ -50,7 +50,7 @@ class Workspace:
     notices: Notices
     scene: SceneView
     jobs: JobQueue  # what runs long goes through it
-    modes: Stage  # how the mouse edits the graph in both views
+    modes: ModeController  # how the mouse edits the graph in both views
     window: MainWindow  # parent of dialogs
 
     def part(self, kind: type[AnyPart]) -> AnyPart:

@@ -32,7 +32,7 @@ from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoin
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 from nvsim.mapping.edge_doubts import margin
-from nvsim.mapping.new_viewpoint_evidence import Newcomers, with_newcomers
+from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, with_new_viewpoints
 from nvsim.project.stages.measured import unmeasured
 
 REST = 1500  # milliseconds without an edit until measuring begins: a hand that places several is not interrupted
@@ -118,21 +118,21 @@ class ProposePart(Part):
             return
         self.child.start(project, graph, unmeasured(graph)[-8:])
 
-    def _on_measured(self, found: Newcomers, places: dict[str, tuple[float, float, float]]) -> None:
+    def _on_measured(self, found: NewViewpointEvidence, places: dict[str, tuple[float, float, float]]) -> None:
         graph = self.workspace.document.graph
         if graph is None:
             return
         stayed = {
             id for id, place in places.items() if id in graph.viewpoints and graph.viewpoints[id].position == place
         }
-        fresh = Newcomers(
+        fresh = NewViewpointEvidence(
             tuple(e for e in found.evidence if (e.viewpoint in stayed or e.joins in stayed)
                   and not {e.viewpoint, e.joins} & (places.keys() - stayed)),
             {id: submap for id, submap in found.submaps.items() if id in stayed},
             (), (),
         )  # fmt: skip
         if stayed:
-            self.workspace.document.editing.amend("Measure what was edited", with_newcomers(graph, fresh))
+            self.workspace.document.editing.amend("Measure what was edited", with_new_viewpoints(graph, fresh))
             self.proposals.add(found.proposed, found.doubted)
             self._prune()
             self._tell()

@@ -16,7 +16,7 @@ from app.jobs.queue import JobQueue
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import title
-from app.modes.controller import Stage
+from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
 from app.state.document import Document
 from app.state.splat_file import SplatFile
@@ -55,7 +55,7 @@ class MainWindow(QMainWindow):
         self.notice_area = NoticeArea(notices, self.centre)
         self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front covers it
         self.jobs = document.jobs = JobQueue(self)
-        self.modes = Stage(document, self)
+        self.modes = ModeController(document, self)
         document.projectChanged.connect(self._on_project)
         self._titles = QTimer(self, singleShot=True, interval=0)
         self._titles.timeout.connect(self._retitle)

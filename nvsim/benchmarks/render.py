@@ -16,7 +16,7 @@ from nvsim.geometry.camera import Camera, look
 from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.gaussians import render_gaussians
 from nvsim.render.layout import TILE
-from nvsim.render.workspace import Workspace, ready
+from nvsim.render.workspace import RenderBuffers, ready
 from nvsim.splats.types import Gaussians
 
 EYE, TARGET, FIELD_OF_VIEW = (1.8, 1.6, 1.6), (6.0, 4.8, 1.0), np.radians(70)
@@ -54,7 +54,7 @@ def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, roun
     rng = np.random.default_rng(0)
     d_rgb = rng.normal(size=(height, width, 3)).astype(np.float32)
     zeros, statistics_of = np.zeros((height, width), np.float32), np.zeros((len(g), 3), np.float32)
-    workspace = Workspace()
+    workspace = RenderBuffers()
     through = [zeros]
     turning = [Camera(size, _turned(camera, k * TURN)) for k in range(rounds + 1)]
     frames = iter(turning)

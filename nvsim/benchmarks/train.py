@@ -13,7 +13,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import TrainingConfig
-from nvsim.training.fit import PARTS, Fit
+from nvsim.training.fit import STEP_PARTS, Fit
 from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gaussians
 from nvsim.training.views import TrainingView
 
@@ -56,14 +56,14 @@ def measure(
         start = synthetic_gaussians(gaussians, sh_degree, seed)
         fit = Fit(start, *first_paint(views, floor, config, seed), floor, config)
         inlier = np.ones((height, width), np.bool_)
-        laps: dict[str, list[float]] = {name: [] for name in ("step", *PARTS)}
+        laps: dict[str, list[float]] = {name: [] for name in ("step", *STEP_PARTS)}
         for step in range(1, warm_up + steps + 1):
             started = time.perf_counter()
             fit.differentiate(views[step % VIEWS], inlier, sh_degree)
             fit.move(step)
             if step > warm_up:
                 laps["step"].append(1e3 * (time.perf_counter() - started))
-                for name in PARTS:
+                for name in STEP_PARTS:
                     laps[name].append(fit.parts[name])
     finally:
         torch.set_num_threads(torch_threads)

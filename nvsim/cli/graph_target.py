@@ -13,7 +13,7 @@ from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal, sidecar
-from nvsim.graph.operations import Surroundings
+from nvsim.graph.operations import EditContext
 from nvsim.graph.quantities import Known
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
@@ -54,7 +54,7 @@ class GraphTarget:
                 margin = of_thresholds(thresholds_of(project))
         return Known(self._occupancy() if "validity" in expression else None, margin)
 
-    def surroundings(self) -> Surroundings:
+    def surroundings(self) -> EditContext:
         from nvsim.graph.sight import sight_on
 
         occupancy, walk = self._occupancy(), None
@@ -65,8 +65,8 @@ class GraphTarget:
                 capture = project.capture()
                 walk = None if capture is None else capture.positions
         if occupancy is not None:
-            return Surroundings(sight_on(occupancy), walk)
-        return Surroundings(None if self.is_project else self._foreign.sight(), walk)
+            return EditContext(sight_on(occupancy), walk)
+        return EditContext(None if self.is_project else self._foreign.sight(), walk)
 
     def journal(self) -> Journal:
         """Of its edits. Raises InputError when its folder cannot be written."""

@@ -12,7 +12,7 @@ from nvsim.graph.types import EdgeKey, NavGraph
 STRIDE = 64  # edges between two pauses of `fill`
 
 
-class KeptEvidence:
+class ClearnessCache:
     """What `quantities` calls the evidence of edges, of the graph that it last followed."""
 
     def __init__(self) -> None:

@@ -15,7 +15,7 @@ _ENTRY = 100  # bytes of a dict's entry, near enough
 _STRIDE = 32  # a graph that is made again for a step far back is kept this much earlier as well
 
 
-class Retained:
+class GraphCache:
     """One graph per step, numbered from 0."""
 
     def __init__(self, graph: NavGraph, deltas: Iterable[Delta] = (), budget: int = _BUDGET) -> None:

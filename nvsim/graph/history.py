@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from nvsim.graph.delta import Delta
 from nvsim.graph.edits.change import EditError
-from nvsim.graph.graph_cache import Retained
+from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, present
 from nvsim.graph.touched import shorten
 from nvsim.graph.types import EdgeKey, NavGraph
@@ -79,7 +79,7 @@ class History:
 
     def __init__(self, graph: NavGraph, journal: Recorder | None = None) -> None:
         self._steps = [Step("Opened", NOTHING, time.time(), edit=False)]
-        self._graphs = Retained(graph)
+        self._graphs = GraphCache(graph)
         self._graph = graph
         self._index = 0
         self._clean = 0
@@ -88,7 +88,7 @@ class History:
 
     @staticmethod
     def restored(
-        graphs: Retained, steps: list[Step], index: int, clean: int, journal: Recorder | None = None
+        graphs: GraphCache, steps: list[Step], index: int, clean: int, journal: Recorder | None = None
     ) -> History:
         """A history that was written down: `graphs` knows one graph per step."""
         history = History(graphs[0], journal)

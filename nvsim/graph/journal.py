@@ -17,7 +17,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.graph.delta import Delta
-from nvsim.graph.graph_cache import Retained
+from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, Step
 from nvsim.graph.journal_check import check_steps
 from nvsim.graph.journal_file import JournalFile, Newer, Written
@@ -95,7 +95,7 @@ class Journal:
             self._base = graph
             self._history = History(graph, self)
             return self._history
-        graphs = Retained(written.base, [delta for _, delta in written.steps])
+        graphs = GraphCache(written.base, [delta for _, delta in written.steps])
         # Selections were checked when they were made; a graph from outside may have changed under them.
         steps = [Step("Opened", present(graph, NOTHING), written.begun, edit=False), *(s for s, _ in written.steps)]
         history = History.restored(graphs, steps, written.index, written.clean, self)

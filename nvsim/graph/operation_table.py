@@ -19,7 +19,7 @@ from nvsim.graph.types import NavGraph
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class EditContext:
     """What edits may need beside the graph. visible: who sees whom; trajectory: (N, 3) metres, world, of the frames."""
 
     visible: Visible | None = None
@@ -50,13 +50,13 @@ def _pure(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
 
 
 def _of_edge(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
-    def of_edge(graph: NavGraph, surroundings: Surroundings, edge: tuple[str, str], **arguments: Any) -> NavGraph:
+    def of_edge(graph: NavGraph, surroundings: EditContext, edge: tuple[str, str], **arguments: Any) -> NavGraph:
         return function(graph, *edge, **arguments)
 
     return of_edge
 
 
-def _at_frame(graph: NavGraph, surroundings: Surroundings, frame: int, **arguments: Any) -> NavGraph:
+def _at_frame(graph: NavGraph, surroundings: EditContext, frame: int, **arguments: Any) -> NavGraph:
     walk = surroundings.trajectory
     if walk is None:
         raise EditError("There is no trajectory whose frames could be named.")
@@ -67,13 +67,13 @@ def _at_frame(graph: NavGraph, surroundings: Surroundings, frame: int, **argumen
 
 
 def _connect_visible(
-    graph: NavGraph, surroundings: Surroundings, viewpoints: tuple[str, ...] | None, distance: float, steep: float
+    graph: NavGraph, surroundings: EditContext, viewpoints: tuple[str, ...] | None, distance: float, steep: float
 ) -> NavGraph:
     ids = graph.viewpoints if viewpoints is None else viewpoints
     return edits.connect_visible(graph, ids, distance, surroundings.visible, steep=steep)
 
 
-def _together(graph: NavGraph, surroundings: Surroundings, edits: tuple[dict[str, Any], ...], text: str) -> NavGraph:
+def _together(graph: NavGraph, surroundings: EditContext, edits: tuple[dict[str, Any], ...], text: str) -> NavGraph:
     for each in edits:
         arguments = {name: value for name, value in each.items() if name != "edit"}
         operation = OPERATIONS.get(each["edit"])

@@ -12,14 +12,14 @@ from typing import Any
 from nvsim.graph.arguments import checked
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
-from nvsim.graph.operation_table import OPERATIONS, Operation, Surroundings
+from nvsim.graph.operation_table import OPERATIONS, EditContext, Operation
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 
 __all__ = [
     "OPERATIONS",
     "Operation",
-    "Surroundings",
+    "EditContext",
     "apply",
     "describe",
     "line_of",
@@ -31,12 +31,12 @@ __all__ = [
 
 
 def apply(
-    graph: NavGraph, name: str, arguments: Mapping[str, Any], surroundings: Surroundings | None = None
+    graph: NavGraph, name: str, arguments: Mapping[str, Any], surroundings: EditContext | None = None
 ) -> NavGraph:
     """The graph after an operation. Raises EditError when there is no such operation, an argument is missing, unknown
     or not what it has to be, or the graph does not allow it."""
     operation = _named(name)
-    return operation.function(graph, surroundings or Surroundings(), **checked(name, operation.arguments, arguments))
+    return operation.function(graph, surroundings or EditContext(), **checked(name, operation.arguments, arguments))
 
 
 def describe(name: str, arguments: Mapping[str, Any]) -> str:
@@ -50,7 +50,7 @@ def perform(
     name: str,
     arguments: Mapping[str, Any],
     *,
-    surroundings: Surroundings | None = None,
+    surroundings: EditContext | None = None,
     selection: GraphSelection | None = None,
     merge: str | None = None,
 ) -> None:

@@ -16,12 +16,12 @@ from nvsim.graph.components import components
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
-from nvsim.mapping.draft import Draft
 from nvsim.mapping.edit_carryover import keep_edits
+from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
-from nvsim.mapping.source import ViewSource
+from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
 STAGE = "map"
@@ -74,7 +74,7 @@ def build_map(
     lattice = Lattice(config)
     measurements = Measurements(source, floor_at, support, config, lattice, remembered)
     walk = Walk(trajectory, support)
-    search = Search(Draft(scan), lattice, measurements, walk, floor_at, config)
+    search = Search(GraphBuilder(scan), lattice, measurements, walk, floor_at, config)
 
     def keep_evidence() -> None:
         if keep is not None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import WIDEST, MappingConfig
-from nvsim.mapping.source import ViewSource
+from nvsim.mapping.view_source import ViewSource
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 SupportAt = Callable[[NDArray[np.floating]], NDArray[np.bool_]]

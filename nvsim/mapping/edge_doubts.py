@@ -10,8 +10,8 @@ from nvsim.graph.quantities import evidence_along
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import DECISIONS, OPEN, decide
-from nvsim.mapping.draft import SAME
 from nvsim.mapping.explain import explain
+from nvsim.mapping.graph_builder import SAME
 
 
 def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:

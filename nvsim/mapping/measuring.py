@@ -21,7 +21,7 @@ from nvsim.mapping.corridor import (
 )
 from nvsim.mapping.criteria import answers
 from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.source import ViewSource
+from nvsim.mapping.view_source import ViewSource
 
 
 class Measurements:

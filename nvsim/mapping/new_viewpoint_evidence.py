@@ -16,7 +16,7 @@ from nvsim.mapping.corridor import DIRECTIONS, HeightAt, SupportAt
 from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.source import ViewSource
+from nvsim.mapping.view_source import ViewSource
 
 STAGE = "evidence"
 _DETOUR = 1.5  # times the straight way
@@ -24,7 +24,7 @@ _MOST = 12  # corridors to viewpoints around, the nearest first, besides those i
 
 
 @dataclass(frozen=True, eq=False)
-class Newcomers:
+class NewViewpointEvidence:
     """evidence  of every viewpoint asked for, and of the corridors from others to them
     submaps   id -> the submap that renders it
     proposed  pairs a < b that are not joined, nor by little of a detour, although the corridor between them passes
@@ -37,7 +37,7 @@ class Newcomers:
     doubted: tuple[tuple[str, str], ...]
 
 
-def measure_newcomers(
+def measure_new_viewpoints(
     graph: NavGraph,
     ids: Iterable[str],
     source: ViewSource,
@@ -47,7 +47,7 @@ def measure_newcomers(
     *,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = lambda: False,
-) -> Newcomers:
+) -> NewViewpointEvidence:
     """Renders the eight directions of each viewpoint, and the corridors to and from those around it.
 
     Raises InputError when one is not in `graph`.
@@ -83,7 +83,7 @@ def measure_newcomers(
                 found.setdefault(a, []).append(evidence)
     listen(Progress(STAGE, len(wanted), len(wanted), ""))
     opened = {key for key, words in decisions.items() if all(word == OPEN for word in words)}
-    return Newcomers(
+    return NewViewpointEvidence(
         tuple(e for id, several in found.items() for e in _numbered(graph, id, several, id in submaps)),
         submaps,
         tuple(sorted(key for key in opened if key not in graph.edges and not _bypassed(graph, *key))),
@@ -91,7 +91,7 @@ def measure_newcomers(
     )
 
 
-def with_newcomers(graph: NavGraph, measured: Newcomers) -> NavGraph:
+def with_new_viewpoints(graph: NavGraph, measured: NewViewpointEvidence) -> NavGraph:
     """The graph with what was measured in place of what was known of the same corridors before."""
     again = {id for id, viewpoint in measured.submaps.items() if id in graph.viewpoints}
     corridors = {(e.viewpoint, e.joins) for e in measured.evidence if e.joins}

@@ -12,7 +12,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
-from nvsim.mapping.source import ViewSource
+from nvsim.mapping.view_source import ViewSource
 
 
 def reapply(

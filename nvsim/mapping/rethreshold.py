@@ -16,15 +16,15 @@ from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN
-from nvsim.mapping.draft import SAME
 from nvsim.mapping.evidence_stack import WORDS, EvidenceStack
+from nvsim.mapping.graph_builder import SAME
 
 MACHINE = frozenset({"step", "merge"})  # origins of edges that the thresholds decide
 _OPEN = WORDS.index(OPEN)
 
 
 @dataclass(frozen=True, eq=False)
-class Redecision:
+class Rethreshold:
     """What `config` makes of the graph.
 
     appear, disappear   (M, 2) rows of the viewpoints that an edge joins or no longer joins
@@ -48,7 +48,7 @@ class Redecision:
         return bool(len(self.appear) or len(self.disappear))
 
 
-class Redecider:
+class Rethresholder:
     """Decides the corridors of one graph again and again."""
 
     def __init__(self, graph: NavGraph, walk: NDArray[np.floating] | None = None) -> None:
@@ -123,7 +123,7 @@ class Redecider:
         self._free = np.array(free, bool)
         self._degree = np.bincount(np.array(list(ends), np.int64).reshape(-1), minlength=len(self.ids))
 
-    def decide(self, config: MappingConfig) -> Redecision:
+    def decide(self, config: MappingConfig) -> Rethreshold:
         """What `config` makes of the graph."""
         codes = self._stack.decide(config)
         passes = codes == _OPEN
@@ -148,7 +148,7 @@ class Redecider:
         closed = np.zeros(len(codes), bool)
         for way in (self._forward, self._backward):
             closed[way[(way >= 0) & ~is_open]] = True
-        return Redecision(
+        return Rethreshold(
             config,
             np.stack([self._a[appear], self._b[appear]], axis=1),
             np.stack([self._a[disappear], self._b[disappear]], axis=1),
@@ -160,7 +160,7 @@ class Redecider:
             closed,
         )
 
-    def apply(self, redecision: Redecision) -> NavGraph:
+    def apply(self, redecision: Rethreshold) -> NavGraph:
         """The graph with these edges, and with evidence that says what was decided now."""
         edges: dict[tuple[str, str], Edge] = dict(self.graph.edges)
         for a, b in redecision.disappear.tolist():

@@ -13,7 +13,7 @@ from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt
 from nvsim.mapping.criteria import OPEN, can_stand, decide
-from nvsim.mapping.draft import SAME, Draft, apart
+from nvsim.mapping.graph_builder import SAME, GraphBuilder, apart
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.walk import Walk
@@ -28,7 +28,7 @@ class Search:
 
     def __init__(
         self,
-        draft: Draft,
+        draft: GraphBuilder,
         lattice: Lattice,
         measurements: Measurements,
         walk: Walk,

@@ -14,11 +14,11 @@ import torch
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.workspace import LOCK, Workspace
+from nvsim.render.workspace import LOCK, RenderBuffers
 from nvsim.splats.types import Gaussians
 
-_free: list[Workspace] = []
-# Workspaces between uses. One is taken per forward pass and comes back after its backward pass, so that several views
+_free: list[RenderBuffers] = []
+# Buffers between uses. One is taken per forward pass and comes back after its backward pass, so that several views
 # may wait for their gradients at once.
 
 _UNTRACKED = np.empty((0, 3), np.float32)
@@ -99,7 +99,7 @@ class Rasterize(torch.autograd.Function):
         gaussians = Gaussians(*(t.numpy() for t in tensors))
         k = camera.intrinsics
         with LOCK:
-            workspace = _free.pop() if _free else Workspace()
+            workspace = _free.pop() if _free else RenderBuffers()
             workspace.project(gaussians, camera, antialiased, sh_degree)
             workspace.bin()
             rgb, transmittance, depth, _ = workspace.draw(k.height, k.width, with_depth)
@@ -133,7 +133,7 @@ class Rasterize(torch.autograd.Function):
         d_tensors = [torch.empty_like(t) for t in tensors]
         statistics = _UNTRACKED if ctx.statistics is None else ctx.statistics.sums
         with LOCK:
-            workspace: Workspace = ctx.workspace
+            workspace: RenderBuffers = ctx.workspace
             workspace.draw_gradient(ctx.transmittance, d_rgb, d_alpha, d_depth)
             workspace.project_gradient(
                 Gaussians(*(t.numpy() for t in tensors)), Gaussians(*(t.numpy() for t in d_tensors)), statistics

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import Backend, chosen
 from nvsim.render.types import Float32, RenderOutput, expected_depth
-from nvsim.render.workspace import LOCK, Workspace, pixels_of, ready
+from nvsim.render.workspace import LOCK, RenderBuffers, pixels_of, ready
 from nvsim.splats.types import Gaussians
 
-_workspace = Workspace()
+_workspace = RenderBuffers()
 
 
 def render_gaussians(

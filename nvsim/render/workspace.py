@@ -52,7 +52,7 @@ def pixels_of(tiles: NDArray[np.bool_], height: int, width: int) -> NDArray[np.b
     return tiles.repeat(layout.TILE, axis=0).repeat(layout.TILE, axis=1)[:height, :width]
 
 
-class Workspace:
+class RenderBuffers:
     """One view at a time: `prepare` and `draw`, then perhaps `gradient`, which needs what the first two left here.
 
     Not thread-safe; hold `LOCK` around calls. Results are the same for the same number of threads

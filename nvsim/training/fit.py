@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
-from nvsim.render.workspace import LOCK, NO_TINT, Tint, Workspace
+from nvsim.render.workspace import LOCK, NO_TINT, RenderBuffers, Tint
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
@@ -29,7 +29,7 @@ from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
 from nvsim.training.stopwatch import Stopwatch
 from nvsim.training.strategies.types import Refinement
-from nvsim.training.view_buffers import Canvas
+from nvsim.training.view_buffers import ViewBuffers
 from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]
@@ -40,7 +40,7 @@ FEATURES = "features"
 """The group of what the networks colour Gaussians from, a row per Gaussian as in those of FIELDS."""
 
 
-PARTS = (
+STEP_PARTS = (
     "appearance",
     "project",
     "sort",
@@ -94,8 +94,8 @@ class Fit:
             self.per_gaussian = (*FIELDS, FEATURES)
         if texture is not None:
             self.groups["texture"] = Group.of(texture.values, config.rate.texture, texture.gradient)
-        self.workspace = Workspace()
-        self._canvases: dict[tuple[int, int], Canvas] = {}
+        self.workspace = RenderBuffers()
+        self._canvases: dict[tuple[int, int], ViewBuffers] = {}
         self._heights, self._grid = pack_floor(floor)
         self._share = 0.0
         self._tint = NO_TINT
@@ -110,10 +110,10 @@ class Fit:
     def gradients(self) -> Gaussians:
         return Gaussians(*(self.groups[name].gradient for name in FIELDS))
 
-    def canvas(self, width: int, height: int) -> Canvas:
+    def canvas(self, width: int, height: int) -> ViewBuffers:
         key = (width, height)
         if key not in self._canvases:
-            self._canvases[key] = Canvas.of(self.config.loss, width, height)
+            self._canvases[key] = ViewBuffers.of(self.config.loss, width, height)
         return self._canvases[key]
 
     def paint(self, camera: Camera, transmittance: Float32, floor: NDArray[np.bool_] | None = None) -> Float32:

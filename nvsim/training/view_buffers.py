@@ -15,7 +15,7 @@ Float32 = NDArray[np.float32]
 
 
 @dataclass(eq=False)
-class Canvas:
+class ViewBuffers:
     """background (3, H, W); hits (3, H, W) of `floor_rays.meet_floor`; rows (H, 9, 3), scratch of `backdrop`; no_depth
     (H, W) zeros; inlier (H, W), what a robust mask leaves; nowhere (H, W), a floor mask of nothing."""
 
@@ -28,8 +28,8 @@ class Canvas:
     nowhere: NDArray[np.bool_]
 
     @staticmethod
-    def of(config: LossConfig, width: int, height: int) -> Canvas:
-        return Canvas(
+    def of(config: LossConfig, width: int, height: int) -> ViewBuffers:
+        return ViewBuffers(
             FloorAwareLoss(config, width, height),
             np.zeros((3, height, width), np.float32),
             np.empty((3, height, width), np.float32),

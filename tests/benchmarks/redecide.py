@@ -16,7 +16,7 @@ import numpy as np
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, headings
-from nvsim.mapping.rethreshold import Redecider
+from nvsim.mapping.rethreshold import Rethresholder
 
 
 def field(side: int) -> NavGraph:
@@ -70,7 +70,7 @@ def measured_on(side: int) -> dict[str, object]:
     """The figures of one graph."""
     config, graph = MappingConfig(), field(side)
     begin = time.perf_counter()
-    redecider = Redecider(graph, np.array([v.position for v in graph.viewpoints.values()][::3]))
+    redecider = Rethresholder(graph, np.array([v.position for v in graph.viewpoints.values()][::3]))
     prepared = time.perf_counter() - begin
     strict = redecider.decide(replace(config, robot_radius=0.4))
     return {

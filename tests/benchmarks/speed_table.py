@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 from nvsim.geometry.camera import Camera, Intrinsics
-from nvsim.render.workspace import Workspace
+from nvsim.render.workspace import RenderBuffers
 from nvsim.splats.types import Gaussians
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
@@ -146,7 +146,7 @@ def _ours(scene: dict, view: dict) -> dict:
     width, height, k = view["width"], view["height"], view["K"]
     gaussians = Gaussians(*(scene[name] for name in ("means", "log_scales", "quats", "opacity_logits", "sh")))
     camera = Camera(Intrinsics(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2]), view["c2w"])
-    workspace, left = Workspace(), [np.zeros(0, F)]
+    workspace, left = RenderBuffers(), [np.zeros(0, F)]
     d_image = np.random.default_rng(0).normal(size=(height, width, 3)).astype(F)
     zeros = np.zeros((height, width), F)
 

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
-from app.panels.deferred_refresh import Afterwards
+from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.history import HistoryModel
 from app.panels.listing import EDGE_COLUMNS, Facts, GraphTable, finished
 from app.state.document import Document
@@ -38,7 +38,7 @@ def test_a_long_renewal_is_done_over_several_turns_and_given_up_when_marked_agai
             yield
         done.append(f"{name} ended")
 
-    soon = Afterwards(panel, renew, 1)
+    soon = DeferredRefresh(panel, renew, 1)
     qtbot.waitUntil(lambda: soon.in_sight, timeout=20_000)
     soon.mark()
     qtbot.waitUntil(lambda: bool(done), timeout=20_000)
@@ -50,7 +50,7 @@ def test_a_long_renewal_is_done_over_several_turns_and_given_up_when_marked_agai
 
 def test_a_hidden_panel_waits_until_it_is_seen(panel: QWidget, qtbot: QtBot) -> None:
     done: list[int] = []
-    soon = Afterwards(panel, lambda: done.append(1), 1)
+    soon = DeferredRefresh(panel, lambda: done.append(1), 1)
     panel.hide()
     soon.mark()
     qtbot.wait(30)

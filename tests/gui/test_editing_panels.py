@@ -23,7 +23,7 @@ from app.state.document import Document
 from app.wiring.window import MainWindow
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.selection import GraphSelection, selection
-from nvsim.mapping.new_viewpoint_evidence import Newcomers
+from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence
 
 
 def cut_off(document: Document, row: int = 0) -> str:
@@ -246,7 +246,9 @@ def test_measured_evidence_becomes_part_of_the_edit_and_proposes_edges(window: M
     pair = (min(new, near), max(new, near))
     sample = replace(next(iter(document.graph.evidence.values())), viewpoint=new)
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
-    part._on_measured(Newcomers((sample,), {new: 1}, (pair,), ()), {new: document.graph.viewpoints[new].position})
+    part._on_measured(
+        NewViewpointEvidence((sample,), {new: 1}, (pair,), ()), {new: document.graph.viewpoints[new].position}
+    )
     assert sample.key in document.graph.evidence and document.graph.viewpoints[new].submap == 1
     assert len(document.editing.history.steps) == steps
     assert pair not in document.graph.edges and part.proposals.edges == (pair,)
@@ -263,7 +265,7 @@ def test_what_was_measured_elsewhere_is_not_taken(window: MainWindow, document: 
     (new,) = document.editing.selection.viewpoints
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
     before = document.graph
-    part._on_measured(Newcomers((), {new: 1}, (), ()), {new: (9.0, 9.0, 1.5)})
+    part._on_measured(NewViewpointEvidence((), {new: 1}, (), ()), {new: (9.0, 9.0, 1.5)})
     assert document.graph is before
     part._soon.stop()
 

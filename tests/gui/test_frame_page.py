@@ -424,13 +424,13 @@ def test_a_step_of_the_brush_takes_under_ten_milliseconds_on_a_large_image(opene
     """Painting, tinting and showing one step, as measured; the limit here leaves room for a busy machine."""
     window, browser = opened
     with_tool(opened, "brush")
-    from app.frames.frame_data import Matter
+    from app.frames.frame_data import FrameData
     from nvsim.project.layout import Layout
 
     frame = browser.matter.frame
     image = np.random.default_rng(0).integers(0, 255, (1440, 1920, 3), np.uint8)
     mask = np.zeros((1440, 1920), bool)
-    browser._on_matter(Matter(2, frame, image, mask, mask.copy()))
+    browser._on_matter(FrameData(2, frame, image, mask, mask.copy()))
     browser.corrector._layout = Layout(Path("/nowhere"))
     canvas, times = browser.page.canvas, []
     browser.corrector.brush.radius = 60

@@ -11,7 +11,7 @@ import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.jobs.history import MOST_POINTS, History, Series
+from app.jobs.history import MOST_POINTS, JobReport, Series
 from app.jobs.queue import JobHandle, JobQueue
 from nvsim.events import Failed, Log, Metric, Progress
 from nvsim.project import ledger
@@ -119,7 +119,7 @@ def test_what_waits_for_a_person_is_found_when_the_project_opens(qtbot: QtBot, p
 
 
 def test_rate_and_time_left_come_from_the_last_half_minute() -> None:
-    history = History()
+    history = JobReport()
     history.hear(0.0, Log("Started."))
     for second in range(100):
         history.hear(second, Progress("train", (5 if second < 50 else 10) * second, 2000))
@@ -141,7 +141,7 @@ def test_a_series_goes_back_with_the_checkpoint_and_never_grows_without_end() ->
 
 
 def test_metrics_of_submaps_stay_apart_and_a_failure_is_kept() -> None:
-    history = History()
+    history = JobReport()
     history.hear(0.0, Metric("train", "psnr", 20.0, 10, 0))
     history.hear(0.0, Metric("train", "psnr", 22.0, 10, 1))
     history.hear(1.0, Failed("train", "the disk is full", 2))

@@ -16,7 +16,7 @@ from pytestqt.qtbot import QtBot
 from app.benchmarks.edits import random_edit
 from app.layers.graph import GraphLayer
 from app.painting import cameras
-from app.painting.drawing_cache import KeptDrawing
+from app.painting.drawing_cache import DrawingCache
 from app.state.document import Document
 from app.state.loading import Contents
 from app.views.map_view import MapView
@@ -89,7 +89,7 @@ def test_the_map_after_edits_looks_as_if_drawn_anew(document: Document, qtbot: Q
         patched = grabbed(view)
     assert view.graph._kept._image is image, "it was drawn anew, not patched"
     assert not nearly_equal(before, patched)
-    view.graph._kept = KeptDrawing()
+    view.graph._kept = DrawingCache()
     assert nearly_equal(patched, grabbed(view))
     document.editing.close()
 
@@ -115,7 +115,7 @@ def test_what_changed_is_known_for_a_few_edits_only(document: Document) -> None:
 
 
 def test_a_patch_of_most_of_the_picture_is_none(qtbot: QtBot) -> None:
-    kept, calls = KeptDrawing(), []
+    kept, calls = DrawingCache(), []
 
     def draw(painter: QPainter, within: QRectF | None) -> None:
         calls.append(within)

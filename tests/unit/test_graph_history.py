@@ -11,7 +11,7 @@ from nvsim.graph import edits
 from nvsim.graph.delta import Delta, delta_between, folded
 from nvsim.graph.difference import Difference, difference
 from nvsim.graph.edits import EditError
-from nvsim.graph.graph_cache import Retained
+from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.journal_rows import decode_delta, encode_delta
 from nvsim.graph.operations import apply, describe, perform
@@ -123,7 +123,7 @@ def test_a_refused_edit_leaves_the_history_alone() -> None:
 
 def test_graphs_far_back_are_made_again_from_deltas_without_a_difference() -> None:
     first = row(8)
-    graphs = Retained(first, budget=1)
+    graphs = GraphCache(first, budget=1)
     plain = [first]
     for i in range(150):
         before = plain[-1]

@@ -9,7 +9,7 @@ from test_render_forward import ALL, CAMERAS, scene
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.gaussians import render_gaussians
 from nvsim.render.model import render_model
-from nvsim.render.workspace import Workspace, pixels_of, tiles_of
+from nvsim.render.workspace import RenderBuffers, pixels_of, tiles_of
 from nvsim.splats.types import FloorTexture, SubmapModel
 
 
@@ -50,7 +50,7 @@ def test_the_background_is_painted_in_wanted_tiles_only():
 
 def test_tiles_that_are_not_wanted_are_not_sorted():
     camera = CAMERAS["centred"]
-    gaussians, workspace = scene(camera), Workspace()
+    gaussians, workspace = scene(camera), RenderBuffers()
     workspace.project(gaussians, camera, True)
     workspace.bin()
     whole, all_visible = workspace.intersections, workspace.visible

@@ -11,7 +11,7 @@ import torch
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.render.model import render_model
-from nvsim.render.workspace import NO_TINT, Workspace
+from nvsim.render.workspace import NO_TINT, RenderBuffers
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training import trainer
@@ -46,7 +46,7 @@ def test_linear_gradients_are_those_of_the_tape_in_double_precision() -> None:
     features, embedding, _ = inputs(LINEAR, len(g))
     shown, tint = colours.shown(g, features, embedding, CAMERA)
     assert shown is g
-    workspace, k = Workspace(), CAMERA.intrinsics
+    workspace, k = RenderBuffers(), CAMERA.intrinsics
     workspace.project(g, CAMERA, True, tint=tint)
     workspace.bin()
     _, transmittance, _, _ = workspace.draw(k.height, k.width, False)
@@ -88,7 +88,7 @@ def test_a_tint_is_an_offset_of_the_first_coefficient() -> None:
     offset.sh[:, 0] += tint[0] @ tint[1].T
     pictures = []
     for gaussians, given in ((g, tint), (offset, NO_TINT)):
-        workspace = Workspace()
+        workspace = RenderBuffers()
         workspace.project(gaussians, CAMERA, True, tint=given)
         workspace.bin()
         k = CAMERA.intrinsics
@@ -136,7 +136,7 @@ def test_every_gaussian_that_is_drawn_counts_as_in_view() -> None:
     rng = np.random.default_rng(8)
     g = some_gaussians(4000)
     g.log_scales[:] = rng.normal(-2.5, 1.0, g.log_scales.shape)
-    workspace = Workspace()
+    workspace = RenderBuffers()
     workspace.project(g, CAMERA, True)
     seen = np.empty(len(g), np.bool_)
     mark_in_view(g.means, g.log_scales, pack_camera(CAMERA), np.array([40, 30], np.float32), seen)

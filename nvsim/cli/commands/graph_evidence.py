@@ -57,7 +57,7 @@ def run(arguments: Arguments) -> int:
 
 def _measured(arguments: Arguments, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
     from nvsim.events import Done
-    from nvsim.mapping.new_viewpoint_evidence import STAGE, with_newcomers
+    from nvsim.mapping.new_viewpoint_evidence import STAGE, with_new_viewpoints
     from nvsim.project.stages.measured import measure, unmeasured
 
     ids = arguments.viewpoints or tuple(unmeasured(graph))
@@ -66,4 +66,4 @@ def _measured(arguments: Arguments, project: Project, graph: NavGraph, listen: L
     listen(Done(STAGE, words, {"proposed": list(found.proposed), "doubted": list(found.doubted)}))
     if not arguments.json:
         print(json.dumps({"proposed": found.proposed, "doubted": found.doubted}))
-    return with_newcomers(graph, found)
+    return with_new_viewpoints(graph, found)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from nvsim.errors import InputError
-from nvsim.graph.findings import CHOKING, Context, Finding, check_graph
+from nvsim.graph.findings import BLOCKS_EXPORT, Context, Finding, check_graph
 from nvsim.graph.types import NavGraph
 
 
 def choking(graph: NavGraph, context: Context | None = None) -> list[Finding]:
     """The findings that break the programs which read R2R files, less those that a person ignores for a reason."""
     found = check_graph(graph, context or Context())
-    return [f for f in found if f.kind in CHOKING and f.severity == "error" and f.key not in graph.ignored]
+    return [f for f in found if f.kind in BLOCKS_EXPORT and f.severity == "error" and f.key not in graph.ignored]
 
 
 def refuse(graph: NavGraph, context: Context | None = None) -> None:

@@ -5,7 +5,7 @@ Knows no files and no pixels: what only others can say comes in through `Context
 
 from nvsim.graph.findings.check import check_graph
 from nvsim.graph.findings.context import Context, Limits
-from nvsim.graph.findings.types import CHOKING, SEVERITIES, Finding, Fix
+from nvsim.graph.findings.types import BLOCKS_EXPORT, SEVERITIES, Finding, Fix
 from nvsim.graph.findings.validator import Validator
 
-__all__ = ["CHOKING", "SEVERITIES", "Context", "Finding", "Fix", "Limits", "Validator", "check_graph"]
+__all__ = ["BLOCKS_EXPORT", "SEVERITIES", "Context", "Finding", "Fix", "Limits", "Validator", "check_graph"]

@@ -10,7 +10,7 @@ from nvsim.graph.types import EdgeKey
 
 SEVERITIES = ("error", "warning", "notice")
 """error: agents fail, or walk into something. warning: probably wrong. notice: worth a look."""
-CHOKING = frozenset({"scan", "id", "empty", "isolated", "one_way", "length"})
+BLOCKS_EXPORT = frozenset({"scan", "id", "empty", "isolated", "one_way", "length"})
 """Kinds that break the programs which read the files, so that an export is refused."""
 
 

@@ -8,7 +8,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.new_viewpoint_evidence import Newcomers, measure_newcomers
+from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_new_viewpoints
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews
@@ -21,12 +21,12 @@ def measure(
     config: MappingConfig,
     listen: Listener,
     memory_budget: int | None = None,
-) -> Newcomers:
+) -> NewViewpointEvidence:
     """See measure_newcomers. Raises InputError while no submap is trained, or when an id is not in `graph`."""
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
-    return measure_newcomers(
+    return measure_new_viewpoints(
         graph, ids, SceneViews(scene), floor_of(project).height_at, support.at, config, listen=listen
     )
 

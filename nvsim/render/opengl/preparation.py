@@ -16,7 +16,7 @@ import numpy as np
 from nvsim.geometry.camera import Camera
 from nvsim.render.opengl.quads import QUAD_WIDTH, nearest_first, write_quads
 from nvsim.render.types import Float32
-from nvsim.render.workspace import LOCK, Workspace, ready
+from nvsim.render.workspace import LOCK, RenderBuffers, ready
 from nvsim.splats.types import Gaussians, SubmapModel
 
 
@@ -41,7 +41,7 @@ class Sorter:
     """The memory that preparing takes, kept between frames."""
 
     def __init__(self) -> None:
-        self._workspace = Workspace()
+        self._workspace = RenderBuffers()
         self._keys = np.empty((2, 0), np.uint32)
         self._order = np.empty((2, 0), np.int32)
 

@@ -42,7 +42,7 @@ _MASK = np.uint32((1 << _BITS) - 1)
 def nearest_first(splats: Any, visible: Any, keys: Any, order: Any, spare_keys: Any, spare_order: Any) -> Any:
     """Writes to the start of `order` which rows of `splats` to draw, nearest first; returns their number.
 
-    splats, visible   as Workspace.splats
+    splats, visible   as RenderBuffers.splats
     keys .. spare_order   (N,) uint32 and int32 scratch. Depths are compared by the upper 24 bits of their range: to a
                           relative 4e-6 between 5 cm and 20 m
     """

@@ -16,7 +16,7 @@ from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import can_stand, decide
 from nvsim.mapping.evidence_stack import WORDS
-from nvsim.mapping.rethreshold import Redecider
+from nvsim.mapping.rethreshold import Rethresholder
 from nvsim.occupancy.types import OCCUPIED
 
 SMALL = MappingConfig(view_size=96)
@@ -50,10 +50,10 @@ configs = st.builds(
 @given(configs)
 def test_every_corridor_is_decided_as_one_by_one(config: MappingConfig) -> None:
     graph, walk = built()
-    found = Redecider(graph, walk).decide(config)
+    found = Rethresholder(graph, walk).decide(config)
     evidence = list(graph.evidence.values())
     assert [WORDS[c] for c in found.codes] == [decide(e, config) for e in evidence]
-    stands = Redecider(graph)._stack.stands(config)
+    stands = Rethresholder(graph)._stack.stands(config)
     for id, stand in zip(graph.viewpoints, stands, strict=True):
         around = [e for e in evidence if e.viewpoint == id and e.direction < 8]
         assert stand == can_stand(around, config)
@@ -62,7 +62,7 @@ def test_every_corridor_is_decided_as_one_by_one(config: MappingConfig) -> None:
 @pytest.mark.parametrize("config", [SMALL, replace(MappingConfig.paper(), view_size=96)], ids=["nvsim", "paper"])
 def test_the_thresholds_it_was_built_with_change_nothing(config: MappingConfig) -> None:
     graph, walk = built(config)
-    redecider = Redecider(graph, walk)
+    redecider = Rethresholder(graph, walk)
     found = redecider.decide(config)
     assert not found and found.lonely == found.kept == found.beyond == 0
     after = redecider.apply(found)
@@ -72,7 +72,7 @@ def test_the_thresholds_it_was_built_with_change_nothing(config: MappingConfig) 
 def test_stricter_thresholds_take_away_exactly_the_edges_whose_corridors_fail() -> None:
     graph, walk = built()
     strict = replace(SMALL, row_alpha=0.12, robot_radius=0.35)
-    redecider = Redecider(graph, walk)
+    redecider = Rethresholder(graph, walk)
     found = redecider.decide(strict)
     gone = {edge(redecider.ids[a], redecider.ids[b]).key for a, b in found.disappear}
     expected = set()
@@ -90,7 +90,7 @@ def test_stricter_thresholds_take_away_exactly_the_edges_whose_corridors_fail() 
     # ... and come back when the limits do, with the words they had.
     after = redecider.apply(found)
     assert set(after.edges) == set(graph.edges) - gone
-    back = Redecider(after, walk)
+    back = Rethresholder(after, walk)
     again = back.apply(back.decide(SMALL))
     assert dict(again.edges) == dict(graph.edges)
     assert [e.decision for e in again.evidence.values()] == [e.decision for e in graph.evidence.values()]
@@ -103,29 +103,31 @@ def test_what_a_person_made_stays_and_what_a_person_removed_does_not_return() ->
     mine = next(iter(edges))
     edges[mine] = edge(*mine, "person")
     edited = replace(graph, edges=edges)
-    assert not Redecider(edited, walk).decide(SMALL)
-    closed = Redecider(edited, walk).decide(replace(SMALL, tau_alpha=0.0))
+    assert not Rethresholder(edited, walk).decide(SMALL)
+    closed = Rethresholder(edited, walk).decide(replace(SMALL, tau_alpha=0.0))
     assert closed.kept == 1 and len(closed.disappear) == len(edges) - 1
-    loose = Redecider(edited, walk).decide(replace(SMALL, row_alpha=1.0, cell_alpha=1.0))
+    loose = Rethresholder(edited, walk).decide(replace(SMALL, row_alpha=1.0, cell_alpha=1.0))
     ids = tuple(edited.viewpoints)
     assert removed not in {edge(ids[a], ids[b]).key for a, b in loose.appear}
 
 
 def test_looser_thresholds_say_how_much_new_ground_they_open() -> None:
     graph, walk = built()
-    loose = Redecider(graph, walk).decide(replace(SMALL, row_alpha=1.01, cell_alpha=1.01, tau_alpha=1.01, support=0.0))
+    loose = Rethresholder(graph, walk).decide(
+        replace(SMALL, row_alpha=1.01, cell_alpha=1.01, tau_alpha=1.01, support=0.0)
+    )
     assert loose.beyond > 0 and not len(loose.disappear)
 
 
 def test_a_viewpoint_far_from_the_walk_loses_its_edges() -> None:
     graph, walk = built()
-    near = Redecider(graph, walk).decide(replace(SMALL, max_distance=0.3))
+    near = Rethresholder(graph, walk).decide(replace(SMALL, max_distance=0.3))
     assert len(near.disappear) > 0 and near.lonely > 0
-    assert not Redecider(graph).decide(replace(SMALL, max_distance=0.3))  # nobody knows the walk
+    assert not Rethresholder(graph).decide(replace(SMALL, max_distance=0.3))  # nobody knows the walk
 
 
 def test_a_graph_without_evidence_has_nothing_to_decide() -> None:
     graph = NavGraph(
         "x", {"a": Viewpoint("a", (0, 0, 1)), "b": Viewpoint("b", (1, 0, 1))}, {("a", "b"): edge("a", "b")}
     )
-    assert not Redecider(graph).decide(SMALL) and not Redecider(NavGraph("x")).decide(SMALL)
+    assert not Rethresholder(graph).decide(SMALL) and not Rethresholder(NavGraph("x")).decide(SMALL)

@@ -11,7 +11,7 @@ import pytest
 
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import clearness_cache
-from nvsim.graph.clearness_cache import KeptEvidence
+from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operations import perform
@@ -35,7 +35,7 @@ def measured(viewpoints: int = 60) -> NavGraph:
 
 
 def test_what_is_kept_is_what_one_would_work_out_anew() -> None:
-    rng, kept = random.Random(3), KeptEvidence()
+    rng, kept = random.Random(3), ClearnessCache()
     history = History(measured())
     kept.follow(history.graph)
     for _ in kept.fill():
@@ -68,7 +68,7 @@ def test_what_is_kept_is_what_one_would_work_out_anew() -> None:
 
 
 def test_only_what_an_edit_touched_is_worked_out_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    history, kept, asked = History(measured()), KeptEvidence(), list[EdgeKey]()
+    history, kept, asked = History(measured()), ClearnessCache(), list[EdgeKey]()
 
     def counted(graph: NavGraph, key: EdgeKey) -> float:
         asked.append(key)
@@ -91,7 +91,7 @@ def test_only_what_an_edit_touched_is_worked_out_again(monkeypatch: pytest.Monke
 
 
 def test_quantities_and_expressions_may_ask_what_is_kept() -> None:
-    graph, kept = measured(), KeptEvidence()
+    graph, kept = measured(), ClearnessCache()
     kept.follow(graph)
     for name in ("evidence", "alpha"):
         plain = quantity(graph, name, kind="edges")[1]
@@ -99,7 +99,7 @@ def test_quantities_and_expressions_may_ask_what_is_kept() -> None:
 
 
 def test_filling_stops_when_another_graph_is_followed() -> None:
-    graph, kept = measured(), KeptEvidence()
+    graph, kept = measured(), ClearnessCache()
     kept.follow(graph)
     steps = kept.fill()
     next(steps)

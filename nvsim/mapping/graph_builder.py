@@ -15,7 +15,7 @@ _BUCKET = 2.5  # metres
 SAME = 0.01  # metres: two ways of steps that lead to one place
 
 
-class Draft:
+class GraphBuilder:
     """viewpoints  id -> viewpoint, in the order they were found
     evidence    id -> direction -> evidence
     """
