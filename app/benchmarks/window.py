@@ -14,7 +14,7 @@ from app.benchmarks.responsiveness import Probe
 from app.benchmarks.views import graph_views
 from app.drawing.render_child import Picture
 from app.painting import cameras
-from app.start.session import Session
+from app.session import Session
 
 SIZE = (1280, 720)  # of the 3D view
 FLIGHT = 8.0  # seconds

@@ -18,7 +18,7 @@ from app.look import theme as themes
 from app.look.icons import FOLDER
 from app.look.notices import install_excepthook
 from app.start.collecting import Collecting
-from app.start.session import Session
+from app.session import Session
 from app.wiring.keeping import OPEN
 from nvsim.errors import InputError
 

@@ -183,7 +183,7 @@ def play_window(root: Path) -> int:
     from app.panels.jobs import JobPanel
     from app.start.application import make_application
     from app.start.main import check_project
-    from app.start.session import Session
+    from app.session import Session
     from nvsim.errors import InputError
 
     settings = QSettings(str(root.parent / "window.ini"), QSettings.Format.IniFormat)

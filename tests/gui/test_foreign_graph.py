@@ -12,7 +12,7 @@ from PySide6.QtCore import QPointF, QSettings, Qt
 from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
-from app.start.session import Session
+from app.session import Session
 from app.state.opening import check_project
 from app.wiring.foreign import ForeignPart
 from app.wiring.inspector import InspectorPart

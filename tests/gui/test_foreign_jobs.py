@@ -15,7 +15,7 @@ from app.forms.arguments import Settings
 from app.jobs.queue import JobQueue
 from app.panels.foreign_job import ForeignJob
 from app.panels.jobs import JobPanel
-from app.start.session import Session
+from app.session import Session
 from nvsim.errors import InputError
 from nvsim.events import Preview
 from nvsim.project.job_events import event_line

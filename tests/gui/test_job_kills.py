@@ -21,7 +21,7 @@ from pytestqt.qtbot import QtBot
 
 from app.drawing.render_link import RESTARTS
 from app.panels.jobs import JobPanel
-from app.start.session import Session
+from app.session import Session
 from nvsim.project.job_events import EventFile
 from nvsim.project.joblist import Job, JobList
 from nvsim.project.worker_lock import is_held

@@ -14,7 +14,7 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.start.session import Session
+from app.session import Session
 from app.state.loading import Contents, ProjectReader
 from app.state.watcher import FileReader, ProjectWatcher
 from nvsim.cli.main import main

@@ -17,7 +17,7 @@ from pytestqt.qtbot import QtBot
 from app.jobs.check import CheckResult, Group, result_of
 from app.panels.new_project import NewProjectDialog
 from app.panels.stage_bar import StageBar
-from app.start.session import Session
+from app.session import Session
 from app.wiring.new_project import NewProjectPart
 
 SECONDS = 120_000

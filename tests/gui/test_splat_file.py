@@ -10,7 +10,7 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
-from app.start.session import Session
+from app.session import Session
 from app.state.document import Document
 from app.state.reasons import with_graph, with_scene, with_splat_file
 from app.state.splat_file import SplatFile, outline_of

@@ -72,7 +72,7 @@ def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_
         "import sys, subprocess, threading, time; import app.start.main, app.start.application\n"
         "from pathlib import Path; from PySide6.QtCore import QSettings, QTimer\n"
         "qt = app.start.application.make_application('dark', QSettings('/nonexistent', QSettings.Format.IniFormat))\n"
-        "from app.start.session import Session\n"
+        "from app.session import Session\n"
         "started = []; begin = subprocess.Popen.__init__\n"
         "subprocess.Popen.__init__ = lambda self, *a, **k: (started.append(a), begin(self, *a, **k))[1]\n"
         "def heavy():\n"

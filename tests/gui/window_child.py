@@ -8,7 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import QSettings
 
 from app.start.application import make_application
-from app.start.session import Session
+from app.session import Session
 from app.wiring.jobs import JobsPart
 
 if __name__ == "__main__":
