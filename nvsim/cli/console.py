@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from nvsim.cli.show import as_json
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
 
 _heard_by: Listener | None = None
@@ -24,11 +26,11 @@ def heard_by(listen: Listener) -> Iterator[None]:
 
 
 @contextmanager
-def listening(as_json: bool) -> Iterator[Listener]:
+def listening(in_json: bool) -> Iterator[Listener]:
     """A listener for the time of a command."""
     if _heard_by is not None:
         yield _heard_by
-    elif as_json:
+    elif in_json:
         yield _print_json
     elif sys.stderr.isatty():
         with _Terminal() as terminal:
@@ -37,16 +39,16 @@ def listening(as_json: bool) -> Iterator[Listener]:
         yield _Plain()
 
 
-def tell_failure(event: Failed, as_json: bool) -> None:
+def tell_failure(event: Failed, in_json: bool) -> None:
     """Says how a command ended, where a program listens."""
     if _heard_by is not None:
         _heard_by(event)
-    elif as_json:
+    elif in_json:
         _print_json(event)
 
 
 def _print_json(event: Event) -> None:
-    print(to_json(event), flush=True)
+    print(as_json(json.loads(to_json(event))), flush=True)
 
 
 class _Plain:

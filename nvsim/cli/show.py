@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 
-def figures(values: Mapping[str, object], as_json: bool, title: str = "") -> None:
+def as_json(values: object) -> str:
+    """One line that every JSON reader takes: what is not a finite number is null, as the format knows none."""
+    try:
+        return json.dumps(values, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(json.loads(json.dumps(values))), allow_nan=False)
+
+
+def _finite(values: Any) -> Any:
+    if isinstance(values, dict):
+        return {name: _finite(value) for name, value in values.items()}
+    if isinstance(values, list):
+        return [_finite(value) for value in values]
+    return None if isinstance(values, float) and not math.isfinite(values) else values
+
+
+def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> None:
     """Prints named figures; nested values are only in the JSON."""
-    if as_json:
-        print(json.dumps(values), flush=True)
+    if in_json:
+        print(as_json(values), flush=True)
         return
     flat = {k: v for k, v in values.items() if not isinstance(v, list | dict | tuple)}
     table(("figure", "value"), [(k, _text(v)) for k, v in flat.items()], title)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ def run(arguments: Arguments) -> int:
     report = check(arguments.capture, arguments.scale, arguments.camera_height, arguments.leave_out)
     findings = [dataclasses.asdict(f) for f in report.findings]
     if arguments.json:
-        print(json.dumps({"refused": report.refused, "findings": findings}))
+        print(as_json({"refused": report.refused, "findings": findings}))
     else:
         # Lines, not a table: a place that is cut short cannot be found.
         for f in findings:

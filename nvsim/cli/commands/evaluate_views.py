@@ -4,13 +4,13 @@ About 0.1 seconds a frame of 640x480 pixels on two cores, and three times an LPI
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from nvsim.cli.arguments import ProjectArguments
 from nvsim.cli.console import listening
+from nvsim.cli.show import as_json
 from nvsim.project.project import Project
 
 
@@ -43,7 +43,7 @@ def run(arguments: Arguments) -> int:
     result["lpips_why"] = why
     if arguments.csv is not None:
         atomic.write_text(arguments.csv, _csv(result))
-    print(json.dumps(result) if arguments.json else _text(result), flush=True)
+    print(as_json(result) if arguments.json else _text(result), flush=True)
     return 0
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +45,6 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    import json
 
     from nvsim.cli.graph_source import one_source, sources
 
@@ -55,7 +55,7 @@ def run(arguments: Arguments) -> int:
     else:
         written = [_write(source, arguments) for source in sources(arguments.graph, occupancy=arguments.occupancy)]
     for path in written:
-        print(json.dumps({"written": str(path)}) if arguments.json else f"Wrote {path}")
+        print(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
     return 0
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.show import as_json
 from nvsim.project.project import Project
 
 
@@ -27,5 +28,5 @@ def run(arguments: Arguments) -> int:
 
     with Project.open(arguments.project) as project:
         written = export_r2r(project, arguments.out, arguments.scan, arguments.frame, arguments.force)
-    print(f'{{"written": "{written}"}}' if arguments.json else f"Wrote {written}")
+    print(as_json({"written": str(written)}) if arguments.json else f"Wrote {written}")
     return 0

@@ -8,6 +8,7 @@ from typing import Literal
 
 from nvsim.cli.arguments import ProjectArguments
 from nvsim.cli.console import listening
+from nvsim.cli.show import as_json
 from nvsim.project.project import Project
 
 
@@ -24,7 +25,6 @@ class Arguments(ProjectArguments):
 
 
 def run(arguments: Arguments) -> int:
-    import json
 
     from nvsim.project.stages.exported_splats import export_splats
 
@@ -32,7 +32,7 @@ def run(arguments: Arguments) -> int:
     with Project.open(a.project) as project, listening(False) as listen:
         written = export_splats(project, a.out, a.format, a.submaps, a.frame, listen)
     if a.json:
-        print(json.dumps({"written": [str(p) for p in written]}))
+        print(as_json({"written": [str(p) for p in written]}))
     else:
         print("\n".join(f"Wrote {p}" for p in written))
     return 0

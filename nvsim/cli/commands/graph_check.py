@@ -3,12 +3,12 @@ every scan in a folder of them. Exits with 1 where there are errors."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from nvsim.cli.arguments import Inline, Positional
+from nvsim.cli.show import as_json
 from nvsim.graph.findings import Limits
 
 
@@ -61,7 +61,7 @@ def run(arguments: Arguments) -> int:
             rows = [(f.severity, f.message, f.fixes[0].text if f.fixes else "") for f in shown]
             show.table(("severity", "finding", "fix"), rows, title) if rows else print(title)
     if arguments.json:
-        print(json.dumps(report))
+        print(as_json(report))
     return 1 if any(scan["error"] for scan in report) else 0
 
 

@@ -3,11 +3,11 @@ the differences that are chosen."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
 from nvsim.errors import InputError
 
 
@@ -41,7 +41,7 @@ def run(arguments: Arguments) -> int:
     found = compare(a.graph, b.graph, arguments.tolerance)
     if arguments.json:
         rows = [asdict(d) for d in found.deviations]
-        print(json.dumps({**found.counts(), "matched": len(found.matched), "differences": rows}))
+        print(as_json({**found.counts(), "matched": len(found.matched), "differences": rows}))
     else:
         title = f"{len(found.matched)} viewpoints matched, {len(found.by_place)} of them by place"
         rows_of = [(d.kind, d.words) for d in found.deviations]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def run(arguments: Arguments) -> int:
 
 
 def report(
-    before: NavGraph, after: NavGraph, words: str, written: Path | None, as_json: bool, original: Path | None
+    before: NavGraph, after: NavGraph, words: str, written: Path | None, in_json: bool, original: Path | None
 ) -> None:
     """Prints what became of the graph, and of the file as it was, which is kept at `original`."""
     from nvsim.graph.components import components
@@ -87,12 +88,12 @@ def report(
     from nvsim.graph.foreign import islands
 
     change = difference(before, after)
-    if as_json:
+    if in_json:
         counts = {name: len(getattr(change, name)) for name in change.__dataclass_fields__}
         where = None if written is None else str(written)
         kept = None if original is None else str(original)
         parts = len(components(after))
-        print(json.dumps({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
+        print(as_json({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
         return
     print(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
     if written is not None:

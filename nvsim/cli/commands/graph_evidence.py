@@ -6,12 +6,12 @@ the window writes it, nothing in the project changes and the result goes to --ou
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nvsim.cli.arguments import Inline, Memory, ProjectArguments, memory_budget
+from nvsim.cli.show import as_json
 from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
 
@@ -65,5 +65,5 @@ def _measured(arguments: Arguments, project: Project, graph: NavGraph, listen: L
     words = f"{len(ids)} viewpoints measured, {len(found.proposed)} edges proposed, {len(found.doubted)} doubted"
     listen(Done(STAGE, words, {"proposed": list(found.proposed), "doubted": list(found.doubted)}))
     if not arguments.json:
-        print(json.dumps({"proposed": found.proposed, "doubted": found.doubted}))
+        print(as_json({"proposed": found.proposed, "doubted": found.doubted}))
     return with_new_viewpoints(graph, found)

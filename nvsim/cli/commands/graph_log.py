@@ -3,12 +3,12 @@ them as a script for `nvsim graph replay`."""
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def run(arguments: Arguments) -> int:
             write_script(arguments.script, script(history))
     if arguments.json:
         rows = [{"text": s.text, "when": s.when, "edit": s.edit, "operation": s.operation} for s in steps]
-        print(json.dumps({"steps": rows, "index": index, "saved": clean}))
+        print(as_json({"steps": rows, "index": index, "saved": clean}))
         return 0
     for number, step in enumerate(steps):
         if step.changes or number == 0:

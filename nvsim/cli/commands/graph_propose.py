@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
 
 if TYPE_CHECKING:
     from nvsim.graph.proposals import EdgeProposal, PlaceProposal
@@ -68,7 +69,7 @@ def run(arguments: Arguments) -> int:
     if arguments.script is not None:
         write_script(arguments.script, _script(edges, places))
     if arguments.json:
-        print(json.dumps({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
+        print(as_json({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
     else:
         rows = [(*map(short, e.edge), f"{e.score:.2f}", e.words) for e in edges]
         at = [(f"{p.position[0]:.2f}, {p.position[1]:.2f}", f"{p.score:.2f}", p.words) for p in places]

@@ -7,12 +7,12 @@ evidence, validity.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def run(arguments: Arguments) -> int:
     viewpoints = [id for id in graph.viewpoints if id in chosen.viewpoints]
     edges = [key for key in graph.edges if key in chosen.edges]
     if arguments.json:
-        print(json.dumps({"viewpoints": viewpoints, "edges": edges}))
+        print(as_json({"viewpoints": viewpoints, "edges": edges}))
     else:
         for line in (*viewpoints, *(f"{a} {b}" for a, b in edges)):
             print(line)

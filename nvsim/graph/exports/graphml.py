@@ -7,6 +7,7 @@ from pathlib import Path
 
 from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.graph.exports.characters import legal
 from nvsim.graph.types import NavGraph
 
 
@@ -18,16 +19,16 @@ def write_graphml(graph: NavGraph, path: Path) -> Path:
     """
     import networkx as nx
 
-    found = nx.Graph(scan=graph.scan, units="metres", up="z")
+    found = nx.Graph(scan=legal(graph.scan), units="metres", up="z")
     for v in graph.viewpoints.values():
         if not v.id.isprintable():
             raise InputError(f"The viewpoint id {v.id!r} cannot stand in a GraphML file; rename it.")
         x, y, z = map(float, v.position)
         found.add_node(v.id, x=x, y=y, z=z, height=float(v.height), included=v.included, reviewed=v.reviewed,
-                       submap=v.submap, origin=v.origin)  # fmt: skip
+                       submap=v.submap, origin=legal(v.origin))  # fmt: skip
     for (a, b), e in graph.edges.items():
         length = math.dist(graph.viewpoints[a].position, graph.viewpoints[b].position)
-        found.add_edge(a, b, length=length, weight=length, origin=e.origin, reviewed=e.reviewed)
+        found.add_edge(a, b, length=length, weight=length, origin=legal(e.origin), reviewed=e.reviewed)
     with atomic.replacing(path) as temporary:
         nx.write_graphml_xml(found, temporary, encoding="utf-8", prettyprint=len(found) < 10_000)
     return path

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.graph.exports.characters import legal
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
@@ -99,7 +100,7 @@ def write_svg(picture: Picture, path: Path) -> Path:
     rows = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{p.width}" height="{p.height}" '
         f'viewBox="0 0 {p.width} {p.height}">',
-        f"<title>{escape(p.scan)}</title>",
+        f"<title>{escape(legal(p.scan))}</title>",
         f'<rect width="100%" height="100%" fill="{_hex(_PAPER)}"/>',
     ]
     if p.ground is not None:
@@ -116,7 +117,7 @@ def write_svg(picture: Picture, path: Path) -> Path:
     for dot in p.dots:
         paint = f'fill="{_hex(dot.colour)}"' if dot.filled else f'fill="none" stroke="{_hex(dot.colour)}"'
         x, y = dot.at
-        rows.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{dot.radius:.2f}" {paint}><title>{escape(dot.name)}</title></circle>')  # fmt: skip # noqa: E501
+        rows.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{dot.radius:.2f}" {paint}><title>{escape(legal(dot.name))}</title></circle>')  # fmt: skip # noqa: E501
     x, y, length, size = _bar(p)
     rows.append(f'<path d="M{x:.1f} {y:.1f}h{length:.1f}" stroke="{_hex(_INK)}" stroke-width="{size / 5:.1f}"/>')
     rows.append(f'<text x="{x:.1f}" y="{y - size / 2:.1f}" font-family="sans-serif" font-size="{size:.1f}" fill="{_hex(_INK)}">{p.bar[1]}</text>')  # fmt: skip # noqa: E501
