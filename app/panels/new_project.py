@@ -28,6 +28,7 @@ from app.jobs.check import CaptureCheck, CheckResult
 from app.panels.check_result import FindingTree
 from app.project_place import place_for, problem_with
 from nvsim.capture.several import SUFFIX, write_list
+from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
 
 BETWEEN = "; "  # several captures in one line
@@ -215,7 +216,11 @@ class NewProjectDialog(QDialog):
         source = captures[0]
         if len(captures) > 1:
             source = Path(self._scratch.path()) / f"together{SUFFIX}"
-            write_list(captures, source)
+            try:
+                write_list(captures, source)
+            except InputError as error:
+                self._on_failed(str(error))
+                return
         self.check.start(source, values["scale"], values["camera_height"])
         self._show_state()
 
