@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,8 @@ from nvsim.capture.several import listed
 from nvsim.capture.store import load_capture, save_capture
 from nvsim.errors import InputError
 
-SETTINGS = settings(max_examples=120, deadline=2000, suppress_health_check=[HealthCheck.too_slow])
+# Processor time is what counts (see `survives`): a clock would judge the machine's other work.
+SETTINGS = settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 POSES, POINTS = sample.walk(4), sample.room(60)
 
 numbers = st.one_of(
@@ -52,10 +54,12 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def survives(action: Callable[[], Any]) -> None:
+    began = time.process_time()
     try:
         action()
     except InputError as error:
         assert str(error) and "\n" not in str(error).replace("\\n", "")
+    assert time.process_time() - began < 2
 
 
 def places(tree: Any, path: tuple = ()) -> list[tuple]:
