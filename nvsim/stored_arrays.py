@@ -59,12 +59,13 @@ def read_arrays(
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str, dimensions: int) -> NDArray[Any]:
     with archive.open(entry) as file:
         version = np.lib.format.read_magic(file)
-        if version == (1, 0):
-            shape, _, dtype = np.lib.format.read_array_header_1_0(file, max_header_size=_HEADER)
-        elif version == (2, 0):
-            shape, _, dtype = np.lib.format.read_array_header_2_0(file, max_header_size=_HEADER)
-        else:
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+        if read is None:
             raise ValueError(f"array {entry.filename!r} has version {version}")
+        try:
+            shape, _, dtype = read(file, max_header_size=_HEADER)
+        except Exception as error:  # numpy evaluates the header as a Python literal
+            raise ValueError(f"array {entry.filename!r} has a header that makes no sense") from error
         if dtype.kind not in kinds or len(shape) != dimensions:
             raise ValueError(f"array {entry.filename!r} is {dtype} of shape {shape}")
         if min(shape, default=1) < 0 or math.prod(shape) * dtype.itemsize != entry.file_size - file.tell():

@@ -29,6 +29,7 @@ from app.look.plain_text import tip
 from app.panels.check_result import FindingTree
 from app.state.project_place import place_for, problem_with
 from nvsim.capture.multi_capture import SUFFIX, write_list
+from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
 
 BETWEEN = "; "  # several captures in one line
@@ -216,7 +217,11 @@ class NewProjectDialog(QDialog):
         source = captures[0]
         if len(captures) > 1:
             source = Path(self._scratch.path()) / f"together{SUFFIX}"
-            write_list(captures, source)
+            try:
+                write_list(captures, source)
+            except InputError as error:
+                self._on_failed(str(error))
+                return
         self.check.start(source, values["scale"], values["camera_height"])
         self._show_state()
 

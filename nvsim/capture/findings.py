@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast
 
@@ -11,7 +11,16 @@ from nvsim.errors import InputError
 
 Severity = Literal["error", "warning", "note"]
 _LISTED = 40
+_LONGEST = 1000  # characters of a message
 _KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory
+
+
+def shown(text: object, most: int = 300) -> str:
+    """`text` as a sentence can hold it: names out of a file may be endless, or hold what a terminal takes as orders."""
+    words = str(text)
+    if not words.isprintable():
+        words = words.encode("unicode_escape").decode()
+    return words if len(words) <= most else words[: most - 3] + "..."
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,7 @@ class Findings:
     def add(self, finding: Finding) -> None:
         self._counts[finding.severity] += 1
         if self._counts[finding.severity] <= _KEPT:
-            self._items.append(finding)
+            self._items.append(replace(finding, message=shown(finding.message, _LONGEST)))
 
     def error(self, message: str, where: str, consequence: str) -> None:
         self.add(Finding("error", message, where, consequence))
@@ -83,7 +92,7 @@ class Findings:
             return
         places: dict[str, list[str]] = {}
         for finding in errors:
-            places.setdefault(finding.message, []).append(finding.where)
+            places.setdefault(finding.message, []).append(shown(finding.where))
         kinds = []
         for message, wheres in sorted(places.items(), key=lambda kind: -len(kind[1])):
             listed = ", ".join(wheres[:_LISTED])

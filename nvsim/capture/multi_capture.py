@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim import atomic
-from nvsim.capture.findings import Findings
+from nvsim.capture.findings import Findings, shown
 from nvsim.capture.raw import RawCapture, lines_of
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
@@ -49,16 +49,16 @@ def listed(path: Path) -> list[Path]:
         try:
             found.append((path.parent / Path(word).expanduser()).resolve())
         except (OSError, ValueError, RuntimeError) as error:
-            raise InputError(f"{path}, line {number}: {word[:80]!r} cannot be a path ({error}); {then}.") from error
+            raise InputError(f"{path}, line {number}: {word[:80]!r} cannot be a path; {then}.") from error
     if not found:
         raise InputError(f"{path} names no capture; {then}.")
     if len(found) > _MOST:
         raise InputError(f"{path} names {len(found)} captures; at most {_MOST} are read together.")
     for i, capture in enumerate(found):
         if capture in found[:i]:
-            raise InputError(f"{path} names {capture} twice; remove one of the lines.")
+            raise InputError(f"{path} names {shown(capture)} twice; remove one of the lines.")
         if capture.suffix == SUFFIX:
-            raise InputError(f"{path} names {capture.name}, which is a list as well; name its captures here.")
+            raise InputError(f"{path} names {shown(capture.name)}, which is a list as well; name its captures here.")
     return found
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.colmap import find_model, model_extension, read_colmap
 from nvsim.capture.far_frames import without
-from nvsim.capture.findings import Findings
+from nvsim.capture.findings import Findings, shown
 from nvsim.capture.kapture import find_kapture, read_kapture
 from nvsim.capture.multi_capture import SUFFIX, read_several
 from nvsim.capture.nerfstudio import read_nerfstudio
@@ -58,11 +58,12 @@ def read_raw(path: Path, findings: Findings) -> RawCapture:
         exists, is_folder = resolved.exists(), resolved.is_dir()
         is_empty = is_folder and next(resolved.iterdir(), None) is None
     except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(f"{path} cannot be opened ({error}); check the path.") from error
+        reason = error.strerror if isinstance(error, OSError) else shown(error)
+        raise InputError(f"{shown(path)} cannot be opened ({reason}); check the path.") from error
     if not exists:
-        raise InputError(f"{path} does not exist; check the path.")
+        raise InputError(f"{shown(path)} does not exist; check the path.")
     if is_empty:
-        raise InputError(f"{path} is an empty folder; a capture is {FORMATS}.")
+        raise InputError(f"{shown(path)} is an empty folder; a capture is {FORMATS}.")
     with reading(path, "a capture"):
         raw = _read_folder(resolved, findings) if is_folder else _read_file(resolved, findings)
         return _settled(raw, findings)
@@ -87,7 +88,7 @@ def _read_file(path: Path, findings: Findings) -> RawCapture:
         return read_colmap(path.parent, path.parent, findings)
     if path.name == "sensors.txt" and (root := find_kapture(path.parent)) is not None:
         return read_kapture(root, findings)
-    raise InputError(f"{path} is not a capture; name the folder of {FORMATS}.")
+    raise InputError(f"{shown(path)} is not a capture; name the folder of {FORMATS}.")
 
 
 def _read_folder(folder: Path, findings: Findings) -> RawCapture:
@@ -115,7 +116,7 @@ def _read_folder(folder: Path, findings: Findings) -> RawCapture:
         return read_colmap(model, folder, findings)
     if (folder / "sensors").is_dir():
         raise InputError(f"{folder / 'sensors' / 'sensors.txt'} is missing; a kapture capture needs it.")
-    raise InputError(f"{folder} holds no capture that is known; a capture is {FORMATS}.")
+    raise InputError(f"{shown(folder)} holds no capture that is known; a capture is {FORMATS}.")
 
 
 def _settled(raw: RawCapture, findings: Findings) -> RawCapture:

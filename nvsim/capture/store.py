@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -138,7 +139,7 @@ def _pose(rows: object) -> NDArray[np.float64]:
 
 
 def _load_cloud(folder: Path, name: object, kind: str) -> Cloud:
-    if not isinstance(name, str) or Path(name).name != name or "\0" in name:
+    if not isinstance(name, str) or not re.fullmatch(r"cloud-[0-9a-f]{1,64}\.npz", name):
         raise ValueError("a cloud outside the project")
     wanted = {"points": ("f", 2), "colors": ("u", 2)}
     arrays = read_arrays(folder / name, "a stored cloud", wanted, _AGAIN, frozenset({"colors"}))

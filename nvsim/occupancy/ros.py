@@ -139,18 +139,18 @@ def _parse(path: Path) -> _Description:
     for name in ("image", "origin"):
         if name not in values:
             raise InputError(f"{path} has no line '{name}:'; add it (see the ROS map_server format).")
-    if not values["image"][1] or "\0" in values["image"][1]:
+    if not values["image"][1] or not values["image"][1].isprintable() or len(values["image"][1]) > 500:
         raise InputError(f"{path}, line {values['image'][0]}: image names no file; write the picture's name there.")
     line, value = values["origin"]
     parts = [p for p in value.strip("[]").split(",") if p.strip()]
     where = f"{path}, line {line}: origin"
     if len(parts) not in (2, 3):
-        raise InputError(f"{where} is {value!r}; it must be [x, y, yaw].")
+        raise InputError(f"{where} is {value[:60]!r}; it must be [x, y, yaw].")
     x, y, yaw = (*(_number(p.strip(), where) for p in parts), 0.0)[:3]
     if abs(math.remainder(yaw, 2 * math.pi)) > 1e-4:
         raise InputError(f"{where} turns the map by {yaw} rad; turn the picture instead and write yaw 0.")
     if max(abs(x), abs(y)) > _FARTHEST:
-        raise InputError(f"{where} is {value!r}, more than {_FARTHEST:.0e} m away; write it in metres.")
+        raise InputError(f"{where} is {value[:60]!r}, more than {_FARTHEST:.0e} m away; write it in metres.")
     resolution = number_of("resolution")
     if not _FINEST <= resolution <= _COARSEST:
         raise InputError(
@@ -159,10 +159,10 @@ def _parse(path: Path) -> _Description:
         )
     mode = values.get("mode", (0, "trinary"))
     if mode[1] not in ("trinary", "scale", "raw"):
-        raise InputError(f"{path}, line {mode[0]}: mode {mode[1]!r} is unknown; write trinary, scale or raw.")
+        raise InputError(f"{path}, line {mode[0]}: mode {mode[1][:60]!r} is unknown; write trinary, scale or raw.")
     negate = values.get("negate", (0, "0"))
     if negate[1].lower() not in ("0", "1", "true", "false"):
-        raise InputError(f"{path}, line {negate[0]}: negate is {negate[1]!r}; write 0 or 1.")
+        raise InputError(f"{path}, line {negate[0]}: negate is {negate[1][:60]!r}; write 0 or 1.")
     return _Description(
         values["image"][1],
         resolution,
@@ -180,5 +180,5 @@ def _number(text: str, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"{where} is {text!r}; it must be a number.")
+        raise InputError(f"{where} is {text[:60]!r}; it must be a number.")
     return value

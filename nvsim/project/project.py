@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 import sqlite3
 import time
 from collections.abc import Iterator, Mapping
@@ -229,14 +230,14 @@ class Project:
 
     def surface(self, submap: int) -> FloorSurface | None:
         path = self.layout.surface(submap)
-        if not path.is_file():
+        if not os.path.lexists(path):
             return None
         from nvsim.geometry.floor_surface import FloorSurface
 
         return FloorSurface.load(path)
 
     def support(self) -> FloorSupport | None:
-        if not self.layout.support.is_file():
+        if not os.path.lexists(self.layout.support):
             return None
         from nvsim.perception.support import FloorSupport
 

@@ -26,6 +26,7 @@ class Arguments:
 
 def run(arguments: Arguments) -> int:
     from nvsim.capture.check import check
+    from nvsim.capture.findings import shown
 
     report = check(arguments.capture, arguments.scale, arguments.camera_height, arguments.leave_out)
     findings = [dataclasses.asdict(f) for f in report.findings]
@@ -34,7 +35,7 @@ def run(arguments: Arguments) -> int:
     else:
         # Lines, not a table: a place that is cut short cannot be found.
         for f in findings:
-            print(f"{f['severity']}: {f['where']}: {f['message']} ({f['consequence']})")
+            print(f"{f['severity']}: {shown(f['where'], 1000)}: {f['message']} ({f['consequence']})")
     if not arguments.json:
         print("The capture cannot be used as it is." if report.refused else "The capture can be used.")
     return 2 if report.refused else 0

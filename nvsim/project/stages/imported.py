@@ -26,6 +26,7 @@ def run(
     """The capture of `source`, checked; in the frame of `alignment` where that is known. Raises InputError when the
     check refuses it or its scale is unknown."""
     from nvsim.capture.check import check
+    from nvsim.capture.findings import shown
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
 
@@ -48,7 +49,8 @@ def run(
     if report.refused:
         first = next(f for f in report.findings if f.severity == "error")
         raise InputError(
-            f"{source} cannot be used: {first.message} ({first.where}); `nvsim check {source}` lists every finding."
+            f"{source} cannot be used: {first.message} ({shown(first.where)}); "
+            f"`nvsim check {source}` lists every finding."
         )
     if not capture.alignment.scale_known:
         raise InputError(
