@@ -29,6 +29,8 @@ def read(connection: sqlite3.Connection, path: Path) -> NavGraph | None:
     scan = tables.read(connection, path, "meta", {"value": TEXT}, "WHERE key = 'scan'")
     if not scan:
         return None
+    if "/" in scan[0][0] or not scan[0][0].isprintable():
+        raise InputError(f"{path}: the name of the scan cannot name a file; build the graph again with `nvsim map`.")
     # A project that was opened for reading only keeps the columns of the version that wrote it.
     marked = int(connection.execute("PRAGMA user_version").fetchone()[0]) >= 2
     noted = _NOTED if marked else {}

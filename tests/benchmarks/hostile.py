@@ -157,7 +157,8 @@ def play_commands(root: Path) -> int:
     }
     codes = {name: command([*name.removesuffix(" over a file").split(), *words]) for name, words in verbs.items()}
     print(codes, flush=True)
-    return 0 if set(codes.values()) <= {0, 2} and codes["graph log over a file"] == 2 else 1
+    found = codes.pop("graph check") in (0, 1, 2)  # 1: the graph has errors
+    return 0 if found and set(codes.values()) <= {0, 2} and codes["graph log over a file"] == 2 else 1
 
 
 def trial(folder: Path, honest: Path, name: str, window: bool) -> list[Outcome]:

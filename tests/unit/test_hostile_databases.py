@@ -92,7 +92,7 @@ CELLS = {
     "evidence": ["INSERT INTO evidence VALUES (0, 'a', 0, x'01')", "INSERT INTO evidence VALUES (0, 'a', 0, 'text')",
                  "INSERT INTO evidence VALUES (0, 'a', 0, zeroblob(100000))",
                  "INSERT INTO evidence VALUES (0, 'a', 0, x'01ffffffff7b7d')"],
-    "meta": ["UPDATE meta SET value = x'ff'"],
+    "meta": ["UPDATE meta SET value = x'ff'", "UPDATE meta SET value = '../../outside'"],
     "ignored": ["INSERT INTO ignored VALUES (0, 'a key', zeroblob(3))"],
 }  # fmt: skip
 
@@ -121,6 +121,19 @@ def test_every_reader_says_what_is_wrong(house: Path, statement: str, read: Call
     change(house / "project.db", statement)
     with Project.open(house) as project, pytest.raises(InputError):
         read(project)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[]", "{", '{"shell": "x"}', '{"scale": "1"}', '{"hold_out": -1}', '{"camera_height": 1e999}', "[" * 99_999],
+)
+def test_what_is_stored_of_the_import_is_taken_only_as_what_it_must_be(house: Path, text: str) -> None:
+    from nvsim.project.stages.imported import capture_config
+
+    with Project.open(house, writable=True) as project:
+        project.set_meta("capture_config", text)
+        with pytest.raises(InputError, match="import it again"):
+            capture_config(project)
 
 
 def test_damaged_pages_are_a_sentence(house: Path) -> None:

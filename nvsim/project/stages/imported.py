@@ -15,6 +15,7 @@ from nvsim.project import ledger, results
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
+from nvsim.reading import reading
 
 STAGE = "import"
 _CONFIG = "capture_config"
@@ -73,9 +74,19 @@ def run(
 
 
 def capture_config(project: Project) -> CaptureConfig:
-    """How the project's capture was imported."""
+    """How the project's capture was imported. Raises InputError where what is stored of it is none."""
     text = project.meta(_CONFIG)
-    return CaptureConfig(**json.loads(text)) if text else CaptureConfig()
+    if not text:
+        return CaptureConfig()
+    with reading(project.layout.database, "a database that says how the capture was imported", "import it again"):
+        values = json.loads(text)
+        config = CaptureConfig(**values)
+        for length in (config.scale, config.camera_height):
+            if length is not None and not (type(length) in (int, float) and 0 < length < 1e9):
+                raise ValueError(f"{length!r} metres")
+        if type(config.hold_out) is not int or not 0 <= config.hold_out < 1 << 31:
+            raise ValueError(f"every {config.hold_out!r}th frame is held out")
+    return config
 
 
 def capture_key(project: Project) -> str:

@@ -12,6 +12,7 @@ from nvsim.atomic import write_bytes
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
 from nvsim.geometry.camera import Camera
+from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.mapping.config import MappingConfig
 from nvsim.project import graph_table, ledger
@@ -109,9 +110,11 @@ def map_key(project: Project, config: MappingConfig) -> str:
 
 
 def scan_name(project: Project) -> str:
-    """The R2R scan id of the project: its folder's name in letters and digits (agents split keys at underscores)."""
+    """The R2R scan id of the project: its folder's name in letters and digits (agents split keys at underscores).
+    Raises InputError where another one is stored that no agent reads."""
     chosen = project.meta("scan_name")
     if chosen:
+        check_scan_id(chosen)
         return chosen
     letters = "".join(c for c in project.layout.root.stem if c.isascii() and c.isalnum())
     return letters or "scan"
