@@ -1,0 +1,107 @@
+"""A cancelled training leaves the trained model in the view; an earlier result comes back from the Jobs menu."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import tiny_capture
+from PySide6.QtCore import QSettings
+from pytestqt.qtbot import QtBot
+
+from app.forms.form import CommandForm
+from app.loading import Contents
+from app.model_words import model_words
+from app.panels.earlier import EarlierResults
+from app.parts.jobs import JobsPart
+from app.session import Session
+from nvsim.project.jobs import JobRecord
+from nvsim.project.project import Project
+from nvsim.project.replaced import what_is_replaced
+
+SECONDS = 240_000  # milliseconds, the first kernels included
+STEPS = 20
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with one trained submap."""
+    from nvsim.cli.main import main
+
+    folder = tmp_path_factory.mktemp("kept")
+    capture, project = tiny_capture.write_capture(folder), folder / "rooms.nvsim"
+    few = ["--steps", str(STEPS), "--image-size", "64", "--gaussian-cap", "1000", "--threads", "1"]
+    for verb in (["import", str(capture)], ["submaps", "--count", "1"], ["floors"], ["train", *few]):
+        assert main([*verb, "--project", str(project)]) == 0
+    long = {**tiny_capture.SETTINGS["train"], "config.steps": 5000, "config.checkpoint_seconds": 0.1}
+    (project / "settings.json").write_text(json.dumps({"train": long}))
+    return project
+
+
+def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
+    trained: Path, qtbot: QtBot, settings: QSettings
+) -> None:
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(trained)
+    document = session.window.document
+    qtbot.waitUntil(lambda: session.window.scene.picture is not None, timeout=SECONDS)
+    assert document.contents.model_info[0]["steps"] == STEPS
+    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+
+    form = part.open_form("train")
+    assert isinstance(form, CommandForm)
+    with Project.open(trained) as project:
+        assert form.replaces.text().lower() == what_is_replaced(project, "train").lower() != ""
+    form.reject()
+
+    handle = part.run_stage("train")
+    assert handle is not None
+    qtbot.waitUntil(lambda: 0 in document.contents.training, timeout=SECONDS)
+    qtbot.waitUntil(
+        lambda: f"trained model of {STEPS} steps · training, step" in model_words(document.contents, 0), timeout=SECONDS
+    )
+    session.window.jobs.cancel(handle)
+    qtbot.waitUntil(lambda: handle.state == "cancelled", timeout=SECONDS)
+    session.window.refreshWanted.emit()
+    qtbot.waitUntil(lambda: "unfinished training" in model_words(document.contents, 0), timeout=SECONDS)
+    assert document.contents.model_info[0]["steps"] == STEPS and not document.contents.live
+    qtbot.waitUntil(lambda: session.window.scene.link.ready, timeout=SECONDS)
+    assert not any("train this submap again" in text for text in session.window.notice_area.texts)
+    with Project.open(trained) as project:
+        scene = project.scene(live=True)  # what the process that draws has
+        assert scene is not None and scene.model(0).info["steps"] == STEPS
+    session.close()
+
+
+def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: QtBot, settings: QSettings) -> None:
+    from nvsim.cli.main import main
+
+    more = ["--steps", str(STEPS + 5), "--image-size", "64", "--gaussian-cap", "1000", "--threads", "1"]
+    assert main(["train", *more, "--project", str(trained)]) == 0
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(trained)
+    document = session.window.document
+    qtbot.waitUntil(lambda: document.contents.kept == {"train"}, timeout=SECONDS)
+    assert document.contents.model_info[0]["steps"] == STEPS + 5
+    session.window.actions_table["earlier_results"].trigger()
+    dialog = session.window.findChild(EarlierResults)
+    assert dialog is not None and f"{STEPS} steps" in dialog.list.item(0).text() and "B" in dialog.list.item(0).text()
+    dialog.restore_button.click()
+    qtbot.waitUntil(lambda: document.contents.model_info[0]["steps"] == STEPS, timeout=SECONDS)
+    session.close()
+
+
+def test_the_words_name_the_model_that_is_shown() -> None:
+    done = Contents(model_info={0: {"steps": 2000}}, training={0: 430})
+    assert model_words(done, 0) == "trained model of 2000 steps · unfinished training, step 430"
+    assert model_words(done, 1) == "not trained"
+    job = JobRecord(1, "train", "running", 0.2, 0.0, None, "")
+    running = Contents(model_info={0: {"steps": 2000}}, training={0: 430}, jobs=(job,))
+    assert model_words(running, 0) == "trained model of 2000 steps · training, step 430"
+    former = Contents(former=frozenset({"train"}))
+    assert model_words(former, 2) == "the former cut's models are shown"
