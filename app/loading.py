@@ -15,7 +15,6 @@ from app.graph_arrays import GraphArrays
 from app.graph_files import GraphFile, ProjectGraph
 from app.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
-from nvsim.errors import InputError
 from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -287,14 +286,14 @@ class ProjectReader:
         return tuple(found) or None
 
     def _model_info(self) -> dict[int, dict[str, object]]:
-        import json
+        from nvsim.reading import reading
+        from nvsim.regular import read_json
 
         result: dict[int, dict[str, object]] = {}
         for path in sorted(self._project.layout.models.glob("submap_*/model.json")):
-            try:
-                data = json.loads(path.read_text())
+            what, then = "the description of a model", "run `nvsim train` again"
+            data = read_json(path, what, then, strict=False)
+            with reading(path, what, then):
                 info = {"gaussians": data.get("count"), **data.get("info", {})}
                 result[int(path.parent.name.removeprefix("submap_"))] = info
-            except (OSError, ValueError) as error:
-                raise InputError(f"{path} is damaged ({error}); run `nvsim train` again.") from error
         return result

@@ -15,6 +15,7 @@ from app.forms.fields import Field, command_of, fields_of, presets_of
 from nvsim.atomic import write_text
 from nvsim.cli.arguments import parse
 from nvsim.errors import InputError
+from nvsim.regular import read_json
 
 FILE = "settings.json"
 PRESET = "preset"
@@ -58,8 +59,8 @@ class Settings:
         self._path = None if project is None else project / FILE
         self._values: dict[str, dict[str, Any]] = {}
         if self._path is not None:
-            with contextlib.suppress(OSError, ValueError):
-                read = json.loads(self._path.read_text())
+            with contextlib.suppress(InputError):
+                read = read_json(self._path, "a file of options", "", _LARGEST)
                 if isinstance(read, dict):
                     self._values = {v: dict(c) for v, c in read.items() if isinstance(c, dict)}
 
@@ -96,6 +97,7 @@ class Settings:
 
 
 _UNFIT = object()
+_LARGEST = 1 << 22  # bytes of the file of options
 
 
 def _fitting(field: Field, value: Any) -> Any:
