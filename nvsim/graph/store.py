@@ -23,6 +23,7 @@ import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint
+from nvsim.regular import shown
 
 T = TypeVar("T")
 _VERSION = 1
@@ -108,7 +109,7 @@ def decode_evidence(blob: bytes) -> Evidence:
         raise
     except Exception as error:  # whatever JSON and deflated bytes that are none of ours lead to
         raise InputError(
-            f"The stored evidence is damaged ({error!s:.200}); build the graph again with `nvsim map`."
+            f"The stored evidence is damaged ({shown(error)}); build the graph again with `nvsim map`."
         ) from error
 
 
@@ -181,7 +182,7 @@ def decode_graph(blob: bytes) -> NavGraph:
     except InputError:
         raise
     except Exception as error:  # whatever an archive and JSON that are none of ours lead to
-        raise InputError(f"The graph file is damaged ({error!s:.200}); export it again.") from error
+        raise InputError(f"The graph file is damaged ({shown(error)}); export it again.") from error
 
 
 def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
