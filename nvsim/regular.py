@@ -111,11 +111,19 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
                 return json.loads(text, parse_constant=_refused, object_pairs_hook=_unique)
             return json.loads(text)
         except json.JSONDecodeError as error:
-            raise InputError(
-                f"{path}, line {error.lineno}: {error.msg}, so it is not JSON and not {what}; {then}."
-            ) from error
+            why = f"line {error.lineno}: {error.msg}"
+            raise InputError(f"{path} is not JSON and cannot be read as {what} ({why}); {then}.") from error
         except RecursionError as error:
             raise InputError(f"{path} is not {what}: it is nested too deeply; {then}.") from error
+
+
+def shown(value: object) -> str:
+    """A value of a file for a message: its beginning, in one line."""
+    try:
+        text = str(value)
+    except ValueError:  # a number of thousands of digits
+        return "a number of very many digits"
+    return "".join(c if c.isprintable() else "?" for c in text[:40]) + ("..." if len(text) > 40 else "")
 
 
 def _refused(name: str) -> None:

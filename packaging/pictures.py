@@ -22,8 +22,8 @@ from PySide6.QtWidgets import QApplication, QDockWidget
 from app.look import theme
 from app.panels.jobs import JobPanel
 from app.panels.results import ResultPanel
-from app.start.application import make_application
 from app.session import Session
+from app.start.application import make_application
 from app.wiring.frames import FramePart
 from app.wiring.inspector import InspectorPart
 from app.wiring.jobs import JobsPart

@@ -17,6 +17,7 @@ from nvsim.cli.arguments import parse
 from nvsim.errors import InputError
 from nvsim.nofollow import read_regular
 from nvsim.project.proof import is_proven, proof_of
+from nvsim.regular import parse_json
 
 FILE = "settings.json"
 PRESET = "preset"
@@ -64,8 +65,8 @@ class Settings:
         self._path = None if project is None else project / FILE
         self._values: dict[str, dict[str, Any]] = {}
         if self._path is not None:
-            with contextlib.suppress(OSError, ValueError, RecursionError):
-                read = json.loads(read_regular(self._path, _MOST))
+            with contextlib.suppress(OSError, InputError, ValueError):
+                read = parse_json(self._path, read_regular(self._path, _MOST).decode(), "a file of options", "")
                 if isinstance(read, dict):
                     self._values = {v: dict(c) for v, c in read.items() if isinstance(c, dict)}
 

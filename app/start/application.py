@@ -17,8 +17,8 @@ from app.drawing.renderer_choice import PREFERENCES
 from app.look import theme as themes
 from app.look.icons import FOLDER
 from app.look.notices import install_excepthook
-from app.start.collecting import Collecting
 from app.session import Session
+from app.start.collecting import Collecting
 from app.wiring.keeping import OPEN
 from nvsim.errors import InputError
 

@@ -16,7 +16,6 @@ from app.state.graph_arrays import GraphArrays
 from app.state.graph_files import GraphFile, ProjectGraph
 from app.state.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
-from nvsim.errors import InputError
 from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -343,17 +342,17 @@ class ProjectReader:
         return found
 
     def _model_info(self) -> dict[int, dict[str, object]]:
-        import json
+        from nvsim.reading import reading
+        from nvsim.regular import read_json
 
         result: dict[int, dict[str, object]] = {}
         if "train" in self._standing()[0]:
             return result
+        what, then = "the description of a model", "run `nvsim train` again"
         for index, folder in self._folders().items():
             path = folder / "model.json"
-            try:
-                data = json.loads(path.read_text())
+            data = read_json(path, what, then, strict=False)
+            with reading(path, what, then):
                 info = {"gaussians": data.get("count"), **data.get("info", {})}
                 result[index] = info
-            except (OSError, ValueError) as error:
-                raise InputError(f"{path} is damaged ({error}); run `nvsim train` again.") from error
         return result

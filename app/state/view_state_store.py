@@ -12,6 +12,7 @@ from app.painting.tones import CHANNELS
 from app.state.document import Selection
 
 MOST_KEYS = 1000
+FARTHEST = 1e7
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,13 @@ def decode(text: str) -> Left | None:
             None if panorama is None else _numbers(panorama, 3),  # type: ignore[arg-type]
             tuple(_pose(key) for key in kept.get("keys", [])[:MOST_KEYS]),
         )
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
     return left if left.channel in CHANNELS else None
 
 
 def _optional(value: Any, kind: type) -> Any:
-    if value is not None and not isinstance(value, kind):
+    if value is not None and type(value) is not kind:
         raise ValueError(value)
     return value
 
@@ -67,10 +68,18 @@ def _optional(value: Any, kind: type) -> Any:
 def _numbers(values: Any, count: int) -> tuple[float, ...]:
     if len(values) != count:
         raise ValueError(values)
-    return tuple(float(v) for v in values)
+    return tuple(_number(v) for v in values)
+
+
+def _number(value: Any) -> float:
+    """Raises ValueError for what no view can be at."""
+    number = float(value)
+    if not abs(number) <= FARTHEST:  # also NaN
+        raise ValueError(value)
+    return number
 
 
 def _pose(kept: Any) -> ViewPose:
     x, y, z = _numbers(kept["position"], 3)
-    others = {name: float(kept[name]) for name in ("heading", "elevation", "reach", "fov")}
+    others = {name: _number(kept[name]) for name in ("heading", "elevation", "reach", "fov")}
     return ViewPose((x, y, z), **others)

@@ -153,7 +153,7 @@ class ThresholdPart(Part):
             kept = json.loads(str(self.workspace.settings.value(self._key(), "")))
             if kept["built"] == asdict(self.trial.project_config):
                 return MappingConfig(**kept["applied"])
-        except (ValueError, KeyError, TypeError, InputError):
+        except (ValueError, KeyError, TypeError, RecursionError, InputError):
             return None  # nothing was applied, or somebody wrote into the settings file
         return None
 

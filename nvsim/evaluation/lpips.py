@@ -21,6 +21,7 @@ Image = NDArray[np.float32]
 METADATA = "input_range"
 """Key of the ONNX file's own properties that says which values it takes: "-1..1" or "0..1"."""
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+_MOST = 4096  # pixels of an image's side
 _EQUAL = 1e-3  # more than this between equal images is no distance
 
 
@@ -80,6 +81,8 @@ class Lpips:
     def _try(self) -> None:
         """Equal images are at distance 0, others are not."""
         height, width = (size if isinstance(size, int) else 64 for size in self._inputs[0].shape[2:])
+        if not (0 < height <= _MOST and 0 < width <= _MOST):
+            raise InputError(f"{self.path} takes images of {width} x {height} pixels; export it with dynamic size.")
         rng = np.random.default_rng(0)
         a, b = rng.random((2, height, width, 3), np.float32)
         same, other = self(a, a), self(a, b)

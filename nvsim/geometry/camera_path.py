@@ -13,6 +13,11 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.regular import read_json
+
+_LARGEST = 1 << 24  # bytes
+_MOST_KEYS = 10_000
+_FARTHEST = 1e7
 
 
 @dataclass(frozen=True)
@@ -75,25 +80,33 @@ def write_camera_path(path: Path, keys: Sequence[KeyPose]) -> None:
 
 def read_camera_path(path: Path) -> CameraPath:
     """Raises InputError naming the file and the key that is wrong."""
-    try:
-        data = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read as a camera path ({error}); save it again in the window.") from error
+    data = read_json(path, "a camera path", "save it again in the window", _LARGEST)
     rows = data.get("keys") if isinstance(data, dict) else None
     if not isinstance(rows, list):
         raise InputError(f"{path} has no list of keys; save the camera path again in the window.")
+    if len(rows) > _MOST_KEYS:
+        raise InputError(f"{path} has {len(rows)} keys; a camera path has at most {_MOST_KEYS}.")
     return CameraPath([_key(path, number, row) for number, row in enumerate(rows, 1)])
 
 
 def _key(path: Path, number: int, row: object) -> KeyPose:
     try:
-        assert isinstance(row, dict)
-        x, y, z = (float(v) for v in row["position"])
-        rest = [float(row[name]) for name in ("heading", "elevation", "fov")]
-    except (AssertionError, KeyError, TypeError, ValueError) as error:
+        if not isinstance(row, dict) or not isinstance(row["position"], list):
+            raise TypeError
+        x, y, z = map(_number, row["position"])
+        rest = [_number(row[name]) for name in ("heading", "elevation", "fov")]
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{path}: key {number} lacks a position of three numbers, a heading, an elevation or a fov."
         ) from error
     if not all(map(isfinite, (x, y, z, *rest))) or not 0 < rest[2] < pi:
         raise InputError(f"{path}: key {number} has a value that is no finite number, or a fov not between 0 and pi.")
+    if max(map(abs, (x, y, z, *rest))) > _FARTHEST:
+        raise InputError(f"{path}: key {number} lies farther than {_FARTHEST:.0e} from the origin; write metres.")
     return KeyPose((x, y, z), *rest)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError
+    return float(value)

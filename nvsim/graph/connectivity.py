@@ -17,7 +17,7 @@ from nvsim import atomic
 from nvsim.capture.raw import FARTHEST
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
-from nvsim.regular import read_json, read_text
+from nvsim.regular import read_json, read_text, shown
 
 SUFFIX = "_connectivity.json"
 LARGEST_LIST = 1 << 24
@@ -85,7 +85,7 @@ def read_connectivity(path: Path) -> NavGraph:
             raise InputError(f"{where} is not an object; every viewpoint needs image_id, pose and unobstructed.")
         id = entry.get("image_id")
         if not is_name(id) or "/" in id:
-            raise InputError(f"{where}: image_id is {short(id)}; it must be a name without slash.")
+            raise InputError(f"{where}: image_id is {shown(id)}; it must be a name without slash.")
         if id in viewpoints:
             raise InputError(f"{where}: image_id {id} was used before; give every viewpoint its own.")
         height = number_in(entry.get("height", 1.5), f"{where}: height")
@@ -167,20 +167,12 @@ def is_name(value: Any) -> TypeGuard[str]:
     return isinstance(value, str) and 0 < len(value) <= LONGEST_ID and not any("\ud800" <= c <= "\udfff" for c in value)
 
 
-def short(value: Any) -> str:
-    """A JSON value for a message."""
-    try:
-        return repr(str(value)[:40])
-    except ValueError:  # a number of thousands of digits
-        return "a number of very many digits"
-
-
 def _flags(values: Any, count: int, where: str) -> list[bool]:
     if not isinstance(values, list) or len(values) != count:
         raise InputError(f"{where} must be a list of {count} booleans, one for every entry of the file.")
     for value in values:
         if not isinstance(value, bool | int) or value not in (0, 1):
-            raise InputError(f"{where} holds {short(value)}; only true, false, 0 and 1 are allowed.")
+            raise InputError(f"{where} holds {shown(value)}; only true, false, 0 and 1 are allowed.")
     return [bool(value) for value in values]
 
 
@@ -191,5 +183,5 @@ def number_in(value: Any, where: str) -> float:
     except OverflowError:
         number = math.nan
     if not math.isfinite(number):
-        raise InputError(f"{where} is {short(value)}; it must be a finite number.")
+        raise InputError(f"{where} is {shown(value)}; it must be a finite number.")
     return number

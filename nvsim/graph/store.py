@@ -11,27 +11,44 @@ import dataclasses
 import io
 import itertools
 import json
+import math
 import operator
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint
+from nvsim.regular import shown
 
 T = TypeVar("T")
 _VERSION = 1
 _BLOCK = 256
 _FAR = 1e12  # metres
-_MOST_CELLS = 1 << 20  # of a piece of evidence; a corridor has some 500
 _MOST_HEADER = 1 << 16  # bytes
-_MOST_INDEX, _MOST_EVIDENCE = 256 << 20, 1 << 30  # bytes of a graph's parts
 _ARRAYS = ("alpha", "up", "support")
 _SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in _ARRAYS)
+_CELLS_PER_BYTE = 256
+"""Of evidence, at most: ours have two, and twenty where all cells are alike."""
+_FREE, _FREE_TEXT, _EXPANSION = 32 << 20, 4 << 20, 10
+"""Bytes that a graph blob may unpack to: so many, and so many for each of its own."""
+_EVIDENCE: Mapping[str, type] = {
+    **dict.fromkeys(("viewpoint", "joins", "decision"), str),
+    **dict.fromkeys(("heading", "length", "near", "depth", "width"), float),
+    **dict.fromkeys(("direction", "submap"), int),
+    "stale": bool,
+}
+_EDGE: Mapping[str, type] = {**dict.fromkeys(("a", "b", "origin"), str), "reviewed": bool, "locked": bool}
+_VIEWPOINT: Mapping[str, type] = {
+    **dict.fromkeys(("id", "origin"), str),
+    **dict.fromkeys(("included", "reviewed", "locked"), bool),
+    "height": float,
+    "submap": int,
+}
 _BLOB = "_blob"  # evidence keeps the blob it was read from, so that writing it again costs nothing
 
 # A row of JSON values, in the order of the fields. Rows that older versions wrote are shorter.
@@ -98,12 +115,13 @@ def decode_evidence(blob: bytes) -> Evidence:
         header = json.loads(blob[5 : 5 + size])
         rows, cells = header.pop("shape")
         count = rows * cells
-        if not (_are((rows, cells), int) and rows >= 0 and cells >= 0 and count <= _MOST_CELLS):
-            raise ValueError("no number of cells")
-        data = inflated(blob[5 + size :], 2 * count + (count + 7) // 8 + 1)
-        if len(data) != 2 * count + (count + 7) // 8:
-            raise ValueError("wrong number of cells")
-        header["target"] = (float(header["target"][0]), float(header["target"][1]))
+        if not (type(rows) is type(cells) is int and min(rows, cells) >= 0 and count <= _CELLS_PER_BYTE * len(blob)):
+            raise ValueError(f"cells of shape {rows!r:.20} x {cells!r:.20}")
+        data = _inflated(blob[5 + size :], 2 * count + (count + 7) // 8)
+        header["target"] = x, y = (float(header["target"][0]), float(header["target"][1]))
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise ValueError("a target that is not finite")
+        _check_kinds(header, _EVIDENCE)
         evidence = Evidence(
             alpha=np.frombuffer(data, np.uint8, count).reshape(rows, cells),
             up=np.frombuffer(data, np.uint8, count, count).reshape(rows, cells),
@@ -112,25 +130,14 @@ def decode_evidence(blob: bytes) -> Evidence:
             .reshape(rows, cells),
             **header,
         )
-        _check_evidence(evidence)
         evidence.__dict__[_BLOB] = bytes(blob)
         return evidence
-    except (
-        *(struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError, zlib.error),
-        *(OverflowError, RecursionError),
-    ) as error:
+    except InputError:
+        raise
+    except Exception as error:  # whatever JSON and deflated bytes that are none of ours lead to
         raise InputError(
-            f"The stored evidence is damaged ({error}); build the graph again with `nvsim map`."
+            f"The stored evidence is damaged ({shown(error)}); build the graph again with `nvsim map`."
         ) from error
-
-
-def _check_evidence(evidence: Evidence) -> None:
-    e = evidence
-    numbers = (e.heading, e.length, e.near, e.depth, e.width, *e.target)
-    if not (_are((e.viewpoint, e.joins, e.decision), str) and _are((e.direction, e.submap), int)):
-        raise ValueError("values of a wrong type")
-    if type(e.stale) is not bool or not all(type(n) in (int, float) and abs(n) < _FAR for n in numbers):
-        raise ValueError("values that are no numbers")
 
 
 def encode_graph(graph: NavGraph) -> bytes:
@@ -168,8 +175,9 @@ def decode_graph(blob: bytes) -> NavGraph:
     """Raises InputError when `blob` is not whole or comes from a newer version."""
     try:
         with zipfile.ZipFile(io.BytesIO(blob)) as archive:
-            index = json.loads(_member(archive, "graph.json", _MOST_INDEX))
-            data = _member(archive, "evidence.bin", _MOST_EVIDENCE)
+            _check_sizes(archive, len(blob))
+            index = json.loads(archive.read("graph.json"))
+            data = archive.read("evidence.bin")
         if index["version"] != _VERSION:
             raise InputError(
                 f"The graph file is of version {index['version']}, newer than this program; install a newer NVSim."
@@ -178,29 +186,59 @@ def decode_graph(blob: bytes) -> NavGraph:
         edges = {(row[0], row[1]): edge_of(row) for row in index["edges"]}
         if any(not (a < b and a in viewpoints and b in viewpoints) for a, b in edges):
             raise ValueError("an edge without its viewpoints")
-        evidence, at = {}, 0
+        for viewpoint in viewpoints.values():
+            _check_kinds(vars(viewpoint), _VIEWPOINT)
+            if not all(type(v) in (int, float) and math.isfinite(v) for v in viewpoint.position):
+                raise ValueError("a place that is not finite")
+        for one in edges.values():
+            _check_kinds(vars(one), _EDGE)
+        ignored = index.get("ignored", {})
+        if not all(isinstance(value, str) for value in ignored.values()):
+            raise ValueError("ignored findings without reasons")
+        evidence, at, held = {}, 0, 0
         for size in index["evidence"]:
+            if not 0 < size <= len(data) - at:
+                raise ValueError("evidence of another size")
             found = decode_evidence(data[at : at + size])
+            held += 3 * found.alpha.size
+            if held > _FREE + _EXPANSION * len(blob):
+                raise ValueError("more evidence than fits in it")
             evidence[found.key] = found
             at += size
-        ignored = index.get("ignored", {})
-        if not isinstance(ignored, dict) or not _are(ignored.values(), str):
-            raise ValueError("reasons that are no texts")
         return NavGraph(str(index["scan"]), viewpoints, edges, evidence, ignored)
-    except (
-        *(zipfile.BadZipFile, zlib.error, ValueError, KeyError, IndexError, TypeError, EOFError, AttributeError),
-        *(OverflowError, RecursionError, NotImplementedError, RuntimeError, struct.error),
-    ) as error:
-        raise InputError(f"The graph file is damaged ({error}); export it again.") from error
+    except InputError:
+        raise
+    except Exception as error:  # whatever an archive and JSON that are none of ours lead to
+        raise InputError(f"The graph file is damaged ({shown(error)}); export it again.") from error
 
 
-def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """A file of the archive. Raises ValueError where it is larger than `most` bytes, whatever the archive says."""
-    with archive.open(name) as member:
-        data = member.read(most + 1)
-    if len(data) > most:
-        raise ValueError(f"{name} is larger than {most} bytes")
-    return data
+def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
+    """Raises ValueError when the files of an archive of `size` bytes would unpack to more than ours do."""
+    for name in ("graph.json", "evidence.bin"):
+        entry = archive.getinfo(name)
+        if entry.compress_type not in (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED):
+            raise ValueError(f"{name} is packed in an unknown way")
+        if entry.file_size > _FREE_TEXT + _EXPANSION * size:
+            raise ValueError(f"{name} unpacks to {entry.file_size} bytes")
+
+
+def _inflated(data: bytes, size: int) -> bytes:
+    """Deflated bytes that must be `size` long. Raises ValueError when they are not."""
+    found = inflated(data, size + 1)
+    if len(found) != size:
+        raise ValueError("wrong number of cells")
+    return found
+
+
+def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, type]) -> None:
+    """Raises ValueError when a value is of another type or not finite. A whole number may stand for a float."""
+    for name, kind in kinds.items():
+        if name not in values:
+            continue
+        value = values[name]
+        good = type(value) is kind or (kind is float and type(value) is int)
+        if not good or (kind is float and not abs(value) < _FAR):
+            raise ValueError(f"{name} is {value!r:.40}")
 
 
 def same_graph(a: NavGraph, b: NavGraph) -> bool:

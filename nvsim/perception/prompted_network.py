@@ -18,12 +18,15 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.perception.models import find_model, models_folder
 from nvsim.perception.roles import Float32, Image, Mask
+from nvsim.reading import reading
+from nvsim.regular import opened
 
 ENCODER, DECODER = "prompted.encoder", "prompted.decoder"
 """Roles in the models folder: prompted.encoder.onnx and prompted.decoder.onnx."""
 _CHANNELS = (32, 64, 256)
 _MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 _STD = np.array([0.229, 0.224, 0.225], np.float32)
+_LEAST, _MOST = 16, 4096  # pixels of the image that an encoder takes
 _USUAL = 1024  # pixels, where an export leaves the size open
 _TYPES = {
     "tensor(float)": np.float32,
@@ -46,7 +49,10 @@ class PromptedNetwork:
         if len(inputs) != 1 or len(inputs[0].shape or ()) != 4 or inputs[0].type not in _TYPES:
             raise InputError(f"{encoder} does not take one image of shape (1, 3, H, W); export the encoder of SAM 2.")
         height, width = (n if isinstance(n, int) else _USUAL for n in inputs[0].shape[2:])
+        if not all(_LEAST <= n <= _MOST for n in (width, height)):
+            raise InputError(f"{encoder} takes images of {width} x {height} pixels; export it for 1024 x 1024.")
         self._size = int(width), int(height)
+        self._paths = encoder, decoder
         features = {i.shape[1] for i in self._decoder.get_inputs() if len(i.shape or ()) == 4}
         if not features.issuperset(_CHANNELS):
             raise InputError(
@@ -61,15 +67,22 @@ class PromptedNetwork:
     def region(self, image: Image, points: NDArray[np.floating], inside: NDArray[np.bool_]) -> Mask:
         """(H, W) bool: what holds the `points` (K, 2), x, y in pixels of `image` (H, W, 3) uint8 RGB, that are
         `inside` (K,), and not the others."""
+        with reading(self._paths[0], "an encoder of SAM 2 that runs", "export it again"):
+            self._look_at(image)
+        with reading(self._paths[1], "a decoder of SAM 2 that runs", "export it again"):
+            return self._decoded(image, points, inside)
+
+    def _decoded(self, image: Image, points: NDArray[np.floating], inside: NDArray[np.bool_]) -> Mask:
         import cv2
 
-        self._look_at(image)
         height, width = image.shape[:2]
         scaled = np.asarray(points * np.array([self._size[0] / width, self._size[1] / height]), np.float32)
         feed = {i.name: self._fed(i, scaled, inside, (height, width)) for i in self._decoder.get_inputs()}
         outputs = self._decoder.get_outputs()
         values = dict(zip((o.name for o in outputs), self._decoder.run(None, feed), strict=True))
-        masks = next(v for n, v in values.items() if "mask" in n and "low" not in n)
+        masks = next((v for n, v in values.items() if "mask" in n and "low" not in n), None)
+        if masks is None or np.ndim(masks) < 2 or np.size(masks) == 0:
+            raise InputError(f"{self._paths[1]} gives no masks; export the decoder of SAM 2 again.")
         scores = next((v for n, v in values.items() if "iou" in n or "score" in n), None)
         masks = np.asarray(masks, np.float32).reshape(-1, *masks.shape[-2:])
         # Of four the first is the one for unambiguous prompts; the paper's pipeline takes the best of the other three.
@@ -131,6 +144,8 @@ def prompted_files() -> tuple[Path, Path] | None:
 def _session(path: Path) -> Any:
     import onnxruntime
 
+    with opened(path):
+        pass  # a pipe is refused, and not waited for
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = os.cpu_count() or 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
@@ -138,5 +153,5 @@ def _session(path: Path) -> Any:
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's classes share no base but this one
-        words = str(error).strip().splitlines()[0]
+        words = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
         raise InputError(f"{path} cannot be loaded as an ONNX network ({words}); export it again.") from error

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.regular import opened, size_of
 from nvsim.splats.types import Gaussians
 
 _ROWS = 8192  # 2 MB at degree 3: stays in the second-level cache between reading, hashing and sorting into columns
 _LONGEST_HEADER = 1 << 16
+_MOST_COLUMNS = 128
 _MEAN, _DC = ("x", "y", "z"), ("f_dc_0", "f_dc_1", "f_dc_2")
 _SCALE, _ROTATION = ("scale_0", "scale_1", "scale_2"), ("rot_0", "rot_1", "rot_2", "rot_3")
 
@@ -47,8 +49,12 @@ def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
     when it cannot be read.
     """
     digest = hashlib.sha256() if hashed else None
-    with open(path, "rb", buffering=0) as file:
+    with opened(path) as file:
         layout = _layout(path, file.read(_LONGEST_HEADER))
+        if layout.coefficients not in (1, 4, 9, 16) or len(layout.columns) > _MOST_COLUMNS:
+            raise InputError(f"{path} is not laid out as NVSim writes Gaussians; train this submap again.")
+        if layout.start + 4 * layout.count * len(layout.columns) > size_of(file):
+            raise InputError(f"{path} is truncated: {layout.count} Gaussians announced; train this submap again.")
         file.seek(0)
         header = file.read(layout.start)
         if digest is not None:
@@ -109,7 +115,9 @@ def _layout(path: Path, begin: bytes) -> _Layout:
     count, columns = -1, dict[str, int]()
     for line in words[2:]:
         match line:
-            case ["element", "vertex", number] if count < 0 and number.isascii() and number.isdigit():
+            case ["element", "vertex", number] if (
+                count < 0 and number.isascii() and number.isdigit() and len(number) < 16
+            ):
                 count = int(number)
             case ["property", "float" | "float32", name] if count >= 0 and name not in columns:
                 columns[name] = len(columns)

@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,10 @@ import safetensors.numpy
 from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.regular import opened, read_json, shown
 from nvsim.splats.appearance_files import describe, read_appearance, tensors_of
 from nvsim.splats.blocks import read_gaussians
+from nvsim.splats.model_check import check_model
 from nvsim.splats.ply import write_ply
 from nvsim.splats.types import Background, FloorTexture, SubmapModel
 
@@ -31,6 +34,7 @@ DESCRIPTION = "model.json"
 _OLD_VERSION = 1  # its files were named without their content
 _GAUSSIANS, _NETWORKS = ("gaussians", ".ply"), ("networks", ".safetensors")
 _ATTEMPTS = 3
+_LONGEST = 1 << 24  # bytes of a description
 
 
 def save_model(model: SubmapModel, folder: Path) -> None:
@@ -77,18 +81,34 @@ def load_model(folder: Path) -> SubmapModel:
         data = _read_description(folder)
         try:
             return _loaded(folder, data)
-        except FileNotFoundError as error:
+        except InputError:
             # Removed between the description and the files when another model took its place meanwhile.
             if attempt + 1 == _ATTEMPTS or _read_description(folder) == data:
-                raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
-        except OSError as error:
-            raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
-        except (KeyError, TypeError, ValueError, safetensors.SafetensorError) as error:
-            raise InputError(f"{folder / DESCRIPTION} is damaged ({error!r}); train this submap again.") from error
+                raise
     raise AssertionError("the last attempt returns or raises")
 
 
+@contextlib.contextmanager
+def _described(folder: Path) -> Iterator[None]:
+    """What fails inside is the description's fault, or the system's."""
+    try:
+        yield
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
+    except Exception as error:  # what numpy and safetensors raise over shapes and types that do not fit
+        raise InputError(
+            f"{folder / DESCRIPTION} is damaged or does not fit its files ({error!r:.200}); train this submap again."
+        ) from error
+
+
 def _loaded(folder: Path, data: dict[str, Any]) -> SubmapModel:
+    with _described(folder):
+        return _assembled(folder, data)
+
+
+def _assembled(folder: Path, data: dict[str, Any]) -> SubmapModel:
     paths = gaussians_path, networks_path = _paths(folder, data)
     _check_sizes(paths, data["files"])
     stamps = {path.name: _stamp(path) for path in paths}
@@ -101,15 +121,17 @@ def _loaded(folder: Path, data: dict[str, Any]) -> SubmapModel:
     # One tensor after the other: the file as a whole is never in memory.
     with safetensors.safe_open(networks_path, framework="numpy") as file:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dict
-    return SubmapModel(
+    model = SubmapModel(
         gaussians,
         _background(data["background"], tensors),
         _texture(data["texture"], tensors),
-        FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), data["floor"]["spacing"]),
+        FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), float(data["floor"]["spacing"])),
         bool(data["antialiased"]),
         dict(data["info"]),
         read_appearance(data.get("appearance"), tensors, len(gaussians)),
     )
+    check_model(model)
+    return model
 
 
 def _paths(folder: Path, data: dict[str, Any]) -> tuple[Path, Path]:
@@ -127,36 +149,28 @@ def memory_needed(folder: Path) -> int:
     """Bytes that the arrays of the model in `folder` will take, before they are read; at least what scene.memory_of
     says of them later. Raises InputError when its description is missing or damaged."""
     data = _read_description(folder)
-    try:
+    with _described(folder):
         colours = 3 * (int(data["sh_degree"]) + 1) ** 2
         values = 11 + colours * (1 if data.get("appearance") is None else 2)
         path = _paths(folder, data)[1]
-        try:
-            with open(path, "rb") as file:
+        head = 0  # where it was replaced just now; loading finds the new ones
+        if path.exists():
+            with opened(path) as file:
                 head = 8 + int.from_bytes(file.read(8), "little")
-        except FileNotFoundError:
-            head = 0  # replaced just now; loading finds the new ones
         networks = max(0, int(data["files"][path.name]["bytes"]) - head)
         return 4 * values * int(data["count"]) + networks * (1 if data["texture"] is None else 2)
-    except OSError as error:
-        raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{folder / DESCRIPTION} is damaged ({error!r}); train this submap again.") from error
 
 
 def _read_description(folder: Path) -> dict[str, Any]:
     path = folder / DESCRIPTION
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}; train this submap again.") from error
-    except ValueError as error:
-        raise InputError(f"{path} is damaged ({error}); train this submap again.") from error
+    then = "it is damaged: train this submap again"
+    data = read_json(path, "the description of a submap model", then, _LONGEST, strict=False)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise InputError(f"{path} does not describe a submap model; choose a folder that `nvsim train` wrote.")
     if data.get("version") not in (_OLD_VERSION, VERSION):
         raise InputError(
-            f"{path} has version {data.get('version')}, but this program reads version {VERSION}; update the program."
+            f"{path} has version {shown(data.get('version'))}, but this program reads version {VERSION}; update the"
+            " program."
         )
     return data
 
@@ -238,6 +252,6 @@ def _pair(values: Any) -> tuple[float, float]:
 
 
 def _fingerprint(path: Path) -> dict[str, Any]:
-    with open(path, "rb") as file:
+    with opened(path) as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"bytes": path.stat().st_size, "sha256": digest}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from nvsim.atomic import replacing
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.reading import reading
+from nvsim.regular import opened
 from nvsim.training.config import TrainingConfig
 from nvsim.training.views import TrainingView
 
@@ -47,6 +50,23 @@ def spread(parts: Mapping[str, Stateful], arrays: Arrays) -> None:
     for part, one in parts.items():
         prefix = f"{part}/"
         one.restore({name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)})
+
+
+def check_shapes(now: Arrays, stored: Arrays, of_gaussians: set[str]) -> None:
+    """Raises ValueError when the `stored` arrays cannot take the place of those of a training `now`: those
+    `of_gaussians` may have another number of rows than now, all of them the same."""
+    rows = {stored[name].shape[:1] for name in of_gaussians & stored.keys()}
+    if len(rows) != 1:
+        raise ValueError("its arrays have different numbers of Gaussians")
+    for name, array in now.items():
+        other = stored.get(name)
+        if other is None:
+            raise ValueError(f"it has no {name}")
+        shape = (*next(iter(rows)), *array.shape[1:]) if name in of_gaussians else array.shape
+        if other.dtype != array.dtype or other.shape != shape:
+            raise ValueError(f"{name} is {other.dtype} of shape {other.shape}, not of {shape}")
+        if other.dtype.kind == "f" and not np.isfinite(other).all():
+            raise ValueError(f"{name} holds values that are not finite")
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +118,29 @@ def load(path: Path, key: str) -> Checkpoint | None:
 
     Raises InputError when the file is there but cannot be read or is not a checkpoint.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            about = json.loads(file[_ABOUT].tobytes())
+    then = "delete it to train from the start"
+    with opened(path) as file, reading(path, "a checkpoint", then), zipfile.ZipFile(file) as archive:
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+            raise InputError(f"{path} is not a checkpoint as it is written, but a packed one; {then}.")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as stored:
+            about = json.loads(_array(archive, stored, _ABOUT).tobytes())
             if about["key"] != key:
                 return None
-            arrays = {name: file[name] for name in file.files if name != _ABOUT}
-        return Checkpoint(int(about["step"]), arrays, about["progress"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"{path} is not a readable checkpoint ({error}); delete it to train from the start."
-        ) from error
+            arrays = {name: _array(archive, stored, name) for name in stored.files if name != _ABOUT}
+        step = about["step"]
+        if type(step) is not int or step < 0 or not isinstance(about["progress"], dict):
+            raise ValueError("no step and no progress in it")
+        return Checkpoint(step, arrays, about["progress"])
+
+
+def _array(archive: zipfile.ZipFile, stored: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
+    """One of the arrays. Raises ValueError when it announces more than its part of the file holds."""
+    entry = archive.getinfo(f"{name}.npy")
+    with archive.open(entry) as head:
+        version = np.lib.format.read_magic(head)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(head, max_header_size=10_000)
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize > entry.file_size:
+        raise ValueError(f"array {name} of shape {shape} does not fit in {entry.file_size} bytes")
+    return stored[name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Metric, Preview, Progress, Warning, silent
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.reading import reading
 from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
@@ -75,7 +77,13 @@ def train_submap(
     try:
         run = _Run(views, cloud, floor, config, seed, submap, listen)
         if checkpoint is not None:
-            run.attach(checkpoint, files.fingerprint(views, cloud, floor, config, seed))
+            key = files.fingerprint(views, cloud, floor, config, seed)
+            try:
+                run.attach(checkpoint, key)
+            except InputError as error:
+                listen(Warning(f"{error} Training starts again.", STAGE))
+                run = _Run(views, cloud, floor, config, seed, submap, listen)  # the first may be restored in part
+                run.save_to(checkpoint, key)
         return run.finish(preview, live)
     finally:
         numba.set_num_threads(threads)
@@ -114,26 +122,34 @@ class _Run:
         self._key = ""
 
     def attach(self, path: Path, key: str) -> None:
-        """Continues from the file at `path` where it fits, and saves to it from now on."""
-        self._path, self._key = path, key
-        if not path.exists():
+        """Continues from the file at `path` where it fits, and saves to it from now on. Raises InputError when it is
+        damaged; then this run is to be thrown away."""
+        self.save_to(path, key)
+        if not os.path.lexists(path):
             return
-        try:
-            found = files.load(path, key)
-        except InputError as error:
-            self._listen(Warning(f"{error} Training starts again.", STAGE))
-            return
+        found = files.load(path, key)
         if found is None:
             self._listen(Warning(f"{path} belongs to other inputs; training starts again.", STAGE))
             return
         progress = found.progress
-        files.spread(self._parts, found.arrays)
-        self._rng.bit_generator.state = progress["random"]
-        self._order, self._figures = list(progress["order"]), dict(progress["figures"])
-        self._seconds, self._step = float(progress["seconds"]), found.step
+        with reading(path, "a checkpoint of this training", "delete it to train from the start"):
+            of_gaussians = {"fit/sums"}
+            of_gaussians |= {f"fit/{n}.{p}" for n in self.fit.per_gaussian for p in ("values", "first", "second")}
+            files.check_shapes(files.gather(self._parts), found.arrays, of_gaussians)
+            files.spread(self._parts, found.arrays)
+            self._rng.bit_generator.state = progress["random"]
+            self._order = [range(len(self._views))[index] for index in progress["order"]]
+            self._figures = {name: float(progress["figures"][name]) for name in self._figures}
+            self._seconds, self._step = float(progress["seconds"]), min(found.step, self._config.steps)
         threads = numba.get_num_threads()
-        changed = "" if progress["threads"] == threads else f", threads: {threads} instead of {progress['threads']}"
+        changed = (
+            "" if progress.get("threads") == threads else f", threads: {threads} instead of {progress.get('threads')}"
+        )
         self._listen(Log(f"Submap {self._submap} continues from step {self._step}{changed}.", STAGE))
+
+    def save_to(self, path: Path, key: str) -> None:
+        """Saves checkpoints to `path` from now on."""
+        self._path, self._key = path, key
 
     def finish(self, preview: Path | None, live: Path | None = None) -> SubmapModel:
         """All remaining steps."""

@@ -182,9 +182,9 @@ def play_window(root: Path) -> int:
     from PySide6.QtTest import QTest
 
     from app.panels.jobs import JobPanel
+    from app.session import Session
     from app.start.application import make_application
     from app.start.main import check_project
-    from app.session import Session
     from nvsim.errors import InputError
 
     settings = QSettings(str(root.parent / "window.ini"), QSettings.Format.IniFormat)

@@ -24,8 +24,8 @@ from app.panels.jobs import JobPanel
 from app.panels.new_project import NewProjectDialog
 from app.panels.results import ResultPanel
 from app.panels.stage_bar import StageBar
-from app.start.application import make_application
 from app.session import Session
+from app.start.application import make_application
 from app.thresholds.panel import ThresholdPanel
 from app.wiring.frames import FramePart
 from app.wiring.inspector import InspectorPart

@@ -15,8 +15,8 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.start.collecting import Collecting
 from app.session import Session
+from app.start.collecting import Collecting
 from nvsim.capture.types import Capture
 from nvsim.graph.types import NavGraph
 

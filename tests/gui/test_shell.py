@@ -21,8 +21,8 @@ from app.painting.cameras import ViewPose
 from app.panels.about import AboutWindow
 from app.panels.help import HelpWindow, open_help
 from app.panels.system_report import facts, version_of
-from app.start.application import left_open
 from app.session import Session
+from app.start.application import left_open
 from app.state.document import Document, Selection
 from app.state.view_state_store import Left, decode, encode
 from app.state.view_states import ViewState, ViewStates, changes

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from PySide6.QtCore import QSettings
 
-from app.start.application import make_application
 from app.session import Session
+from app.start.application import make_application
 from app.wiring.jobs import JobsPart
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Connectivity files, lists of scans and notes that lie or are damaged: one sentence each, in little time."""
+"""Connectivity files, lists of scans and notes that lie or are damaged: one sentence each, in little memory."""
 
 from __future__ import annotations
 

@@ -182,6 +182,28 @@ def test_a_torn_checkpoint_is_ignored_with_a_warning(room: SyntheticRoom, tmp_pa
     assert [e for e in events if isinstance(e, Warning)]
 
 
+@pytest.mark.parametrize("damage", ["shapes", "progress"])
+def test_a_checkpoint_that_does_not_fit_lets_the_training_begin_anew(
+    room: SyntheticRoom, tmp_path: Path, damage: str
+) -> None:
+    file, config = tmp_path / "submap.ckpt", replace(SMALL, steps=3)
+    train(room, config, checkpoint=file)
+    with np.load(file) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    if damage == "shapes":
+        arrays["fit/sh.first"] = arrays["fit/sh.first"][:-1]
+    else:
+        about = json.loads(arrays["about"].tobytes())
+        about["progress"]["order"] = [len(room.views)]
+        arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    with open(file, "wb") as stream:
+        np.savez(stream, **arrays)
+    events: list[Event] = []
+    model = train(room, config, checkpoint=file, listen=events.append)
+    assert any(isinstance(e, Warning) and "Training starts again" in e.text for e in events)
+    assert model.info["steps"] == 3
+
+
 def test_preview_shows_image_model_alpha_and_background(room: SyntheticRoom) -> None:
     run = trainer._Run(room.views, room.cloud, room.floor, SMALL, 0, 0, lambda event: None)
     model, view = run.finish(None), room.views[2]

@@ -27,9 +27,8 @@ from nvsim.graph.foreign.rewriting import edges_in, rewritten
 from nvsim.graph.types import EdgeKey, NavGraph, edge
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.reading import reading
-from nvsim.regular import is_regular, read_bytes
+from nvsim.regular import is_regular, read_bytes, shown
 
-_LONGEST_SHOWN = 80
 _Stamp = tuple[int, int]
 
 
@@ -183,8 +182,7 @@ def connectivity_files(path: Path) -> list[Path]:
     files = [path / f"{scan}{SUFFIX}" for scan in scans]
     for scan, file in zip(scans, files):
         if not is_regular(file) or "/" in scan:
-            named = scan if len(scan) <= _LONGEST_SHOWN else f"{scan[:_LONGEST_SHOWN]}..."
-            named = named if named.isprintable() else repr(named)
+            named = shown(scan)
             raise InputError(
                 f"{listed} lists {named}, but there is no {named}{SUFFIX} beside it; take the line out or add the file."
             )

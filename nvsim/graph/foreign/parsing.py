@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.graph.connectivity import is_name, number_in, position_in, short
+from nvsim.graph.connectivity import is_name, number_in, position_in
 from nvsim.graph.foreign.document import FLAGS, Document, Entry, Member
 from nvsim.graph.foreign.flags import FlagStyle, read_flags
 from nvsim.graph.types import Viewpoint
+from nvsim.regular import shown
 
 _SPACE = re.compile(r"[ \t\r\n]*")
 _DECODER = json.JSONDecoder()
@@ -140,10 +141,10 @@ def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.
 def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
     id = values.get("image_id")
     if not is_name(id):
-        raise InputError(f"{where}: image_id is {short(id)}; it must be a name.")
+        raise InputError(f"{where}: image_id is {shown(id)}; it must be a name.")
     included = values.get("included", True)
     if not isinstance(included, bool | int) or included not in (0, 1):
-        raise InputError(f"{where}: included is {short(included)}; it must be true or false.")
+        raise InputError(f"{where}: included is {shown(included)}; it must be true or false.")
     height = number_in(values.get("height", 1.5), f"{where}: height")
     return Viewpoint(id, position_in(values.get("pose"), where), height, -1, bool(included), "file")
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.reading import reading
-from nvsim.regular import parse_json
+from nvsim.regular import parse_json, shown
 from nvsim.splats.formats.bound import ROWS, room_for
 from nvsim.splats.formats.library import finite
 from nvsim.splats.formats.sog_files import META, Bytes, Files, from_archive, from_folder
@@ -25,6 +25,7 @@ _PER_ROW = 64
 _MOST_ENTRIES = 1 << 16
 _FIRST_TAG = 252
 _ENTRIES = 256
+_LONGEST_NAME = 200
 
 
 def read_sog(path: Path) -> Gaussians:
@@ -47,7 +48,7 @@ class _Reader:
             raise InputError(f"{path} has a meta.json that does not describe a SOG; {_THEN}.")
         version = meta.get("version", 1)
         if version != 2:
-            raise InputError(f"{path} is SOG version {str(version)[:20]}; export it as version 2.")
+            raise InputError(f"{path} is SOG version {shown(version)}; export it as version 2.")
         self._meta = meta
         self._count = self._number(meta, "count")
         self._names: list[str] = []
@@ -124,14 +125,14 @@ class _Reader:
 
     def _name(self, part: str, index: int) -> str:
         names = self._part(part)["files"]
-        if index >= len(names) or not isinstance(names[index], str):
+        if index >= len(names) or not _is_name(names[index]):
             raise InputError(f"{self._path}: meta.json names no image {index} of {part}; {_THEN}.")
         return str(names[index])
 
     def _number(self, meta: Mapping[str, Any], name: str) -> int:
         value = meta.get(name)
         if isinstance(value, bool) or not isinstance(value, int) or not 0 < value < 1 << 31:
-            raise InputError(f"{self._path}: {name} is {str(value)[:40]} in meta.json; it must be a count; {_THEN}.")
+            raise InputError(f"{self._path}: {name} is {shown(value)} in meta.json; it must be a count; {_THEN}.")
         return value
 
     def _triple(self, name: str) -> NDArray[np.float64]:
@@ -147,9 +148,13 @@ class _Reader:
             raise InputError(f"{self._path}: {what} has {found}, not {count}; {_THEN}.")
         good = [isinstance(v, int | float) and abs(v) < 1e30 and math.isfinite(v) for v in values]
         if not all(good):
-            wrong = str(values[good.index(False)])[:40]
+            wrong = shown(values[good.index(False)])
             raise InputError(f"{self._path}: {what} holds {wrong}, which is no usable number; {_THEN}.")
         return np.array(values, kind)
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and value.isprintable() and len(value) <= _LONGEST_NAME
 
 
 def _rotations(path: Path, pixels: Bytes) -> NDArray[np.float32]:

@@ -130,7 +130,7 @@ class _Archive(Files):
         except InputError:
             raise
         except Exception as error:  # zlib's, zipfile's, and what the two raise over a damaged directory
-            raise InputError(f"{where} is damaged ({error}); copy the file again.") from error
+            raise InputError(f"{where} is damaged; copy the file again.") from error
 
 
 def _parts(file: IO[bytes]) -> Iterator[bytes]:
