@@ -22,7 +22,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.images import decode
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.read import read
-from nvsim.capture.several import listed
+from nvsim.capture.multi_capture import listed
 from nvsim.capture.store import load_capture, save_capture
 from nvsim.errors import InputError
 
