@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from app.forms.fields import Field, command_of, fields_of, presets_of
-from nvsim.atomic import write_text
 from nvsim.cli.arguments import parse
 from nvsim.errors import InputError
-from nvsim.nofollow import read_regular
+from nvsim.files.atomic import write_text
+from nvsim.files.nofollow import read_regular
+from nvsim.files.regular import parse_json
 from nvsim.project.proof import is_proven, proof_of
-from nvsim.regular import parse_json
 
 FILE = "settings.json"
 PRESET = "preset"

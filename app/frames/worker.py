@@ -96,11 +96,11 @@ class Worker:
                 return path
         import cv2
 
-        from nvsim.atomic import write_bytes
-        from nvsim.decoding import decoded
-        from nvsim.whole_file import whole_file
+        from nvsim.files.atomic import write_bytes
+        from nvsim.files.decoding import decoded
+        from nvsim.files.regular import read_bytes
 
-        data = whole_file(image_path)
+        data = read_bytes(image_path)
         # The decoder's own reduction is several times as fast as decoding everything.
         for reduced in (cv2.IMREAD_REDUCED_COLOR_8, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
             image = decoded(data, image_path, reduced | cv2.IMREAD_IGNORE_ORIENTATION, size=(lens.width, lens.height))
@@ -139,7 +139,7 @@ class Worker:
                 shares = {}
                 yield
         self._say({"did": "coverage", "shares": shares, "more": False})
-        from nvsim.atomic import write_text
+        from nvsim.files.atomic import write_text
 
         with contextlib.suppress(InputError):  # without it the next window counts again
             write_text(layout.cache / COVERAGE, json.dumps(kept))

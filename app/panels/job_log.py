@@ -10,7 +10,7 @@ from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.plain_text import lines, marked
-from nvsim.nofollow import read_end
+from nvsim.files.nofollow import read_end
 
 MOST_PRINTED = 4000  # characters of the end of what it printed
 _COLORS = {

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 
 from app.jobs.queue import JobHandle
 from app.look.plain_text import plain
-from nvsim.nofollow import read_regular
+from nvsim.files.nofollow import read_regular
 
 MOST = 3  # pictures side by side; those that came last
 _GAP = 8

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Signal
 
-from nvsim.atomic import write_bytes
 from nvsim.errors import InputError
+from nvsim.files.atomic import write_bytes
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence

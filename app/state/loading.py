@@ -16,12 +16,12 @@ from app.state.graph_arrays import GraphArrays
 from app.state.graph_files import GraphFile, ProjectGraph
 from app.state.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
+from nvsim.files.tables import COUNT, NAME, NUMBER, TEXT
 from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.submaps.types import Submap
-from nvsim.tables import COUNT, NAME, NUMBER, TEXT
 
 if TYPE_CHECKING:
     from nvsim.project.jobs import JobRecord
@@ -342,8 +342,8 @@ class ProjectReader:
         return found
 
     def _model_info(self) -> dict[int, dict[str, object]]:
-        from nvsim.reading import reading
-        from nvsim.regular import read_json
+        from nvsim.files.reading import reading
+        from nvsim.files.regular import read_json
 
         result: dict[int, dict[str, object]] = {}
         if "train" in self._standing()[0]:

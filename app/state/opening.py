@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from app.state.graph_files import holds_graph
+from nvsim.files.reading import reading
 from nvsim.graph.foreign import connectivity_files
-from nvsim.reading import reading
 
 
 def check_project(path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from app.state.stages import GIVES_RESULT, STAGES
-from nvsim.nofollow import read_end
+from nvsim.files.nofollow import read_end
 from nvsim.project.joblist import Job
 
 SUMMARY = "Summary"
@@ -145,6 +145,6 @@ def stored_result(name: str, at: float, figures: Mapping[str, Any]) -> Result:
 
 def save_table(table: Table, path: Path) -> None:
     """As CSV. Raises InputError when the disk refuses."""
-    from nvsim.atomic import write_text
+    from nvsim.files.atomic import write_text
 
     write_text(path, table.separated(","))

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.building.config import BuildingConfig
 from nvsim.building.novel import listing, novel_cameras
 from nvsim.building.rendering import render
@@ -19,6 +18,7 @@ from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import HIGH, LOW, RESOLUTION, floor_mask, normals, occupancy, transient_mask
 from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, silent
+from nvsim.files import atomic
 from nvsim.occupancy.ros import write_ros_map
 
 VERSION = 4  # of what is generated: raise it when the same configuration gives other files

@@ -16,7 +16,7 @@ from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import usable_cloud
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_from_quaternion
 from nvsim.errors import InputError
-from nvsim.reading import reading
+from nvsim.files.reading import reading
 
 MODEL_NAMES = (
     "SIMPLE_PINHOLE",

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from nvsim.capture.raw import read_bytes
 from nvsim.capture.types import Frame
-from nvsim.decoding import decoded
 from nvsim.errors import InputError
+from nvsim.files.decoding import decoded
+from nvsim.files.image_size import image_size_of
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
-from nvsim.image_size import image_size_of
 
 # The pose belongs to the pixels as stored; a viewer's orientation tag has no part in it.
 _FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION

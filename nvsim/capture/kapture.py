@@ -32,8 +32,8 @@ from nvsim.capture.raw import (
 )
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
-from nvsim.reading import reading
 
 Pose = NDArray[np.float64]
 _NESTED, _CARRIERS = 8, 64  # rigs on rigs, and rigs that carry one sensor, which are followed

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from nvsim import atomic
 from nvsim.capture.findings import Findings, shown
 from nvsim.capture.raw import RawCapture, lines_of
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.whole_file import whole_file
+from nvsim.files import atomic
+from nvsim.files.regular import read_bytes
 
 SUFFIX = ".captures"
 _LONGEST = 1_000_000  # bytes
@@ -40,7 +40,7 @@ def listed(path: Path) -> list[Path]:
     """The captures that the file names, relative ones from its folder; lines after # are remarks. Raises InputError
     when it cannot be read or names none, or one twice."""
     then = "write the path of a capture on each line"
-    text = whole_file(path, _LONGEST).decode("utf-8", "surrogateescape")  # names of files need not be UTF-8
+    text = read_bytes(path, _LONGEST).decode("utf-8", "surrogateescape")  # names of files need not be UTF-8
     found: list[Path] = []
     for number, line in lines_of(text):
         word = line.partition("#")[0].strip()

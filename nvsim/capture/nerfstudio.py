@@ -22,8 +22,8 @@ from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size
 from nvsim.errors import InputError
+from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
-from nvsim.reading import reading
 
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 _EXTENSIONS = (".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG")

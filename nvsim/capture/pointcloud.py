@@ -13,7 +13,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import FARTHEST, read_bytes
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.reading import reading
+from nvsim.files.reading import reading
 
 Columns = dict[str, NDArray[np.generic]]  # a name -> (N,) values
 _BLOCK = 20_000  # lines that are in hand as words at a time

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import Findings
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.files import regular
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion
-from nvsim.whole_file import whole_file
 
 FARTHEST = 1e7  # source units; beyond it float32 points are coarser than a room
 LOST_FRAME = "the frame cannot be used, and a wrong one would spoil its submap"
@@ -100,7 +100,7 @@ def file_size(path: Path) -> int | None:
 
 def read_bytes(path: Path) -> bytes:
     """The content of `path`. Raises InputError naming it when it cannot be read or is empty."""
-    data = whole_file(path)
+    data = regular.read_bytes(path)
     if not data:
         raise InputError(f"{path} is empty (0 bytes); copy it again from the source.")
     return data

@@ -14,7 +14,7 @@ from nvsim.capture.nerfstudio import read_nerfstudio
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
-from nvsim.reading import reading
+from nvsim.files.reading import reading
 
 FORMATS = (
     "a transforms.json (nerfstudio, instant-ngp), a COLMAP model (cameras, images, points3D as .bin or .txt), a "

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.capture.lens_reading import LARGEST_SIDE
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import read_bytes
+from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid
-from nvsim.reading import reading
-from nvsim.stored_arrays import read_arrays
-from nvsim.whole_file import whole_file
 
 VERSION = 1
 _AGAIN = "import the capture again"
@@ -73,7 +73,7 @@ def load_capture(folder: Path) -> Capture:
     """The capture of `save_capture`, equal in every number. Raises InputError when it is missing, broken or of a newer
     version."""
     path = folder / "capture.json"
-    data = whole_file(path)
+    data = read_bytes(path)
     with reading(path, "a stored capture", _AGAIN):
         tree = json.loads(data.decode())
         if not isinstance(tree, dict) or type(tree.get("version")) is not int:

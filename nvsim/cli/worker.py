@@ -13,12 +13,12 @@ import sys
 import time
 from pathlib import Path
 
-from nvsim.atomic import as_input_error
 from nvsim.cli.orders import check_order
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Failed, Log
-from nvsim.nofollow import read_end
-from nvsim.opening import own_file
+from nvsim.files.atomic import as_input_error
+from nvsim.files.nofollow import read_end
+from nvsim.files.opening import own_file
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList
 

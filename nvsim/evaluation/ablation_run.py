@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from nvsim import __version__, atomic
+from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.events import Listener
+from nvsim.files import atomic
 from nvsim.project import ledger
 from nvsim.project.config import held_out
 from nvsim.project.corrections import corrections_key

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.evaluation.scores import Image
+from nvsim.files import atomic
 
 WIDTH = 320
 """Pixels of a tile."""

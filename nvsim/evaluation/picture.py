@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.evaluation.graph import judge
+from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 

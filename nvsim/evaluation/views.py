@@ -16,13 +16,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import make_folder, write_bytes
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.novel import NovelView, novel_score, read_novel_views
 from nvsim.evaluation.scores import Distance, Image, Mask, Scores, mean_scores, plain, score
 from nvsim.evaluation.truth import true_mask, truth_of
 from nvsim.events import Listener, Progress, silent
+from nvsim.files.atomic import make_folder, write_bytes
 from nvsim.geometry.camera import Camera
 from nvsim.perception.segment import read_mask
 from nvsim.project.config import held_out

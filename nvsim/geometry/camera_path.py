@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.regular import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.regular import read_json
 
 _LARGEST = 1 << 24  # bytes
 _MOST_KEYS = 10_000
@@ -73,7 +73,7 @@ class CameraPath:
 
 def write_camera_path(path: Path, keys: Sequence[KeyPose]) -> None:
     """Writes the keys as JSON."""
-    from nvsim.atomic import write_text
+    from nvsim.files.atomic import write_text
 
     write_text(path, json.dumps({"camera_path": 1, "keys": [asdict(key) for key in keys]}, indent=1) + "\n")
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,11 +13,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from nvsim import atomic
 from nvsim.capture.raw import FARTHEST
 from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.regular import read_json, read_text, shown
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
-from nvsim.regular import read_json, read_text, shown
 
 SUFFIX = "_connectivity.json"
 LARGEST_LIST = 1 << 24

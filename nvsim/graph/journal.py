@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.files.database_files import check_files
+from nvsim.files.locking import Held, WriterLock
 from nvsim.graph.delta import Delta
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, Step
@@ -24,8 +26,6 @@ from nvsim.graph.journal_file import JournalFile, Newer, Written
 from nvsim.graph.journal_rows import encode_delta, encode_selection, fingerprint
 from nvsim.graph.selection import NOTHING, present
 from nvsim.graph.types import NavGraph
-from nvsim.locking import Held, WriterLock
-from nvsim.tables import check_files
 
 KEPT_STEPS = 1000
 """So many a journal keeps when it is opened and closed, the oldest become part of its first graph."""

@@ -12,16 +12,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from nvsim.atomic import make_folder
-from nvsim.databases import open_to_read, refuse_unless_plain_database
 from nvsim.errors import InputError
+from nvsim.files.atomic import make_folder
+from nvsim.files.database_files import check_files
+from nvsim.files.read_only_database import open_to_read
+from nvsim.files.tables import BLOB, COUNT, FLAG, NUMBER, TEXT, check_schema, harden, read, reading_rows
 from nvsim.graph.delta import Delta
 from nvsim.graph.history import Step
 from nvsim.graph.journal_rows import decode_delta, decode_selection
 from nvsim.graph.journal_trim import trim
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
-from nvsim.tables import BLOB, COUNT, FLAG, NUMBER, TEXT, check_files, check_schema, harden, read, reading_rows
 
 _VERSION = 2  # 2: a step may say in what order things come
 _SCHEMA = """
@@ -201,7 +202,7 @@ class JournalFile:
             if self._read_only:
                 self._connection = open_to_read(self.path)
                 return self._connection
-            refuse_unless_plain_database(self.path)
+            check_files(self.path)
             try:
                 self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
                 harden(self._connection)

@@ -11,14 +11,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from nvsim.atomic import write_text
 from nvsim.errors import InputError
+from nvsim.files.atomic import write_text
+from nvsim.files.nofollow import read_regular
+from nvsim.files.reading import as_reading_error
 from nvsim.graph.delta import Delta, delta_between
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operations import line_of, parse_line
-from nvsim.nofollow import read_regular
-from nvsim.reading import as_reading_error
 
 HEAD = "# Edits of a navigation graph, for `nvsim graph replay`"
 _MOST_WORDS = 200  # characters of a comment

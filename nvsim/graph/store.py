@@ -22,8 +22,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from nvsim.errors import InputError
+from nvsim.files.regular import shown
 from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint
-from nvsim.regular import shown
 
 T = TypeVar("T")
 _VERSION = 1

@@ -15,9 +15,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.regular import read_bytes
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from nvsim.reading import reading
-from nvsim.whole_file import whole_file
 
 _DEPTH = 16
 _ANYWAY = 25_000_000  # cells that a map of any length may have
@@ -69,7 +69,7 @@ def _read(path: Path, low: float, high: float, floor: float | None) -> Occupancy
 
 
 def _open(path: Path) -> tuple[float, NDArray[np.uint8]]:
-    content = whole_file(path)
+    content = read_bytes(path)
     if not content.startswith(_MAGIC):
         raise InputError(f"{path} does not begin with {_MAGIC.decode()!r}; convert it with octomap's convert_octree.")
     at = 0

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
-from nvsim.decoding import decoded
 from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.decoding import decoded
+from nvsim.files.reading import reading
+from nvsim.files.regular import read_bytes
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from nvsim.reading import reading
-from nvsim.whole_file import whole_file
 
 _GREY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
 # 0.196 keeps grey 205, whose occupancy is 0.19608, unknown.
@@ -89,7 +89,7 @@ def _read_picture(path: Path, named_by: Path) -> NDArray[np.uint8 | np.uint16]:
     import cv2
 
     try:
-        data = whole_file(path)
+        data = read_bytes(path)
     except InputError as error:
         raise InputError(
             f"{str(error).rstrip('.')} ({named_by} names it as its picture; put the picture there or mend the line "
@@ -107,7 +107,7 @@ def _read_picture(path: Path, named_by: Path) -> NDArray[np.uint8 | np.uint16]:
 def _parse(path: Path) -> _Description:
     """map_server's YAML is a flat mapping; its only list, the origin, may be in brackets or in dashes."""
     try:
-        text = whole_file(path, _LONGEST).decode("utf-8")
+        text = read_bytes(path, _LONGEST).decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"Cannot read the map {path}: it is not text; name the .yaml file of a ROS map.") from error
     values: dict[str, tuple[int, str]] = {}

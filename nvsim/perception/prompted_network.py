@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened
 from nvsim.geometry.camera import Camera
 from nvsim.perception.models import find_model, models_folder
 from nvsim.perception.roles import Float32, Image, Mask
-from nvsim.reading import reading
-from nvsim.regular import opened
 
 ENCODER, DECODER = "prompted.encoder", "prompted.decoder"
 """Roles in the models folder: prompted.encoder.onnx and prompted.decoder.onnx."""

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import make_folder, write_bytes
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
-from nvsim.decoding import decoded
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
+from nvsim.files.atomic import make_folder, write_bytes
+from nvsim.files.decoding import decoded
+from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
 from nvsim.perception.roles import Image, Mask
-from nvsim.whole_file import whole_file
 
 _NEAR = 6.0  # metres
 
@@ -143,7 +143,7 @@ def read_mask(path: Path, width: int | None = None, height: int | None = None) -
     if not path.is_file():
         raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
     again = "delete it and run `nvsim floors --project` again"
-    picture = decoded(whole_file(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
+    picture = decoded(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
     if width is not None and height is not None and picture.shape != (height, width):
         shrink = picture.shape[0] > height
         picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR)

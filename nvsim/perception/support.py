@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import replacing
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.files.atomic import replacing
+from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.stored_arrays import read_arrays
 
 Mask = NDArray[np.bool_]
 

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import as_input_error, write_bytes
+from nvsim.files.atomic import as_input_error, write_bytes
+from nvsim.files.regular import read_bytes
 from nvsim.project.layout import Layout
-from nvsim.whole_file import whole_file
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Frame
@@ -69,7 +69,7 @@ def corrections_key(project: Project, frames: Iterable[int]) -> tuple[str, ...]:
     digest = hashlib.sha256()
     for index in sorted(corrected):
         name = capture.frames[index].name
-        digest.update(name.encode("utf-8", "surrogatepass") + b"\0" + whole_file(project.layout.correction(name)))
+        digest.update(name.encode("utf-8", "surrogatepass") + b"\0" + read_bytes(project.layout.correction(name)))
     return (digest.hexdigest()[:24],)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from nvsim.atomic import replacing
-from nvsim.reading import reading
+from nvsim.files.atomic import replacing
+from nvsim.files.reading import reading
 from nvsim.submaps.types import Submap
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
-from nvsim.atomic import as_input_error
-from nvsim.databases import open_to_read, refuse_unless_plain_database
 from nvsim.errors import InputError
-from nvsim.tables import check_files, check_schema, harden
+from nvsim.files.atomic import as_input_error
+from nvsim.files.database_files import check_files
+from nvsim.files.read_only_database import open_to_read
+from nvsim.files.tables import check_schema, harden
 
 VERSION = 3
 
@@ -54,7 +55,7 @@ CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason 
 
 def create(path: Path) -> sqlite3.Connection:
     """A new database at `path`. Raises InputError when it cannot be written."""
-    refuse_unless_plain_database(path)
+    check_files(path)
     try:
         connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
         connection.execute("PRAGMA journal_mode=WAL")
@@ -75,7 +76,7 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
         if read_only:
             connection = open_to_read(path)
         else:
-            refuse_unless_plain_database(path)
+            check_files(path)
             connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
         version = check(connection, path, read_only)
         if version == 0 and not read_only:

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import replacing
 from nvsim.errors import InputError
+from nvsim.files.atomic import replacing
+from nvsim.files.stored_arrays import read_arrays
 from nvsim.perception.hybrid import HybridFloor, HybridSteps
 from nvsim.perception.models import models_folder
 from nvsim.perception.prompted_network import DECODER, ENCODER, PromptedNetwork, prompted_files
 from nvsim.perception.roles import Mask
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
-from nvsim.stored_arrays import read_arrays
 
 _VERSION = 2  # raised when the same inputs give something else
 _FINE = 1024  # pixels: the size that prompted networks look at

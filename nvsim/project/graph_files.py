@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nvsim.atomic import write_bytes
+from nvsim.files.atomic import write_bytes
 from nvsim.graph.store import encode_graph
 from nvsim.project import results
 from nvsim.project.project import Project

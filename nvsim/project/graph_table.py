@@ -5,11 +5,11 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
-from nvsim import tables
 from nvsim.errors import InputError
+from nvsim.files import tables
+from nvsim.files.tables import BLOB, COUNT, FLAG, NAME, NUMBER, TEXT
 from nvsim.graph.store import decode_evidence, encode_evidence
 from nvsim.graph.types import Edge, NavGraph, Viewpoint
-from nvsim.tables import BLOB, COUNT, FLAG, NAME, NUMBER, TEXT
 
 _NOTED = {"reviewed": FLAG, "locked": FLAG}
 _VIEWPOINT = {

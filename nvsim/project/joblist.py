@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nvsim.atomic import as_input_error, make_folder, write_text
 from nvsim.errors import InputError
-from nvsim.nofollow import is_folder, open_regular, read_end
+from nvsim.files.atomic import as_input_error, make_folder, write_text
+from nvsim.files.nofollow import is_folder, open_regular, read_end
 from nvsim.project import worker_lock
 from nvsim.project.layout import Layout
 from nvsim.project.orders import VERBS, Order, encode_order, order_path, read_order

@@ -9,10 +9,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim import tables
 from nvsim.events import Event, Listener, Progress
+from nvsim.files import tables
+from nvsim.files.tables import COUNT, NUMBER, TEXT
 from nvsim.project.worker_lock import has_open
-from nvsim.tables import COUNT, NUMBER, TEXT
 
 _BEAT = 1.0  # seconds between updates of a job's row
 

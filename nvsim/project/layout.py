@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from nvsim.opening import PROJECT_DATABASE
+from nvsim.files.opening import PROJECT_DATABASE
 
 
 def model_name(submap: int) -> str:

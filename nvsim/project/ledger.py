@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.tables import NUMBER, TEXT
 from nvsim.project import results
 from nvsim.project.project import Project
-from nvsim.reading import reading
-from nvsim.tables import NUMBER, TEXT
 
 
 @dataclass(frozen=True)

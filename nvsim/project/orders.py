@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from nvsim.nofollow import read_regular
+from nvsim.files.nofollow import read_regular
 from nvsim.project.proof import is_proven, proof_of
 
 VERBS = frozenset(

@@ -13,21 +13,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from nvsim import tables
-from nvsim.atomic import make_folder
-from nvsim.databases import Snapshot, stamp
 from nvsim.errors import InputError
+from nvsim.files import tables
+from nvsim.files.atomic import make_folder
+from nvsim.files.locking import WriterLock
+from nvsim.files.opening import refuse_links_out
+from nvsim.files.read_only_database import Snapshot, stamp
+from nvsim.files.reading import reading
+from nvsim.files.tables import COUNT, FLAG, NAME, TEXT, Kind, Row
 from nvsim.graph.types import NavGraph
-from nvsim.locking import WriterLock
-from nvsim.opening import refuse_links_out
 from nvsim.project import database, graph_table, results
 from nvsim.project.corrections import mask_in_use
 from nvsim.project.cuts import load_cut, same_cut, save_cut
 from nvsim.project.jobs import JobRecord, read_jobs
 from nvsim.project.layout import Layout
-from nvsim.reading import reading
 from nvsim.submaps.types import Submap
-from nvsim.tables import COUNT, FLAG, NAME, TEXT, Kind, Row
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Capture
@@ -149,7 +149,7 @@ class Project:
     # Reading ----------------------------------------------------------------------------------------------------
 
     def read(self, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()) -> list[Row]:
-        """Rows of the database, each cell of its kind; see `nvsim.tables`. Raises InputError where it is damaged."""
+        """Rows of the database, each cell of its kind (`nvsim.files.tables`). Raises InputError where it is damaged."""
         return tables.read(self.connection, self.layout.database, table, columns, rest, given)
 
     def revision(self) -> int:

@@ -17,9 +17,9 @@ import stat
 from pathlib import Path
 from typing import Any
 
-from nvsim.atomic import as_input_error
 from nvsim.errors import InputError
-from nvsim.nofollow import open_regular
+from nvsim.files.atomic import as_input_error
+from nvsim.files.nofollow import open_regular
 
 _SIZE = 32  # bytes of the secret
 

@@ -15,7 +15,7 @@ from typing import IO
 
 import psutil
 
-from nvsim.nofollow import open_regular
+from nvsim.files.nofollow import open_regular
 
 NAME = "worker.lock"
 _PATIENCE = 1.0  # seconds

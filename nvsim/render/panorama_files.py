@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
 from nvsim.render.types import RenderOutput
 
 _JPEG = (".jpg", ".jpeg")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.regular import opened, size_of
+from nvsim.files.regular import opened, size_of
 from nvsim.splats.types import Gaussians
 
 _ROWS = 8192  # 2 MB at degree 3: stays in the second-level cache between reading, hashing and sorting into columns

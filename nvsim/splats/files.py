@@ -19,10 +19,10 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.regular import opened, read_json, shown
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.regular import opened, read_json, shown
 from nvsim.splats.appearance_files import describe, read_appearance, tensors_of
 from nvsim.splats.blocks import read_gaussians
 from nvsim.splats.model_check import check_model

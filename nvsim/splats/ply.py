@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.capture.ply import binary_rows
 from nvsim.errors import InputError
-from nvsim.reading import reading
-from nvsim.regular import opened, size_of
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened, size_of
 from nvsim.splats.ascii_ply import read_ascii
 from nvsim.splats.types import Gaussians
 

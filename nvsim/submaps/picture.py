@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import write_bytes
+from nvsim.files.atomic import write_bytes
 from nvsim.submaps.types import Submap
 
 _SIDE = 1000

@@ -15,12 +15,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import replacing
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.files.atomic import replacing
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.reading import reading
-from nvsim.regular import opened
 from nvsim.training.config import TrainingConfig
 from nvsim.training.views import TrainingView
 

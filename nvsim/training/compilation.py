@@ -18,8 +18,8 @@ import numba
 from numba.core.caching import FunctionCache
 
 import nvsim
-from nvsim import atomic
 from nvsim.events import Listener, Log, Warning, silent
+from nvsim.files import atomic
 
 STAGE = "train"
 _SOURCES = ("geometry", "splats", "render", "training")

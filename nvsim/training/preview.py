@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import write_bytes
+from nvsim.files.atomic import write_bytes
 from nvsim.render.workspace import LOCK
 from nvsim.training.fit import Fit
 from nvsim.training.views import TrainingView

@@ -15,8 +15,8 @@ import torch
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Metric, Preview, Progress, Warning, silent
+from nvsim.files.reading import reading
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.reading import reading
 from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files

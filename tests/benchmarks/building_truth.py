@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
-from nvsim.atomic import replacing
 from nvsim.building.config import BuildingConfig
 from nvsim.building.raycast import trace
 from nvsim.building.rendering import render
@@ -21,6 +20,7 @@ from nvsim.building.scan import scan
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, occupancy, transient_mask
 from nvsim.capture.types import Cloud
+from nvsim.files.atomic import replacing
 from nvsim.geometry.camera import Camera, look
 from nvsim.occupancy.types import FREE
 from nvsim.submaps.split import SubmapConfig, split

@@ -11,11 +11,11 @@ from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
-from app.state.loading import Contents
 from app.model_words import model_words
 from app.panels.earlier import EarlierResults
-from app.wiring.jobs import JobsPart
 from app.session import Session
+from app.state.loading import Contents
+from app.wiring.jobs import JobsPart
 from nvsim.project.jobs import JobRecord
 from nvsim.project.project import Project
 from nvsim.project.replaced import what_is_replaced

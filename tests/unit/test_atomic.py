@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):

@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
 from nvsim.capture.images import decode
+from nvsim.capture.multi_capture import listed
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.read import read
-from nvsim.capture.multi_capture import listed
 from nvsim.capture.store import load_capture, save_capture
 from nvsim.errors import InputError
 

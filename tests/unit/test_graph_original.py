@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
 from nvsim.graph import edits
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.foreign import ForeignFile, islands, words_of_saving

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from nvsim import tables
 from nvsim.cli.main import main
 from nvsim.errors import InputError
+from nvsim.files import tables
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal
 from nvsim.graph.operations import perform

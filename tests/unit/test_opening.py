@@ -14,12 +14,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from nvsim.atomic import write_text
 from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
+from nvsim.files.atomic import write_text
+from nvsim.files.opening import NotPlain, own_file, plain_file
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.opening import NotPlain, own_file, plain_file
 from nvsim.project.joblist import JobList
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project

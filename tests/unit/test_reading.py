@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.reading import reading
+from nvsim.files.reading import reading
 
 HERE = Path("map.yaml")
 

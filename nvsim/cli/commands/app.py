@@ -8,10 +8,10 @@ from pathlib import Path
 from nvsim.cli import window
 from nvsim.cli.arguments import Memory, Positional, memory_budget
 from nvsim.errors import InputError
+from nvsim.files.reading import reading
 from nvsim.graph.foreign import connectivity_files
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
-from nvsim.reading import reading
 from nvsim.splats.formats.choice import named_as_splats, recognise
 
 

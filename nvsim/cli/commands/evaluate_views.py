@@ -31,9 +31,9 @@ class Arguments(ProjectArguments):
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim import atomic
     from nvsim.evaluation.lpips import open_lpips
     from nvsim.evaluation.views import evaluate_views
+    from nvsim.files import atomic
 
     distance, why = open_lpips(arguments.lpips, arguments.lpips_range)
     with Project.open(arguments.project) as project, listening(False) as listen:

@@ -42,9 +42,9 @@ def run(arguments: Arguments) -> int:
     if (arguments.graph is None) != (arguments.out is None):
         raise InputError("A graph file is read and written: give --graph and --out together, or neither.")
     if arguments.graph is not None and arguments.out is not None:
-        from nvsim.atomic import write_bytes
+        from nvsim.files.atomic import write_bytes
+        from nvsim.files.regular import read_bytes
         from nvsim.graph.store import decode_graph, encode_graph
-        from nvsim.regular import read_bytes
 
         blob = read_bytes(arguments.graph)
         with Project.open(arguments.project) as project, listening(arguments.json) as listen:

@@ -35,8 +35,8 @@ def run(arguments: Arguments) -> int:
     import cv2
     import numpy as np
 
-    from nvsim.atomic import make_folder, write_bytes
     from nvsim.events import Done, Progress
+    from nvsim.files.atomic import make_folder, write_bytes
     from nvsim.geometry.camera_path import read_camera_path
     from nvsim.project.project import Project
     from nvsim.render.model import render_model

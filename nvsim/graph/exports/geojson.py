@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 
 _A, _E2 = 6378137.0, 6.69437999014e-3  # WGS 84: equatorial radius in metres, first eccentricity squared

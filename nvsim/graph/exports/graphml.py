@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
 from nvsim.graph.exports.characters import legal
 from nvsim.graph.types import NavGraph
 

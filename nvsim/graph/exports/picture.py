@@ -11,8 +11,8 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
 from nvsim.graph.exports.characters import legal
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap

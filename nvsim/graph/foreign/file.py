@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import is_regular, read_bytes, shown
 from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
@@ -26,8 +28,6 @@ from nvsim.graph.foreign.parsing import parse
 from nvsim.graph.foreign.rewriting import edges_in, rewritten
 from nvsim.graph.types import EdgeKey, NavGraph, edge
 from nvsim.occupancy.types import OccupancyMap
-from nvsim.reading import reading
-from nvsim.regular import is_regular, read_bytes, shown
 
 _Stamp = tuple[int, int]
 

@@ -10,12 +10,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from nvsim import atomic
 from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.regular import read_json
 from nvsim.graph.connectivity import SUFFIX
 from nvsim.graph.foreign.original import Original
 from nvsim.graph.types import NavGraph
-from nvsim.regular import read_json
 
 _MARKS = ("reviewed", "locked")
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.regular import shown
 from nvsim.graph.connectivity import is_name, number_in, position_in
 from nvsim.graph.foreign.document import FLAGS, Document, Entry, Member
 from nvsim.graph.foreign.flags import FlagStyle, read_flags
 from nvsim.graph.types import Viewpoint
-from nvsim.regular import shown
 
 _SPACE = re.compile(r"[ \t\r\n]*")
 _DECODER = json.JSONDecoder()

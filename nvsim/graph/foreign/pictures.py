@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.decoding import decoded
 from nvsim.errors import InputError
+from nvsim.files.decoding import decoded
+from nvsim.files.image_size import image_size_of
+from nvsim.files.regular import is_regular, read_bytes
 from nvsim.graph.foreign.beside import Beside
-from nvsim.image_size import image_size_of
-from nvsim.regular import is_regular, read_bytes
 
 _FREE_PIXELS, _PIXELS_PER_BYTE = 20_000_000, 8
 """What all images of a viewpoint together may have, and beside that for each of their bytes."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from nvsim.atomic import write_bytes
 from nvsim.capture.far_frames import names_in
 from nvsim.capture.findings import Findings
 from nvsim.capture.multi_capture import SUFFIX, labels, listed, write_list
@@ -18,6 +17,7 @@ from nvsim.capture.read import read_raw
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener
+from nvsim.files.atomic import write_bytes
 from nvsim.project.config import CaptureConfig
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.project import Project

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from nvsim import atomic
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
+from nvsim.files import atomic
 from nvsim.project import results
 from nvsim.project.project import Project
 from nvsim.splats.floor_mesh import FloorMesh, floor_mesh

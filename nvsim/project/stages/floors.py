@@ -8,9 +8,9 @@ import time
 
 import numpy as np
 
-from nvsim.atomic import replacing
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
+from nvsim.files.atomic import replacing
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project import ledger, results
 from nvsim.project.config import CaptureConfig, held_out

@@ -11,11 +11,11 @@ from pathlib import Path
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.files.reading import reading
 from nvsim.project import ledger, results
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
-from nvsim.reading import reading
 
 STAGE = "import"
 _CONFIG = "capture_config"

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.atomic import write_bytes
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
+from nvsim.files.atomic import write_bytes
 from nvsim.geometry.camera import Camera
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph

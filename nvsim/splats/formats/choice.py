@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.errors import InputError
-from nvsim.reading import reading
-from nvsim.regular import opened
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Gaussians
 

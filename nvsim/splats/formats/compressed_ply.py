@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nvsim import atomic
 from nvsim.errors import InputError
-from nvsim.reading import reading
-from nvsim.regular import opened, size_of
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened, size_of
 from nvsim.splats.formats.library import from_library, guarded, to_library
 from nvsim.splats.types import Gaussians
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from nvsim import atomic
+from nvsim.files import atomic
 from nvsim.splats.floor_mesh import FloorMesh
 
 _FLOAT, _UINT32 = 5126, 5125

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.reading import reading
-from nvsim.regular import parse_json, shown
+from nvsim.files.reading import reading
+from nvsim.files.regular import parse_json, shown
 from nvsim.splats.formats.bound import ROWS, room_for
 from nvsim.splats.formats.library import finite
 from nvsim.splats.formats.sog_files import META, Bytes, Files, from_archive, from_folder

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.regular import read_bytes
+from nvsim.files.regular import read_bytes
 from nvsim.splats.formats.library import finite
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from nvsim import atomic
 from nvsim.errors import InputError
-from nvsim.reading import reading
-from nvsim.regular import opened, size_of
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened, size_of
 from nvsim.splats import harmonics
 from nvsim.splats.formats.bound import room_for
 from nvsim.splats.formats.library import finite, to_library

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.regular import size_of
+from nvsim.files.regular import size_of
 from nvsim.splats.formats.bound import ROWS
 from nvsim.splats.types import Gaussians
 

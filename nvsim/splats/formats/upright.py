@@ -7,9 +7,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened
 from nvsim.geometry.rotation import smallest_rotation
-from nvsim.reading import reading
-from nvsim.regular import opened
 from nvsim.splats.turning import turned
 from nvsim.splats.types import Gaussians
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.reading import reading
-from nvsim.whole_file import regular_file
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened
 
 _HEADER = 10_000  # characters; ours have about 80
 _ANYWAY = 64_000_000  # bytes that any file may unpack to
@@ -37,7 +37,7 @@ def read_arrays(
 
     Raises InputError when the file is missing, damaged, lacks an array, or holds one of another type or size.
     """
-    with reading(path, what, then), regular_file(path) as file:
+    with reading(path, what, then), opened(path) as file:
         length = os.fstat(file.fileno()).st_size
         with zipfile.ZipFile(file) as archive:
             entries = {entry.filename: entry for entry in archive.infolist()}

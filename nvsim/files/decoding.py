@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.image_size import image_size_of
-from nvsim.reading import reading
+from nvsim.files.image_size import image_size_of
+from nvsim.files.reading import reading
 
 MOST_PIXELS = 200_000_000
 MOST_PIXEL_BYTES = 8  # four channels of 16 bits

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim.reading import as_reading_error, reading
+from nvsim.files.reading import as_reading_error, reading
 
 LARGEST_JSON = 1 << 28
 _BRACKETS = 200_000

@@ -1,4 +1,4 @@
-"""SQLite files: what may be one, and reading one where nothing can be written.
+"""Reading a SQLite file where nothing can be written.
 
 A reader of a database in WAL mode needs a small file of shared memory beside it. On a full disk, on a read-only medium
 and in a folder of somebody else's it cannot be made, and yet one wants to look.
@@ -12,9 +12,8 @@ import sqlite3
 import tempfile
 from pathlib import Path
 
-from nvsim.opening import refuse_unless_plain
+from nvsim.files.database_files import check_files
 
-_BESIDE = ("", "-wal", "-shm", "-journal")
 _MEMORY = "/dev/shm"  # where there is room when every disk is full
 
 
@@ -22,16 +21,10 @@ class Snapshot(sqlite3.Connection):
     """Shows the database as it was when it was opened, whatever is committed from now on."""
 
 
-def refuse_unless_plain_database(path: Path) -> None:
-    """Raises InputError when `path`, or a file that SQLite keeps beside it, is a link or no plain file."""
-    for suffix in _BESIDE:
-        refuse_unless_plain(path.with_name(path.name + suffix))
-
-
 def open_to_read(path: Path) -> sqlite3.Connection:
     """A connection to read `path` with, a Snapshot where nothing can be written beside the file. Raises sqlite3.Error,
     and InputError for what is no plain file."""
-    refuse_unless_plain_database(path)
+    check_files(path)
     try:
         return _tried(path, "mode=ro", sqlite3.Connection)
     except sqlite3.OperationalError:

@@ -10,9 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-import os
 import sqlite3
-import stat
 import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
@@ -30,31 +28,8 @@ _LIMITS = {
     sqlite3.SQLITE_LIMIT_TRIGGER_DEPTH: 1,
     sqlite3.SQLITE_LIMIT_ATTACHED: 1,  # closing the holes of a file needs one
 }
-_SUPER = bytes.fromhex("d9d505f920a163d7")  # ends a rollback journal that names another file to be deleted
 
 Row = tuple[Any, ...]
-
-
-def check_files(path: Path) -> None:
-    """Before a database is opened: the file and those that SQLite keeps beside it are files of their own. SQLite
-    follows a link, waits at a pipe, and deletes what a prepared journal names. Raises InputError; a file that is not
-    there is no matter."""
-    for suffix in ("", "-wal", "-shm", "-journal"):
-        file = path.with_name(path.name + suffix)
-        try:
-            found = os.lstat(file)
-        except FileNotFoundError:
-            continue
-        except OSError as error:
-            raise InputError(f"Cannot read {file}: {error.strerror}; check the path.") from error
-        if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
-            what = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "no file of its own"
-            raise InputError(f"{file} is {what}, which is not opened here; put the file itself in its place.")
-        if suffix == "-journal" and found.st_size >= len(_SUPER):
-            with contextlib.suppress(OSError), open(file, "rb") as journal:
-                journal.seek(-len(_SUPER), os.SEEK_END)
-                if journal.read() == _SUPER:
-                    raise InputError(f"{file} names other files to be changed with it; remove it.")
 
 
 def harden(connection: sqlite3.Connection) -> None:

@@ -7,9 +7,9 @@ import fcntl
 import os
 from pathlib import Path
 
-from nvsim.atomic import as_input_error
 from nvsim.errors import InputError
-from nvsim.opening import plain_file
+from nvsim.files.atomic import as_input_error
+from nvsim.files.opening import plain_file
 
 
 class Held(InputError):

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.opening import stay_inside
+from nvsim.files.opening import stay_inside
 
 _REASONS = {
     errno.ENOSPC: "the disk is full; free some space and try again",

@@ -13,6 +13,7 @@ import stat
 from pathlib import Path
 
 from nvsim.errors import InputError
+from nvsim.files.nofollow import open_regular
 
 PROJECT_DATABASE = "project.db"
 """The file by which the folder of a project is known."""
@@ -27,15 +28,11 @@ def plain_file(path: Path, flags: int, mode: int = 0o644) -> int:
     a folder on the way leads out of its project, OSError as `os.open` does for all else."""
     stay_inside(path.parent)
     try:
-        descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, mode)
+        return open_regular(path, flags, mode)
     except OSError as error:
-        if error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV) or path.is_symlink():
+        if error.errno in (errno.ELOOP, errno.EINVAL, errno.ENXIO, errno.EISDIR, errno.ENODEV) or path.is_symlink():
             raise _not_plain(path) from error
         raise
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise _not_plain(path)
-    return descriptor
 
 
 def own_file(path: Path, flags: int, mode: int = 0o644) -> int:
