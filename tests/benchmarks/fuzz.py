@@ -78,7 +78,7 @@ def main() -> int:
         print(f"{found['seconds']} s")
         for count, f in listed:
             print(f"\n{count} x {f.reader}: {f.kind} {f.where} {f.error}\n    {f.damage}")
-            print(f"    python tests/benchmarks/fuzz.py --seed {a.seed} --reader {a.reader or 'ALL'} --only {f.index}")
+            print(f"    python tests/benchmarks/fuzz.py --seed {a.seed} --reader '{f.reader}' --only {f.index}")
     return 1 if faults else 0
 
 

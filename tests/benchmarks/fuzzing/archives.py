@@ -15,7 +15,7 @@ import numpy as np
 from fuzzing import pictures, trees
 from fuzzing.damage import Damage
 
-_BOMB = 256 << 20
+_BOMB = 128 << 20
 """Bytes that a bomb unfolds to."""
 
 

@@ -17,6 +17,16 @@ WORDS = (
     *("/etc/passwd", "/dev/zero", "x" * 300, "x" * 100_000, "%s%n", "$(id)", "{0}", "\u202e", "é" * 200, "con", "."),
     *("..", "/", "~", "~nobody/x", "\n", "a\nb", "\r", "null", "file:///etc/passwd", "\\\\host\\share", "-"),
 )
+STRANGERS = (
+    *(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1", b"PK\x05\x06" + b"\0" * 18, b"\x1f\x8b\x08\0\0\0\0\0\0\xff"),
+    *(
+        b"SQLite format 3\0" + b"\0" * 84,
+        b"ply\nformat ascii 1.0\nend_header\n",
+        b'{"frames": []}',
+        b"\x93NUMPY\1\0v\0",
+    ),
+)
+"""The beginnings of files of other kinds."""
 _INTEGERS = (0, 1, -1, 127, 128, 255, 256, 32767, 65535, 1 << 20, (1 << 31) - 1, -(1 << 31), (1 << 32) - 1)
 _LONG = (*_INTEGERS, 1 << 40, (1 << 62), (1 << 63) - 1, -(1 << 63))
 _FLOATS = (0.0, -1.0, 1e-38, 3e38, float("nan"), float("inf"), float("-inf"), 1e9)

@@ -156,8 +156,18 @@ def _script() -> list[Seed]:
 def _arguments(operation) -> dict[str, object]:
     """Something for every argument; damage makes it right as often as wrong."""
     samples: dict[str, object] = {
-        "id": "v1", "ids": ["v1", "v2"], "pairs": [["v0", "v1"]], "position": [1.0, 2.0, 1.5], "a": "v0", "b": "v3",
-        "positions": {"v1": [2.0, 1.0, 1.5]}, "key": "x", "reason": "y", "old": "v0", "new": "w", "text": "t",
+        "id": "v1",
+        "ids": ["v1", "v2"],
+        "pairs": [["v0", "v1"]],
+        "position": [1.0, 2.0, 1.5],
+        "a": "v0",
+        "b": "v3",
+        "positions": {"v1": [2.0, 1.0, 1.5]},
+        "key": "x",
+        "reason": "y",
+        "old": "v0",
+        "new": "w",
+        "text": "t",
     }
     return {a.name: samples.get(a.name, a.default if not a.needed else 1.0) for a in operation.arguments}
 
