@@ -36,7 +36,8 @@ def main() -> int:
     a = p.parse_args()
 
     from fuzzing import archives
-    from fuzzing.isolation import Plan, Pool, lay
+    from fuzzing.isolation import Plan, Pool
+    from fuzzing.reader import lay
     from fuzzing.readers import all_readers
     from fuzzing.report import causes, figures, table
 
@@ -79,13 +80,13 @@ def main() -> int:
         for count, f in listed:
             print(f"\n{count} x {f.reader}: {f.kind} {f.where} {f.error}\n    {f.damage}")
             print(f"    python tests/benchmarks/fuzz.py --seed {a.seed} --reader '{f.reader}' --only {f.index}")
-    return 1 if faults else 0
+    return 1 if any(found[kind] for kind in ("tracebacks", "hangs", "memory")) else 0
 
 
 def _warm(plan, folder: Path, judged: bool) -> None:
     """Reads every seed as it is, so that imports and compiled code are there before the fork; a seed that cannot be
     read would find nothing."""
-    from fuzzing.isolation import lay
+    from fuzzing.reader import lay
 
     refused = []
     for reader in plan.readers:
@@ -107,7 +108,7 @@ def _warm(plan, folder: Path, judged: bool) -> None:
 
 def _again(plan, index: int, folder: Path, keep: Path | None) -> int:
     """One input, in this process, so that its traceback and a debugger can be seen."""
-    from fuzzing.isolation import lay
+    from fuzzing.reader import lay
 
     reader, seed, files, damage = plan.input(index)
     at = folder / "again" if keep is None else keep / f"{reader.name}-{plan.seed}-{index}"

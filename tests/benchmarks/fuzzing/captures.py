@@ -107,20 +107,25 @@ def _several() -> list[Seed]:
 
 
 def _clouds() -> list[Seed]:
+    return [_one(name, data) for name, data in cloud_samples().items()]
+
+
+def cloud_samples() -> Files:
+    """PLY and PCD in every form that is read."""
     points = _walk()[1]
     rows = np.column_stack([points, np.full((len(points), 3), 128)])
-    seeds = []
+    found: Files = {}
     for form in ("ascii", "binary_little_endian", "binary_big_endian"):
         head = f"ply\nformat {form} 1.0\ncomment x\nelement vertex {len(rows)}\n"
         head += "".join(f"property float {n}\n" for n in "xyz")
         head += "".join(f"property uchar {n}\n" for n in ("red", "green", "blue")) + "end_header\n"
-        seeds.append(_one(f"{form}.ply", head.encode() + _rows(rows, form)))
+        found[f"{form}.ply"] = head.encode() + _rows(rows, form)
     head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\nproperty double z\n"
     head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 1 1\n3 0 1 0\n"
-    seeds.append(_one("faces.ply", head.encode()))
+    found["faces.ply"] = head.encode()
     for data in ("ascii", "binary", "binary_compressed"):
-        seeds.append(_one(f"{data}.pcd", _pcd(points, data)))
-    return seeds
+        found[f"{data}.pcd"] = _pcd(points, data)
+    return found
 
 
 def _rows(rows: np.ndarray, form: str) -> bytes:

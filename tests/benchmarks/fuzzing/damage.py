@@ -6,6 +6,8 @@ import random
 import re
 import struct
 
+from fuzzing.reader import Place
+
 NUMBERS = (
     *("0", "-0", "-1", "1", "2", "255", "256", "65535", "65536", "2147483647", "2147483648", "-2147483649"),
     *("4294967295", "4294967296", "9223372036854775807", "9223372036854775808", "18446744073709551616"),
@@ -66,6 +68,10 @@ class Damage:
 
     def whole(self, data: bytes, other: bytes) -> bytes:
         """Something else altogether in the file's place."""
+        if self.dice.random() < 0.25:
+            place = Place(self.dice.choice(Place.KINDS))
+            self.say(place.decode())
+            return place
         which = self.dice.randrange(9)
         self.say(f"whole file {which}")
         return (

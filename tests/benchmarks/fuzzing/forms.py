@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from fuzzing import archives, databases, pictures, trees
 from fuzzing.damage import Damage
+from fuzzing.reader import Place
 
 _LARGEST = 1 << 20  # bytes; what has grown beyond is damaged enough
 Form = Callable[[Damage, bytes], bytes]
@@ -46,7 +47,7 @@ FORMS: dict[str, Form] = {
 def damaged(d: Damage, data: bytes, form: str, other: bytes) -> bytes:
     """`data` with one piece of damage or a few."""
     for _ in range(d.dice.choice((1, 1, 1, 1, 2, 3))):
-        if len(data) > _LARGEST:
+        if len(data) > _LARGEST or isinstance(data, Place):
             break
         draw = d.dice.random()
         if draw < 0.02:

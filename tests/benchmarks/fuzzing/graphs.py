@@ -21,6 +21,7 @@ def readers() -> list[Reader]:
         Reader("scans list", _scans, _scan_files),
         Reader("review notes", _notes, _open),
         Reader("panorama beside", _pictures, _panorama),
+        Reader("map and cloud beside", _beside, _look_beside),
         Reader("evidence", _evidence, _decode_evidence, share=2),
         Reader("graph blob", _blob, _decode_graph, share=2),
         Reader("edit script", _script, _replay, share=2, refusals=(EditError,)),
@@ -107,6 +108,25 @@ def _panorama(path: Path) -> object:
     from nvsim.graph.foreign import ForeignFile
 
     return ForeignFile.open(path).panorama("v1", 64)
+
+
+def _beside() -> list[Seed]:
+    from fuzzing.captures import cloud_samples
+    from fuzzing.maps import map_samples
+
+    cloud = next(data for name, data in cloud_samples().items() if name.startswith("binary_little"))
+    files = {**_files(), **map_samples(), "cloud.ply": cloud}
+    return each(files, _FILE, {"map.yaml": "text", "map.pgm": "picture", "cloud.ply": "headed"})
+
+
+def _look_beside(path: Path) -> object:
+    """As `nvsim graph check` does, which holds the graph against the map."""
+    from nvsim.graph.findings import check_graph
+    from nvsim.graph.foreign import ForeignFile
+
+    file = ForeignFile.open(path)
+    occupancy = file.beside.occupancy()
+    return file.beside.points(), check_graph(file.graph, file.context(occupancy=occupancy))
 
 
 def _evidence() -> list[Seed]:

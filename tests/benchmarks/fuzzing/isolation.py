@@ -26,16 +26,18 @@ from pathlib import Path
 
 from fuzzing.damage import STRANGERS, Damage
 from fuzzing.forms import damaged
-from fuzzing.reader import Files, Reader, Seed
+from fuzzing.reader import Files, Reader, Seed, lay
 from nvsim.errors import InputError
 
-PENDING, ACCEPTED, REFUSED, TRACEBACK, HANG, MEMORY = range(6)
-KINDS = ("pending", "accepted", "refused", "traceback", "hang", "memory")
+PENDING, ACCEPTED, REFUSED, UNCLEAR, TRACEBACK, HANG, MEMORY = range(7)
+KINDS = ("pending", "accepted", "refused", "unclear", "traceback", "hang", "memory")
+"""An unclear refusal is one, but not by a sentence that can be shown: several lines, control characters, endless."""
 SECONDS = 2.0
 """Of processor time for an input; ten times as many by the clock, where a reader waits and does nothing."""
 ALLOWANCE = 64 << 20
 PER_BYTE = 10
 _ADDRESS_SPACE = 3 << 30  # over what the parent has: no input may take the machine down
+_LONGEST = 700  # characters of a sentence, the path in it included
 _BATCH = 250
 _ROW = struct.Struct("<Bff")  # what came of it, milliseconds, MiB
 _NOW = struct.Struct("<qd")  # index that is being read (-1: none), seconds of processor time when that began
@@ -82,14 +84,6 @@ class Plan:
         if seed.seal is not None:
             files = seed.seal(files)
         return reader, seed, files, f"{seed.target}: {'; '.join(d.said) or 'nothing'}"
-
-
-def lay(files: Files, folder: Path) -> None:
-    """Writes the set of files below `folder`."""
-    for name, content in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
 
 
 class Pool:
@@ -204,7 +198,7 @@ class Pool:
             began = time.process_time()
             _NOW.pack_into(self._now, slot * _NOW.size, place, began)
             kind, error, where, growth = _watched(reader, folder / seed.opened, size)
-            if kind >= TRACEBACK:
+            if kind >= UNCLEAR:
                 self._note(place, kind, error, where, damage)
             _ROW.pack_into(self._rows, place * _ROW.size, kind, (time.process_time() - began) * 1e3, growth / (1 << 20))
             _NOW.pack_into(self._now, slot * _NOW.size, -1, 0.0)
@@ -223,15 +217,21 @@ def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]
         reader.read(path)
     except (InputError, *reader.refusals) as refusal:
         kind = REFUSED
+        if not _is_sentence(str(refusal), path):
+            kind, error, where = UNCLEAR, f"{str(refusal)[:160]!r}", _place_of(refusal)
         if (want := _want_of_memory(refusal)) is not None:
             kind, error, where = MEMORY, f"refused for want of memory only: {want}", _place_of(refusal)
     except BaseException as failure:
         kind = TRACEBACK
         error, where = f"{type(failure).__name__}: {' '.join(str(failure)[:2000].split())[:160]}", _place_of(failure)
     growth = _memory("VmHWM") - before
-    if kind in (ACCEPTED, REFUSED) and growth > ALLOWANCE + PER_BYTE * size:
+    if kind in (ACCEPTED, REFUSED, UNCLEAR) and growth > ALLOWANCE + PER_BYTE * size:
         kind, error = MEMORY, f"{growth >> 20} MiB for a file of {size} bytes"
     return kind, error, where, growth
+
+
+def _is_sentence(text: str, path: Path) -> bool:
+    return text.replace(str(path), "").isprintable() and len(text) < _LONGEST and " object at 0x" not in text
 
 
 def _want_of_memory(error: BaseException) -> str | None:

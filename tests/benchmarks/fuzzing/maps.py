@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from fuzzing.places import workshop
-from fuzzing.reader import Reader, Seed, each, files_in
+from fuzzing.reader import Files, Reader, Seed, each, files_in
 
 
 def readers() -> list[Reader]:
@@ -27,20 +27,30 @@ def _read(path: Path) -> object:
     return occupancy.room, occupancy.centres()
 
 
-def _ros() -> list[Seed]:
+def map_samples() -> Files:
+    """map.yaml and map.pgm."""
     from nvsim.occupancy.ros import write_ros_map
     from nvsim.occupancy.types import OccupancyMap
 
+    with workshop() as folder:
+        write_ros_map(OccupancyMap(_cells(), 0.05, (-1.0, 2.0)), folder / "map.yaml")
+        files = files_in(folder)
+    files["map.yaml"] += b"occupied_thresh: 0.65\nfree_thresh: 0.196\nnegate: 0\n"
+    return files
+
+
+def _cells() -> np.ndarray:
     cells = np.ones((20, 30), np.uint8)
     cells[5:15, 5:25] = 0
-    with workshop() as folder:
-        write_ros_map(OccupancyMap(cells, 0.05, (-1.0, 2.0)), folder / "map.yaml")
-        grey = files_in(folder)
+    return cells
+
+
+def _ros() -> list[Seed]:
+    grey = map_samples()
     png = {
-        "map.png": cv2.imencode(".png", cells * 100)[1].tobytes(),
+        "map.png": cv2.imencode(".png", _cells() * 100)[1].tobytes(),
         "map.yaml": grey["map.yaml"].replace(b"map.pgm", b"map.png") + b"mode: scale\n",
     }
-    grey["map.yaml"] += b"occupied_thresh: 0.65\nfree_thresh: 0.196\nnegate: 0\n"
     return [
         *each(grey, "map.yaml", {"map.yaml": "text"}) * 2,
         *each(grey, "map.yaml", {"map.pgm": "picture"}),

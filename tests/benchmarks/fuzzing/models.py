@@ -55,6 +55,15 @@ def _appearance(kind: str, noise):
     return NetworkAppearance(embedding, weights, noise(12, 2), np.zeros(3))
 
 
+def model_files(kind: str) -> Files:
+    """The folder of a small model; `kind` of its appearance: none, linear or network."""
+    from nvsim.splats.files import save_model
+
+    with workshop() as folder:
+        save_model(_model(kind), folder)
+        return files_in(folder)
+
+
 def _sealed(files: Files) -> Files:
     """The description names every other file by its size and hash, as it is now."""
     try:
@@ -68,13 +77,9 @@ def _sealed(files: Files) -> Files:
 
 
 def _models() -> list[Seed]:
-    from nvsim.splats.files import save_model
-
     seeds = []
     for kind in ("none", "linear", "network"):
-        with workshop() as folder:
-            save_model(_model(kind), folder)
-            files = files_in(folder)
+        files = model_files(kind)
         forms = {".ply": "headed", ".safetensors": "tensors"}
         binary = {n: forms[Path(n).suffix] for n in files if n != "model.json"}
         seeds += [*each(files, "", {"model.json": "json"}), *each(files, "", binary, _sealed)]

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sqlite3
+from functools import cache
 from pathlib import Path
+
+import numpy as np
 
 from fuzzing.graphs import row
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
+from nvsim.project.layout import Layout
 
 
 def readers() -> list[Reader]:
@@ -19,7 +23,9 @@ def readers() -> list[Reader]:
     ]
 
 
-def _files() -> Files:
+@cache
+def project_with_walk() -> Files:
+    """A project with all but masks and models: capture, submaps, graph, floors, results, stages, commands."""
     from capture_samples import room, walk, write_nerfstudio
 
     from nvsim.events import Done, Log, Progress
@@ -59,13 +65,30 @@ def _files() -> Files:
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         connection.execute("PRAGMA journal_mode=DELETE")
         connection.close()
-        names = ("project.db", "imported/capture.json")
-        found = files_in(root)
-        return {n: d for n, d in found.items() if n in names or n.endswith(".npz")}
+        _lay_floor(Layout(root))
+        images = {n.removeprefix("walk/"): d for n, d in files_in(folder).items() if n.endswith(".png")}
+        kept = ("project.db", "imported/", "floor/")
+        return {
+            n: d for n, d in files_in(root).items() if n.startswith(kept) and not n.endswith(("-wal", "-shm"))
+        } | images
+
+
+def _lay_floor(layout: Layout) -> None:
+    from nvsim.perception.support import FloorSupport
+
+    for submap in range(2):
+        path = layout.surface(submap)
+        path.parent.mkdir(exist_ok=True)
+        heights = np.zeros((4, 5), np.float32)
+        np.savez_compressed(path, heights=heights, origin=np.array([-1.0, -1.0]), spacing=np.array(1.0))
+    FloorSupport(np.ones((30, 30), bool), (-1.2, -1.2), 0.08).save(layout.support)
 
 
 def _project() -> list[Seed]:
-    return each(_files(), "", {"project.db": "sqlite"})
+    """Without the floor, from which the window would have an occupancy map made in another process."""
+    names = ("project.db", "imported/")
+    files = {n: d for n, d in project_with_walk().items() if n.startswith(names)}
+    return each(files, "", {"project.db": "sqlite"})
 
 
 def _contents(path: Path) -> object:

@@ -9,6 +9,12 @@ from pathlib import Path
 Files = dict[str, bytes]
 
 
+class Place(bytes):
+    """What stands where a file should be; its bytes name the kind: absent, folder, or a link to itself."""
+
+    KINDS = (b"absent", b"folder", b"loop")
+
+
 @dataclass(frozen=True)
 class Seed:
     """files    relative path -> content: all that lies in the folder when the reader comes
@@ -46,6 +52,26 @@ class Reader:
 def files_in(folder: Path) -> Files:
     """Every file below `folder` by its relative path."""
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def lay(files: Files, folder: Path) -> None:
+    """Writes the set of files below `folder`, over what is there."""
+    for name, content in files.items():
+        path = folder / name
+        if path.is_symlink():
+            path.unlink()
+        elif path.is_dir():
+            path.rmdir()
+        if not isinstance(content, Place):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+            continue
+        path.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if content == b"folder":
+            path.mkdir()
+        elif content == b"loop":
+            path.symlink_to(path.name)
 
 
 def each(

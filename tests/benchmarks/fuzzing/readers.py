@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from fuzzing import captures, graphs, maps, models, projects, splats, window
+from fuzzing import captures, graphs, maps, models, networks, project_files, projects, splats, window
 from fuzzing.reader import Reader
 
 
 def all_readers() -> list[Reader]:
-    found = [r for family in (captures, splats, maps, graphs, projects, models, window) for r in family.readers()]
+    families = (captures, splats, maps, graphs, projects, project_files, models, networks, window)
+    found = [r for family in families for r in family.readers()]
     assert len({r.name for r in found}) == len(found)
     return found

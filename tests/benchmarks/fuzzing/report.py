@@ -34,11 +34,12 @@ def figures(pool: Pool) -> dict[str, Any]:
 
 def _kinds(found: Counter[str]) -> dict[str, int]:
     return {
-        "refused": found["refused"],
+        "refused": found["refused"] + found["unclear"],
         "accepted": found["accepted"],
         "tracebacks": found["traceback"],
         "hangs": found["hang"],
         "memory": found["memory"],
+        "unclear": found["unclear"],
     }
 
 
@@ -53,7 +54,7 @@ def causes(faults: Sequence[Fault]) -> list[tuple[int, Fault]]:
 
 def table(found: dict[str, Any]) -> str:
     """The figures for people."""
-    columns = ("inputs", "refused", "accepted", "tracebacks", "hangs", "memory", "milliseconds", "most MiB")
+    columns = ("inputs", "refused", "accepted", "tracebacks", "hangs", "memory", "unclear", "milliseconds", "most MiB")
     wide = max(map(len, found["readers"]), default=6)
     lines = [f"{'reader':{wide}} " + " ".join(f"{c:>{max(8, len(c))}}" for c in columns)]
     for name, row in (*found["readers"].items(), ("all", found)):
