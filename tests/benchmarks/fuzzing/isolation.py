@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import faulthandler
 import json
 import mmap
 import os
@@ -264,6 +265,7 @@ def _quiet() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     limit = _memory("VmSize") + _ADDRESS_SPACE
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    faulthandler.disable()
     ctypes.CDLL(None).mallopt(-3, 1 << 20)
     sys.unraisablehook = lambda _: None
 
