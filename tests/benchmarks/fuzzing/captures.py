@@ -185,7 +185,8 @@ def _encoded() -> Files:
 def _images() -> list[Seed]:
     files = _encoded()
     common = [n for n in files if n.endswith((".png", ".jpg"))]
-    return [_one(n, files[n], "picture") for n in [*files, *common * 3]]
+    rare = (".exr", ".hdr", ".gif", ".jp2")  # refused or read, as the decoder is built
+    return [Seed({n: files[n]}, n, n, "picture", readable=not n.endswith(rare)) for n in [*files, *common * 3]]
 
 
 def _image(path: Path) -> object:
