@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from fuzzing.places import workshop
-from fuzzing.reader import Reader, Seed, each, files_in
+from fuzzing.reader import Reader, Seed, content, each, files_in
 
 
 def readers() -> list[Reader]:
@@ -138,7 +138,7 @@ def _evidence() -> list[Seed]:
 def _decode_evidence(path: Path) -> object:
     from nvsim.graph.store import decode_evidence
 
-    return decode_evidence(path.read_bytes())
+    return decode_evidence(content(path))
 
 
 def _blob() -> list[Seed]:
@@ -150,7 +150,7 @@ def _blob() -> list[Seed]:
 def _decode_graph(path: Path) -> object:
     from nvsim.graph.store import decode_graph, encode_graph
 
-    return encode_graph(decode_graph(path.read_bytes()))
+    return encode_graph(decode_graph(content(path)))
 
 
 _LINES = (
@@ -200,7 +200,7 @@ def _replay(path: Path) -> object:
     from nvsim.graph.scripts import script
 
     history, refused = History(row()), None
-    for line in path.read_text(encoding="utf-8", errors="surrogateescape").splitlines():
+    for line in content(path).decode("utf-8", "surrogateescape").splitlines():
         if line.strip() and not line.lstrip().startswith("#"):
             try:
                 perform(history, *parse_line(line))
@@ -226,7 +226,7 @@ def _expressions() -> list[Seed]:
 def _select(path: Path) -> object:
     from nvsim.graph.expression import by_expression
 
-    return by_expression(row(), path.read_bytes().decode("utf-8", "surrogateescape"))
+    return by_expression(row(), content(path).decode("utf-8", "surrogateescape"))
 
 
 def _edited(path: Path, plain: bool) -> None:

@@ -54,6 +54,11 @@ def files_in(folder: Path) -> Files:
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
+def content(path: Path) -> bytes:
+    """For a reader that is not given a file but what a caller took from one; nothing where there is none."""
+    return path.read_bytes() if path.is_file() else b""
+
+
 def lay(files: Files, folder: Path) -> None:
     """Writes the set of files below `folder`, over what is there."""
     for name, content in files.items():

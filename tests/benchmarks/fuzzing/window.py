@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fuzzing.reader import Reader, Seed
+from fuzzing.reader import Reader, Seed, content
 
 
 def readers() -> list[Reader]:
@@ -28,7 +28,7 @@ def _views() -> list[Seed]:
 def _decode_view(path: Path) -> object:
     from app.view_keeping import decode, encode
 
-    left = decode(path.read_bytes().decode("utf-8", "replace"))
+    left = decode(content(path).decode("utf-8", "replace"))
     return left and encode(left)
 
 
@@ -55,4 +55,4 @@ def _results() -> list[Seed]:
 def _result(path: Path) -> object:
     from app.jobs.check import result_of
 
-    return result_of(path.read_bytes().decode("utf-8", "replace")).sentence
+    return result_of(content(path).decode("utf-8", "replace")).sentence
