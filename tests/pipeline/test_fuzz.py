@@ -86,6 +86,15 @@ def test_a_reader_that_does_not_end_is_a_hang_and_the_others_go_on(fuzzing, tmp_
     assert figures["hangs"] > 0 and figures["accepted"] == 40 - figures["hangs"]
 
 
+def test_a_reader_that_waits_for_ever_is_a_hang(fuzzing, tmp_path):
+    def read(path):
+        if odd(path):
+            time.sleep(3600)
+
+    figures, _ = outcome(fuzzing, tmp_path, read)
+    assert figures["hangs"] > 0 and figures["accepted"] == 40 - figures["hangs"]
+
+
 def test_a_reader_that_ends_its_process_is_found(fuzzing, tmp_path):
     def read(path):
         if odd(path):

@@ -34,7 +34,7 @@ PENDING, ACCEPTED, REFUSED, UNCLEAR, TRACEBACK, HANG, MEMORY = range(7)
 KINDS = ("pending", "accepted", "refused", "unclear", "traceback", "hang", "memory")
 """An unclear refusal is one, but not by a sentence that can be shown: several lines, control characters, endless."""
 SECONDS = 2.0
-"""Of processor time for an input; ten times as many by the clock, where a reader waits and does nothing."""
+"""Of processor time for an input, and by the clock where a reader sleeps and does nothing."""
 ALLOWANCE = 64 << 20
 PER_BYTE = 10
 _ADDRESS_SPACE = 3 << 30  # over what the parent has: no input may take the machine down
@@ -102,7 +102,7 @@ class Pool:
     def run(self) -> None:
         """Until every input was read."""
         todo = [range(a, min(a + _BATCH, len(self.indices))) for a in range(0, len(self.indices), _BATCH)][::-1]
-        seen: dict[int, tuple[int, float]] = {}
+        seen: dict[int, tuple[int, float]] = {}  # slot -> what it read and since when it has not slept all the time
         try:
             while todo or self._running:
                 for slot in range(self._workers):
@@ -158,11 +158,11 @@ class Pool:
         else:
             if place < 0:
                 return None
-            before, clock = seen.get(slot, (-1, 0.0))
-            if before != place:
-                seen[slot] = (place, time.monotonic())
-                return None
-            if _processor_time(process) - began < SECONDS and time.monotonic() - clock < 10 * SECONDS:
+            before, awake = seen.get(slot, (-1, 0.0))
+            if before != place or not _sleeps(process):
+                awake = time.monotonic()
+                seen[slot] = (place, awake)
+            if _processor_time(process) - began < SECONDS and time.monotonic() - awake < SECONDS:
                 return None
             os.kill(process, signal.SIGKILL)
             os.waitpid(process, 0)
@@ -281,6 +281,19 @@ def _memory(name: str) -> int:
             if line.startswith(name):
                 return int(line.split()[1]) << 10
     raise RuntimeError(f"no {name} in /proc/self/status")
+
+
+def _sleeps(process: int) -> bool:
+    """Whether every thread waits for something that does not come from a disk."""
+    try:
+        states = [Path(task, "stat").read_text().rpartition(")")[2].split()[0] for task in _tasks(process)]
+    except OSError:
+        return False
+    return all(state == "S" for state in states)
+
+
+def _tasks(process: int) -> list[Path]:
+    return list(Path(f"/proc/{process}/task").iterdir())
 
 
 def _processor_time(process: int) -> float:

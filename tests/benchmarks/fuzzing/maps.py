@@ -59,22 +59,18 @@ def _ros() -> list[Seed]:
 
 
 def _octomap() -> list[Seed]:
-    data = tree((3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 2, 1, 2))
-    seeds = [Seed({"map.bt": data}, "map.bt", "map.bt", "headed")]
+    data = _tree()
     full = data.replace(b"Octomap OcTree binary file", b"Octomap OcTree file")
+    seeds = [Seed({"map.bt": data}, "map.bt", "map.bt", "headed")]
     return [*seeds, Seed({"map.ot": full}, "map.ot", "map.ot", "headed", readable=False)]
 
 
-def tree(kinds: tuple[int, ...]) -> bytes:
-    """A chain of inner nodes, one child each down the tree, and leaves at its end."""
-    nodes = b""
-    for depth in range(15):
-        child = 7 if depth == 0 else 0
-        nodes += ((3 << (2 * child)) & 0xFFFF).to_bytes(2, "little")
-    leaves = sum(kind << (2 * i) for i, kind in enumerate(kinds[-8:])) & 0xFFFF
-    leaves = 0b01_10_01_10_01_10_01_10
-    head = "# Octomap OcTree binary file\nid OcTree\nsize 16\nres 0.05\ndata\n"
-    return head.encode() + nodes + leaves.to_bytes(2, "little")
+def _tree() -> bytes:
+    """A chain of inner nodes, one child each down the tree, with free and occupied leaves at its end."""
+    inner, leaves = 3, 0b01_10_01_10_01_10_01_10
+    nodes = [inner << (14 if depth == 0 else 0) for depth in range(15)]
+    head = b"# Octomap OcTree binary file\nid OcTree\nsize 16\nres 0.05\ndata\n"
+    return head + b"".join(node.to_bytes(2, "little") for node in [*nodes, leaves])
 
 
 def _surface() -> list[Seed]:

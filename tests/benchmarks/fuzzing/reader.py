@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,9 +11,9 @@ Files = dict[str, bytes]
 
 
 class Place(bytes):
-    """What stands where a file should be; its bytes name the kind: absent, folder, or a link to itself."""
+    """What stands where a file should be; its bytes name the kind: absent, folder, a link to itself, a pipe."""
 
-    KINDS = (b"absent", b"folder", b"loop")
+    KINDS = (b"absent", b"folder", b"loop", b"pipe")
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def lay(files: Files, folder: Path) -> None:
     """Writes the set of files below `folder`, over what is there."""
     for name, content in files.items():
         path = folder / name
-        if path.is_symlink():
+        if path.is_symlink() or path.is_fifo():
             path.unlink()
         elif path.is_dir():
             path.rmdir()
@@ -77,6 +78,8 @@ def lay(files: Files, folder: Path) -> None:
             path.mkdir()
         elif content == b"loop":
             path.symlink_to(path.name)
+        elif content == b"pipe":
+            os.mkfifo(path)
 
 
 def each(

@@ -47,7 +47,7 @@ def causes(faults: Sequence[Fault]) -> list[tuple[int, Fault]]:
     """How many faults have a cause (reader, kind, place, error without its numbers), and the first of them."""
     groups: dict[tuple[str, ...], list[Fault]] = defaultdict(list)
     for fault in sorted(faults, key=lambda f: f.index):
-        words = "" if fault.kind == "memory" else fault.error.split(":")[0]
+        words = "" if fault.kind in ("memory", "unclear") else fault.error.split(":")[0]
         groups[fault.reader, fault.kind, fault.where, words].append(fault)
     return sorted(((len(g), g[0]) for g in groups.values()), key=lambda pair: -pair[0])
 
