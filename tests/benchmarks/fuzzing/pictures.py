@@ -53,9 +53,13 @@ def _png(d: Damage, data: bytes) -> bytes:
         body = d.bytes(body)
         d.say(f"in {kind!r}")
     chunks[k] = (kind, body)
+    lengths = [len(body) for _, body in chunks]
+    if d.dice.random() < 0.1:
+        lengths[k] = d.dice.choice((0, len(body) + 1, 1 << 20, 1_500_000_000, (1 << 31) - 1, (1 << 32) - 1))
+        d.say(f"{kind!r} is {lengths[k]} bytes long")
     out = [data[:8]]
-    for kind, body in chunks:
-        out.append(struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)))
+    for length, (kind, body) in zip(lengths, chunks, strict=True):
+        out.append(struct.pack(">I", length) + kind + body + struct.pack(">I", zlib.crc32(kind + body)))
     return b"".join(out)
 
 
