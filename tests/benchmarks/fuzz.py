@@ -13,6 +13,7 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -36,7 +37,8 @@ def main() -> int:
     a = p.parse_args()
 
     from fuzzing import archives
-    from fuzzing.isolation import Plan, Pool
+    from fuzzing.isolation import Pool
+    from fuzzing.plan import Plan
     from fuzzing.reader import lay
     from fuzzing.readers import all_readers
     from fuzzing.report import causes, figures, table
@@ -52,6 +54,7 @@ def main() -> int:
         readers = [r for r in readers if r.name in names]
     place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     folder = Path(tempfile.mkdtemp(prefix="nvsim-fuzz-", dir=place))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the folder is in memory and must go
     tempfile.tempdir = str(folder)
     try:
         archives.prepare()

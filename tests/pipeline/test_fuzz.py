@@ -15,6 +15,7 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 INPUTS = 3000
 
 
+@pytest.mark.timeout(600)
 def test_every_reader_reads_or_refuses_three_thousand_damaged_files():
     began = time.monotonic()
     words = ["--inputs", str(INPUTS), "--seed", "1", "--json"]
@@ -33,18 +34,18 @@ def test_every_reader_reads_or_refuses_three_thousand_damaged_files():
 @pytest.fixture
 def fuzzing(monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    from fuzzing import isolation, reader, report
+    from fuzzing import isolation, plan, reader, report
 
     monkeypatch.setattr(isolation, "SECONDS", 0.5)
-    return isolation, reader, report
+    return isolation, plan, reader, report
 
 
 def outcome(fuzzing, tmp_path, read):
     """What forty inputs of a reader come to."""
-    isolation, reader, report = fuzzing
+    isolation, plan, reader, report = fuzzing
     one = reader.Reader("one", list, read)
     seed = reader.Seed({"f": b"1 2 3\n" * 20}, "f", "f", "text")
-    pool = isolation.Pool(isolation.Plan([one], {"one": [seed]}, 0), range(40), tmp_path, 2)
+    pool = isolation.Pool(plan.Plan([one], {"one": [seed]}, 0), range(40), tmp_path, 2)
     pool.run()
     figures = report.figures(pool)
     assert figures["inputs"] == 40
@@ -130,10 +131,10 @@ def test_memory_that_is_refused_only_because_there_is_none_is_a_fault(fuzzing, t
 
 
 def test_an_input_depends_on_seed_reader_and_number_alone(fuzzing):
-    isolation, reader, _ = fuzzing
+    _, plan, reader, _ = fuzzing
     seed = reader.Seed({"f": b"1 2 3\n" * 20}, "f", "f", "text")
     one, two = (reader.Reader(name, list, len) for name in ("one", "two"))
     seeds = {"one": [seed], "two": [seed]}
-    together, alone = isolation.Plan([one, two], seeds, 5), isolation.Plan([two], seeds, 5)
+    together, alone = plan.Plan([one, two], seeds, 5), plan.Plan([two], seeds, 5)
     assert together.input(7)[2:] == alone.input(7)[2:]
-    assert any(isolation.Plan([two], seeds, 6).input(k)[2:] != alone.input(k)[2:] for k in range(9))
+    assert any(plan.Plan([two], seeds, 6).input(k)[2:] != alone.input(k)[2:] for k in range(9))

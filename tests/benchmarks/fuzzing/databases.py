@@ -109,7 +109,10 @@ def _cell(d: Damage, c: sqlite3.Connection, table: str, column: str) -> None:
     if not rows:
         return
     row = d.dice.choice(rows)
-    old = c.execute(f"SELECT {column} FROM {table} WHERE rowid = ?", (row,)).fetchone()[0]
+    found = c.execute(f"SELECT {column} FROM {table} WHERE rowid = ?", (row,)).fetchone()
+    if found is None:
+        return
+    old = found[0]
     value: Any = d.dice.choice(_VALUES)
     if isinstance(old, bytes) and d.dice.random() < 0.75:
         value = _blob(d, old)

@@ -55,5 +55,13 @@ def damaged(d: Damage, data: bytes, form: str, other: bytes) -> bytes:
         elif draw < 0.17:
             data = d.bytes(data, other)
         else:
-            data = FORMS[form](d, data)
+            data = _by_form(d, data, form)
     return data
+
+
+def _by_form(d: Damage, data: bytes, form: str) -> bytes:
+    try:
+        return FORMS[form](d, data)
+    except Exception as error:  # what was damaged before is not built as its form says any more
+        d.say(f"no more a {form} ({type(error).__name__})")
+        return d.bytes(data)

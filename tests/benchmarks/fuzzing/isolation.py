@@ -12,7 +12,6 @@ import faulthandler
 import json
 import mmap
 import os
-import random
 import resource
 import shutil
 import signal
@@ -22,12 +21,11 @@ import time
 import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 
-from fuzzing.damage import STRANGERS, Damage
-from fuzzing.forms import damaged
-from fuzzing.reader import Files, Reader, Seed, lay
+from fuzzing.measures import forget_peak, memory, processor_time, sleeps
+from fuzzing.plan import Plan
+from fuzzing.reader import Reader, lay
 from nvsim.errors import InputError
 
 PENDING, ACCEPTED, REFUSED, UNCLEAR, TRACEBACK, HANG, MEMORY = range(7)
@@ -56,35 +54,6 @@ class Fault:
     error: str
     where: str
     damage: str
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Which inputs there are. An input depends on the seed, its reader and its index, on nothing else."""
-
-    readers: Sequence[Reader]
-    seeds: dict[str, list[Seed]]
-    seed: int
-
-    @cached_property
-    def _drawn(self) -> list[Reader]:
-        return [r for r in self.readers for _ in range(r.share)]
-
-    def reader(self, index: int) -> Reader:
-        return self._drawn[index % len(self._drawn)]
-
-    def input(self, index: int) -> tuple[Reader, Seed, Files, str]:
-        """The reader, the seed, the whole set of files with the damage in it, and the damage in words."""
-        reader = self.reader(index)
-        dice = random.Random(f"{self.seed} {reader.name} {index}")
-        seed = dice.choice(self.seeds[reader.name])
-        own = [each.files[each.target] for each in self.seeds[reader.name]]
-        other = dice.choice([*STRANGERS, *own])
-        d = Damage(dice)
-        files = {**seed.files, seed.target: damaged(d, seed.files[seed.target], seed.form, other)}
-        if seed.seal is not None:
-            files = seed.seal(files)
-        return reader, seed, files, f"{seed.target}: {'; '.join(d.said) or 'nothing'}"
 
 
 class Pool:
@@ -159,10 +128,10 @@ class Pool:
             if place < 0:
                 return None
             before, awake = seen.get(slot, (-1, 0.0))
-            if before != place or not _sleeps(process):
+            if before != place or not sleeps(process):
                 awake = time.monotonic()
                 seen[slot] = (place, awake)
-            if _processor_time(process) - began < SECONDS and time.monotonic() - awake < SECONDS:
+            if processor_time(process) - began < SECONDS and time.monotonic() - awake < SECONDS:
                 return None
             os.kill(process, signal.SIGKILL)
             os.waitpid(process, 0)
@@ -211,8 +180,8 @@ class Pool:
 
 def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]:
     """What came of reading: kind, error, where, bytes by which the memory grew at its highest."""
-    _forget_peak()
-    before = _memory("VmRSS")
+    forget_peak()
+    before = memory("VmRSS")
     kind, error, where = ACCEPTED, "", ""
     try:
         reader.read(path)
@@ -225,7 +194,7 @@ def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]
     except BaseException as failure:
         kind = TRACEBACK
         error, where = f"{type(failure).__name__}: {' '.join(str(failure)[:2000].split())[:160]}", _place_of(failure)
-    growth = _memory("VmHWM") - before
+    growth = memory("VmHWM") - before
     if kind in (ACCEPTED, REFUSED, UNCLEAR) and growth > ALLOWANCE + PER_BYTE * size:
         kind, error = MEMORY, f"{growth >> 20} MiB for a file of {size} bytes"
     return kind, error, where, growth
@@ -261,45 +230,11 @@ def _quiet() -> None:
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nothing, stream)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    limit = _memory("VmSize") + _ADDRESS_SPACE
+    limit = memory("VmSize") + _ADDRESS_SPACE
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     faulthandler.disable()
     ctypes.CDLL(None).mallopt(-3, 1 << 20)
     sys.unraisablehook = lambda _: None
-
-
-def _forget_peak() -> None:
-    with open("/proc/self/clear_refs", "w") as file:
-        file.write("5")
-
-
-def _memory(name: str) -> int:
-    with open("/proc/self/status") as file:
-        for line in file:
-            if line.startswith(name):
-                return int(line.split()[1]) << 10
-    raise RuntimeError(f"no {name} in /proc/self/status")
-
-
-def _sleeps(process: int) -> bool:
-    """Whether every thread waits for something that does not come from a disk."""
-    try:
-        states = [Path(task, "stat").read_text().rpartition(")")[2].split()[0] for task in _tasks(process)]
-    except OSError:
-        return False
-    return all(state == "S" for state in states)
-
-
-def _tasks(process: int) -> list[Path]:
-    return list(Path(f"/proc/{process}/task").iterdir())
-
-
-def _processor_time(process: int) -> float:
-    try:
-        with open(f"/proc/{process}/stat") as file:
-            fields = file.read().rpartition(")")[2].split()
-    except OSError:
-        return 0.0
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
