@@ -1,0 +1,125 @@
+"""Reads damaged and hostile files with every reader of the product and counts what must not happen.
+
+    python tests/benchmarks/fuzz.py --inputs 200000 --seed 1
+
+Each input must be read or refused with one sentence (InputError). Counted as faults are a traceback or a crash, more
+than two seconds of processor time, and memory above 64 MiB and ten times the file. Exit code 1 when there is any.
+The same seed, readers and index give the same input: a fault says with which words it is read again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", OPENCV_LOG_LEVEL="SILENT", QT_QPA_PLATFORM="offscreen")
+os.environ.update(NUMBA_NUM_THREADS="1", NUMBA_THREADING_LAYER="workqueue")  # the layers that may be forked
+
+
+def main() -> int:
+    p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    p.add_argument("--inputs", type=int, default=3000)
+    p.add_argument("--seed", type=int, default=0)
+    p.add_argument("--reader", default="", help="names, with commas between them; all when left out")
+    p.add_argument("--only", type=int, help="this input alone, with its traceback")
+    p.add_argument("--workers", type=int, default=2)
+    p.add_argument("--keep", type=Path, help="a folder for the files of every fault")
+    p.add_argument("--json", action="store_true", help="one JSON object")
+    p.add_argument("--list", action="store_true", help="name the readers and end")
+    a = p.parse_args()
+
+    from fuzzing import archives
+    from fuzzing.isolation import Pool
+    from fuzzing.plan import Plan
+    from fuzzing.reader import lay
+    from fuzzing.readers import all_readers
+    from fuzzing.report import causes, figures, table
+
+    readers = all_readers()
+    if a.list:
+        print("\n".join(r.name for r in readers))
+        return 0
+    if a.reader:
+        names = a.reader.split(",")
+        if unknown := set(names) - {r.name for r in readers}:
+            p.error(f"there is no reader {', '.join(sorted(unknown))}; --list names them")
+        readers = [r for r in readers if r.name in names]
+    place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+    folder = Path(tempfile.mkdtemp(prefix="nvsim-fuzz-", dir=place))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the folder is in memory and must go
+    tempfile.tempdir = str(folder)
+    try:
+        archives.prepare()
+        seeds = {r.name: r.seeds() for r in readers}
+        plan = Plan(readers, seeds, a.seed)
+        _warm(plan, folder / "warm", a.only is None)
+        if a.only is not None:
+            return _again(plan, a.only, folder, a.keep)
+        began = time.monotonic()
+        pool = Pool(plan, range(a.inputs), folder, a.workers)
+        pool.run()
+        found, faults = figures(pool), pool.faults()
+        found["seconds"] = round(time.monotonic() - began, 1)
+        for fault in faults if a.keep is not None else ():
+            _, _, files, _ = plan.input(fault.index)
+            lay(files, a.keep / f"{fault.reader}-{a.seed}-{fault.index}")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    listed = causes(faults)
+    if a.json:
+        found["causes"] = [{"count": n, **vars(f)} for n, f in listed]
+        print(json.dumps(found))
+    else:
+        print(table(found))
+        print(f"{found['seconds']} s")
+        for count, f in listed:
+            print(f"\n{count} x {f.reader}: {f.kind} {f.where} {f.error}\n    {f.damage}")
+            print(f"    python tests/benchmarks/fuzz.py --seed {a.seed} --reader '{f.reader}' --only {f.index}")
+    return 1 if any(found[kind] for kind in ("tracebacks", "hangs", "memory")) else 0
+
+
+def _warm(plan, folder: Path, judged: bool) -> None:
+    """Reads every seed as it is, so that imports and compiled code are there before the fork; a seed that cannot be
+    read would find nothing."""
+    from fuzzing.reader import lay
+
+    refused = []
+    for reader in plan.readers:
+        for k, seed in enumerate(plan.seeds[reader.name]):
+            at = folder / reader.name / str(k)
+            files = dict(seed.files) if seed.seal is None else seed.seal(dict(seed.files))
+            lay(files, at)
+            try:
+                reader.read(at / seed.opened)
+            except reader.refusals:
+                continue  # an edit that the graph does not allow is a line like any other
+            except Exception as error:
+                if seed.readable:
+                    refused.append(f"the whole file {seed.target} is not read by {reader.name}: {error!r}")
+    shutil.rmtree(folder, ignore_errors=True)
+    if refused and judged:
+        raise SystemExit("\n".join(refused))
+
+
+def _again(plan, index: int, folder: Path, keep: Path | None) -> int:
+    """One input, in this process, so that its traceback and a debugger can be seen."""
+    from fuzzing.reader import lay
+
+    reader, seed, files, damage = plan.input(index)
+    at = folder / "again" if keep is None else keep / f"{reader.name}-{plan.seed}-{index}"
+    lay(files, at)
+    print(f"{reader.name}: {damage}")
+    print(f"read {reader.read(at / seed.opened)!r:.500}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

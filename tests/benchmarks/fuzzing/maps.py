@@ -1,0 +1,108 @@
+"""Occupancy maps, and the grids of the floor that a project keeps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from fuzzing.places import workshop
+from fuzzing.reader import Files, Reader, Seed, each, files_in
+
+
+def readers() -> list[Reader]:
+    return [
+        Reader("ros map", _ros, _read, share=2),
+        Reader("octomap", _octomap, _read, share=2),
+        Reader("floor surface", _surface, _project_surface),
+        Reader("floor support", _support, _load_support),
+    ]
+
+
+def _read(path: Path) -> object:
+    from nvsim.occupancy.read import read_map
+
+    occupancy = read_map(path)
+    return occupancy.room, occupancy.centres()
+
+
+def map_samples() -> Files:
+    """map.yaml and map.pgm."""
+    from nvsim.occupancy.ros import write_ros_map
+    from nvsim.occupancy.types import OccupancyMap
+
+    with workshop() as folder:
+        write_ros_map(OccupancyMap(_cells(), 0.05, (-1.0, 2.0)), folder / "map.yaml")
+        files = files_in(folder)
+    files["map.yaml"] += b"occupied_thresh: 0.65\nfree_thresh: 0.196\nnegate: 0\n"
+    return files
+
+
+def _cells() -> np.ndarray:
+    cells = np.ones((20, 30), np.uint8)
+    cells[5:15, 5:25] = 0
+    return cells
+
+
+def _ros() -> list[Seed]:
+    grey = map_samples()
+    png = {
+        "map.png": cv2.imencode(".png", _cells() * 100)[1].tobytes(),
+        "map.yaml": grey["map.yaml"].replace(b"map.pgm", b"map.png") + b"mode: scale\n",
+    }
+    return [
+        *each(grey, "map.yaml", {"map.yaml": "text"}) * 2,
+        *each(grey, "map.yaml", {"map.pgm": "picture"}),
+        *each(png, "map.yaml", {"map.png": "picture"}),
+    ]
+
+
+def _octomap() -> list[Seed]:
+    data = _tree()
+    full = data.replace(b"Octomap OcTree binary file", b"Octomap OcTree file")
+    seeds = [Seed({"map.bt": data}, "map.bt", "map.bt", "headed")]
+    return [*seeds, Seed({"map.ot": full}, "map.ot", "map.ot", "headed", readable=False)]
+
+
+def _tree() -> bytes:
+    """A chain of inner nodes, one child each down the tree, with free and occupied leaves at its end."""
+    inner, leaves = 3, 0b01_10_01_10_01_10_01_10
+    nodes = [inner << (14 if depth == 0 else 0) for depth in range(15)]
+    head = b"# Octomap OcTree binary file\nid OcTree\nsize 16\nres 0.05\ndata\n"
+    return head + b"".join(node.to_bytes(2, "little") for node in [*nodes, leaves])
+
+
+def _surface() -> list[Seed]:
+    from nvsim.project.layout import Layout
+
+    with workshop() as folder:
+        path = Layout(folder).surface(0)
+        path.parent.mkdir()
+        heights = np.zeros((4, 5), np.float32)
+        np.savez_compressed(path, heights=heights, origin=np.array([0.5, -0.5]), spacing=np.array(0.75))
+        files = files_in(folder)
+    return each(files, "", {next(iter(files)): "zip"})
+
+
+def _project_surface(path: Path) -> object:
+    from nvsim.project.layout import Layout
+    from nvsim.project.project import Project
+
+    surface = Project(Layout(path), None, None).surface(0)  # type: ignore[arg-type]
+    return None if surface is None else surface.height_at(np.zeros((2, 2)))
+
+
+def _support() -> list[Seed]:
+    from nvsim.perception.support import FloorSupport
+
+    with workshop() as folder:
+        FloorSupport(np.eye(12, dtype=bool), (0.0, 1.0), 0.08).save(folder / "support.npz")
+        files = files_in(folder)
+    return each(files, "support.npz", {"support.npz": "zip"})
+
+
+def _load_support(path: Path) -> object:
+    from nvsim.perception.support import FloorSupport
+
+    return FloorSupport.load(path).at(np.zeros((3, 2)))

@@ -1,0 +1,41 @@
+"""What the system knows of a process: its memory, its processor time, whether it sleeps."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def forget_peak() -> None:
+    with open("/proc/self/clear_refs", "w") as file:
+        file.write("5")
+
+
+def memory(name: str) -> int:
+    with open("/proc/self/status") as file:
+        for line in file:
+            if line.startswith(name):
+                return int(line.split()[1]) << 10
+    raise RuntimeError(f"no {name} in /proc/self/status")
+
+
+def sleeps(process: int) -> bool:
+    """Whether every thread waits for something that does not come from a disk."""
+    try:
+        states = [Path(task, "stat").read_text().rpartition(")")[2].split()[0] for task in _tasks(process)]
+    except OSError:
+        return False
+    return all(state == "S" for state in states)
+
+
+def _tasks(process: int) -> list[Path]:
+    return list(Path(f"/proc/{process}/task").iterdir())
+
+
+def processor_time(process: int) -> float:
+    try:
+        with open(f"/proc/{process}/stat") as file:
+            fields = file.read().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

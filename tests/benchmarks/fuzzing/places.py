@@ -1,0 +1,28 @@
+"""A folder to make seeds in, and the real data that lies beside the checkout, where there is any."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_TESTS = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(_TESTS / "unit"))  # the samples of the unit tests
+_LARGEST = 40_000
+
+
+@contextmanager
+def workshop() -> Iterator[Path]:
+    """An empty folder that goes when the seeds were taken from it."""
+    with tempfile.TemporaryDirectory(prefix="seeds-") as name:
+        yield Path(name)
+
+
+def shared(pattern: str, largest: int = _LARGEST) -> list[Path]:
+    """Small files of the shared data, none where it is missing."""
+    for root in (_TESTS.parent.parent / "shared" / "data", _TESTS.parents[2] / "shared" / "data"):
+        if root.is_dir():
+            return [p for p in sorted(root.glob(pattern)) if p.is_file() and p.stat().st_size <= largest]
+    return []

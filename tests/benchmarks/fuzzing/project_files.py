@@ -1,0 +1,127 @@
+"""The files of a project around its database, as the window and the process for its frames read them."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from fuzzing.models import model_files
+from fuzzing.projects import project_with_walk
+from fuzzing.reader import Files, Reader, Seed, each
+
+
+def readers() -> list[Reader]:
+    return [
+        Reader("project files", _files, _everything, share=3),
+        Reader("frame of a project", _frames, _frame, share=2),
+        Reader("thumbnails and coverage", _frames, _thumbnails),
+        Reader("novel views", _novel, _novel_views),
+    ]
+
+
+@cache
+def _whole() -> Files:
+    """A project with masks, floors and models of two submaps; its images lie in it."""
+    files = project_with_walk()
+    mask = np.zeros((48, 64), np.uint8)
+    mask[24:] = 255
+    png = cv2.imencode(".png", mask)[1].tobytes()
+    files |= {f"masks/{i:06d}.png": png for i in range(12)} | {"corrections/images%2F001.png.png": png}
+    for k in range(2):
+        files |= {f"models/submap_{k:03d}/{n}": d for n, d in model_files("linear").items()}
+    return files
+
+
+def _files() -> list[Seed]:
+    files = _whole()
+    forms = {".json": "json", ".npz": "zip", ".ply": "headed", ".safetensors": "tensors"}
+    names = [n for n in files if n.startswith(("imported/", "floor/", "models/submap_000"))]
+    return each(files, "", {n: forms[Path(n).suffix] for n in names})
+
+
+def _everything(path: Path) -> object:
+    """What the window shows of a project, in one process."""
+    from app.loading import ProjectReader
+    from nvsim.project.floor_heights import floor_of
+    from nvsim.project.project import Project
+    from nvsim.splats import files
+
+    files._verified.clear()
+    with Project.open(path) as project:
+        scene, found = project.scene(), (project.capture(), project.support(), project.surface(0))
+        floor_of(project).height_at(np.zeros((2, 2)))
+        if scene is not None:
+            scene.model_at(np.zeros(3))
+    reader = ProjectReader(path)
+    try:
+        return found, reader._models(), reader._model_info()
+    finally:
+        reader.close()
+
+
+def _frames() -> list[Seed]:
+    files = {**_whole(), "cache/coverage.json": json.dumps({"masks/000000.png": [1, 0.5]}).encode()}
+    forms = {
+        "masks/000001.png": "picture",
+        "corrections/images%2F001.png.png": "picture",
+        "cache/coverage.json": "json",
+    }
+    return each(files, "", {**forms, "images/001.png": "picture", "images/002.png": "picture"})
+
+
+def _frame(path: Path) -> object:
+    """The page of a frame; its images were moved along with the project."""
+    from dataclasses import replace
+
+    from app.frames.matter import read_matter
+    from nvsim.capture.images import read_image
+    from nvsim.project.layout import Layout
+    from nvsim.project.project import Project
+
+    with Project.open(path) as project:
+        capture = project.need_capture()
+        for index in (1, 2):
+            frame = replace(capture.frames[index], image_path=path / "images" / capture.frames[index].image_path.name)
+            read_image(frame, frame.intrinsics.within(32))
+            read_matter(Layout(path), frame, index)
+        return capture
+
+
+def _thumbnails(path: Path) -> object:
+    """What the process for frames says of them. It meets every error itself; one that it did not expect is a fault."""
+    from dataclasses import replace
+
+    from app.frames.worker import Worker
+
+    said: list[dict[str, object]] = []
+    worker = Worker(path, said.append)
+    capture = worker._project.need_capture()
+    frames = tuple(replace(f, image_path=path / "images" / f.image_path.name) for f in capture.frames)
+    worker._project.need_capture = lambda: replace(capture, frames=frames)  # type: ignore[method-assign]
+    worker._thumbnails = [2, 1]
+    worker._coverage = worker._read_coverage()
+    while worker._thumbnails or worker._coverage is not None:
+        worker._step()
+    worker._project.close()
+    for answer in said:
+        if str(answer.get("sentence", "")).startswith("Something went wrong"):
+            raise RuntimeError(answer["sentence"])
+    return said
+
+
+def _novel() -> list[Seed]:
+    pose = " ".join(map(str, np.eye(4).ravel()))
+    head = "# PINHOLE 64 48 fx 40 fy 40 cx 32 cy 24\n# name and pose\n"
+    text = head + "".join(f"holdout/{k}.png {pose}\n" for k in range(3))
+    return [Seed({"holdout_frames.txt": text.encode()}, "holdout_frames.txt", "", "text")]
+
+
+def _novel_views(path: Path) -> object:
+    from nvsim.capture.types import Alignment
+    from nvsim.evaluation.novel import read_novel_views
+
+    return read_novel_views(path, Alignment(np.eye(3), 1.0, True))

@@ -1,0 +1,194 @@
+"""Project databases and the jobs that lie in folders beside them."""
+
+from __future__ import annotations
+
+import sqlite3
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from fuzzing.graphs import row
+from fuzzing.places import workshop
+from fuzzing.reader import Files, Reader, Seed, each, files_in
+from nvsim.project.layout import Layout
+
+
+def readers() -> list[Reader]:
+    return [
+        Reader("project.db", _project, _contents, share=4),
+        Reader("project.db written", _project, _written, disposable=True, share=2),
+        Reader("job folder", _jobs, _listed, share=3),
+        Reader("job events", _events, _heard, share=2),
+    ]
+
+
+@cache
+def project_with_walk() -> Files:
+    """A project with all but masks and models: capture, submaps, graph, floors, results, stages, commands."""
+    from capture_samples import room, walk, write_nerfstudio
+
+    from nvsim.events import Done, Log, Progress
+    from nvsim.graph.types import NavGraph
+    from nvsim.mapping.config import MappingConfig
+    from nvsim.project import ledger
+    from nvsim.project.config import CaptureConfig
+    from nvsim.project.jobs import JobJournal
+    from nvsim.project.project import Project
+    from nvsim.project.stages import imported
+    from nvsim.project.thresholds import recorded
+    from nvsim.submaps.types import Submap
+
+    with workshop() as folder:
+        source = write_nerfstudio(folder / "walk", walk(12), room(600))
+        root = folder / "p.nvsim"
+        with Project.create_or_open(root) as project:
+            capture = imported.run(project, source, CaptureConfig(scale=1.0), lambda event: None)
+            half = len(capture.frames) // 2
+            cores = [tuple(range(half)), tuple(range(half, len(capture.frames)))]
+            every = tuple(range(len(capture.frames)))
+            project.set_submaps(tuple(Submap(i, c, every, capture.positions[list(c)]) for i, c in enumerate(cores)))
+            graph: NavGraph = row()
+            project.set_graph(graph)
+            project.set_result("views", {"psnr": 27.5, "rows": [{"submap": 0, "ssim": 0.8}]})
+            project.set_meta("scan_name", "row")
+            for stage in ("submaps", "floors", "train", "map"):
+                ledger.begin(project, stage, f"key of {stage}")
+                ledger.finish(project, stage, 1.5, recorded(MappingConfig()) if stage == "map" else {"psnr": 20.0})
+            for state in ("done", "failed", "running"):
+                journal = JobJournal(project.connection, "map", lambda event: None)
+                for event in (Progress("map", 1, 3), Log("x", "map"), Done("map", "well", {})):
+                    journal(event)
+                journal.end(state, "words")
+        database = root / "project.db"
+        connection = sqlite3.connect(database)
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        connection.execute("PRAGMA journal_mode=DELETE")
+        connection.close()
+        _lay_floor(Layout(root))
+        images = {n.removeprefix("walk/"): d for n, d in files_in(folder).items() if n.endswith(".png")}
+        kept = ("project.db", "imported/", "floor/")
+        return {
+            n: d for n, d in files_in(root).items() if n.startswith(kept) and not n.endswith(("-wal", "-shm"))
+        } | images
+
+
+def _lay_floor(layout: Layout) -> None:
+    from nvsim.perception.support import FloorSupport
+
+    for submap in range(2):
+        path = layout.surface(submap)
+        path.parent.mkdir(exist_ok=True)
+        heights = np.zeros((4, 5), np.float32)
+        np.savez_compressed(path, heights=heights, origin=np.array([-1.0, -1.0]), spacing=np.array(1.0))
+    FloorSupport(np.ones((30, 30), bool), (-1.2, -1.2), 0.08).save(layout.support)
+
+
+def _project() -> list[Seed]:
+    """Without the floor, from which the window would have an occupancy map made in another process."""
+    names = ("project.db", "imported/")
+    files = {n: d for n, d in project_with_walk().items() if n.startswith(names)}
+    return each(files, "", {"project.db": "sqlite"})
+
+
+def _contents(path: Path) -> object:
+    """All that the window and the commands read of a database."""
+    from app.loading import ProjectReader
+    from nvsim.graph.findings import check_graph
+    from nvsim.project import ledger
+    from nvsim.project.floor_heights import floor_of
+    from nvsim.project.graph_context import context_of
+    from nvsim.project.project import Project
+    from nvsim.project.stages import imported
+    from nvsim.project.stages.mapped import scan_name
+    from nvsim.project.thresholds import thresholds_of
+
+    with Project.open(path) as project:
+        project.jobs(), project.results(), project.submaps(), project.graph(), project.scene()
+        scan_name(project), thresholds_of(project), imported.capture_config(project)
+        for stage in ("import", "submaps", "floors", "train", "map"):
+            ledger.record(project, stage)
+        context, graph = context_of(project), project.graph()
+        floor_of(project)
+        if graph is not None:
+            check_graph(graph, context)
+    reader = ProjectReader(path)
+    try:
+        return list(reader.updates())[-1:]
+    finally:
+        reader.close()
+
+
+def _written(path: Path) -> object:
+    """What a command writes into a project that it was given."""
+    from nvsim.project import ledger
+    from nvsim.project.jobs import JobJournal
+    from nvsim.project.project import Project
+
+    with Project.open(path, writable=True) as project:
+        JobJournal(project.connection, "map", lambda event: None).end("done")
+        ledger.begin(project, "map", "another")
+        ledger.finish(project, "map", 1.0, {})
+        project.set_graph(row())
+        project.set_result("graph", {"a": 1})
+        project.set_submaps(())
+        return project.graph()
+
+
+def _job_files() -> Files:
+    from nvsim.events import Done, Failed, Log, Metric, Preview, Progress, Warning
+    from nvsim.project.job_events import event_line
+    from nvsim.project.joblist import JobList
+
+    with workshop() as root:
+        jobs = JobList(root)
+        for verb in ("map", "train", "evaluate views"):
+            jobs.add(verb, ["--project", "x"], f"A {verb}")
+        first = jobs.claim(1)
+        assert first is not None
+        jobs.finish(first, 0, "")
+        events = (
+            *(Progress("train", k, 5, "step") for k in range(3)),
+            *(Metric("train", "psnr", k, 20.0 + k) for k in range(2)),
+            *(Preview("train", "a.jpg"), Log("x", "train"), Warning("w", "train"), Done("train", "w", {"a": 1})),
+            Failed("train", "no", 2),
+        )
+        first.events.write_text("".join(event_line(e, 1000.0 + k) for k, e in enumerate(events)))
+        first.output.write_text('{"psnr": 20.5, "rows": [{"a": 1}, {"a": 2, "b": "x"}]}\n')
+        first.messages.write_text("nothing\n")
+        (first.folder / "wish").write_text("pause")
+        return {n: d for n, d in files_in(root).items() if not n.endswith(".lock")}
+
+
+def _jobs() -> list[Seed]:
+    files = _job_files()
+    forms = {"order.json": "json", "standing.json": "json", "output.txt": "json", "wish": "text", "ran.txt": "text"}
+    found = {n: forms[n.rpartition("/")[2]] for n in files if n.rpartition("/")[2] in forms}
+    return each(files, "", found)
+
+
+def _listed(path: Path) -> object:
+    """As the list of jobs in the window does, without acting on them."""
+    from app.jobs.results import result_of_job
+    from nvsim.project.joblist import JobList
+
+    jobs = JobList(path)
+    return [(j, result_of_job(j)) for j in jobs.jobs()], jobs.ran()
+
+
+def _events() -> list[Seed]:
+    files = _job_files()
+    target = next(n for n in files if n.endswith("events.jsonl"))
+    return each(files, target, {target: "lines of json"})
+
+
+def _heard(path: Path) -> object:
+    """As the window follows a job: every event goes to its log, its curves and its progress."""
+    from app.jobs.history import History
+    from nvsim.project.job_events import EventFile
+
+    file, history = EventFile(path), History()
+    while file.behind:
+        for at, event in file.read():
+            history.hear(at, event)
+    return history.share, history.rate, history.seconds_left

@@ -1,0 +1,13 @@
+"""Every reader of the product. A new one is a line in the file of its family, a new family a line here."""
+
+from __future__ import annotations
+
+from fuzzing import captures, graphs, maps, models, networks, project_files, projects, splats, window
+from fuzzing.reader import Reader
+
+
+def all_readers() -> list[Reader]:
+    families = (captures, splats, maps, graphs, projects, project_files, models, networks, window)
+    found = [r for family in families for r in family.readers()]
+    assert len({r.name for r in found}) == len(found)
+    return found
