@@ -120,7 +120,7 @@ def test_memory_far_beyond_the_file_is_a_fault_though_it_is_given_back(fuzzing, 
 
 
 def test_memory_that_is_refused_only_because_there_is_none_is_a_fault(fuzzing, tmp_path):
-    from nvsim.reading import reading
+    from nvsim.files.reading import reading
 
     def read(path):
         with reading(path, "a number"):

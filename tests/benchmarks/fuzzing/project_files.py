@@ -45,7 +45,7 @@ def _files() -> list[Seed]:
 
 def _everything(path: Path) -> object:
     """What the window shows of a project, in one process."""
-    from app.loading import ProjectReader
+    from app.state.loading import ProjectReader
     from nvsim.project.floor_heights import floor_of
     from nvsim.project.project import Project
     from nvsim.splats import files
@@ -77,7 +77,7 @@ def _frame(path: Path) -> object:
     """The page of a frame; its images were moved along with the project."""
     from dataclasses import replace
 
-    from app.frames.matter import read_matter
+    from app.frames.frame_data import read_matter
     from nvsim.capture.images import read_image
     from nvsim.project.layout import Layout
     from nvsim.project.project import Project

@@ -93,7 +93,7 @@ def _project() -> list[Seed]:
 
 def _contents(path: Path) -> object:
     """All that the window and the commands read of a database."""
-    from app.loading import ProjectReader
+    from app.state.loading import ProjectReader
     from nvsim.graph.findings import check_graph
     from nvsim.project import ledger
     from nvsim.project.floor_heights import floor_of

@@ -16,9 +16,9 @@ def readers() -> list[Reader]:
 
 
 def _views() -> list[Seed]:
-    from app.cameras import ViewPose
-    from app.document import Selection
-    from app.view_keeping import Left, encode
+    from app.painting.cameras import ViewPose
+    from app.state.document import Selection
+    from app.state.view_state_store import Left, encode
 
     pose = ViewPose((1.0, 2.0, 1.5))
     text = encode(Left(pose, "rgb", Selection(viewpoint="v1"), 3, (0, 0, 5, 5), (0.1, 0.2, 1.0), (pose, pose)))
@@ -26,7 +26,7 @@ def _views() -> list[Seed]:
 
 
 def _decode_view(path: Path) -> object:
-    from app.view_keeping import decode, encode
+    from app.state.view_state_store import decode, encode
 
     left = decode(content(path).decode("utf-8", "replace"))
     return left and encode(left)
