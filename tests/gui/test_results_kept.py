@@ -11,10 +11,10 @@ from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
-from app.model_words import model_words
 from app.panels.earlier import EarlierResults
 from app.session import Session
 from app.state.loading import Contents
+from app.state.model_words import model_words
 from app.wiring.jobs import JobsPart
 from nvsim.project.jobs import JobRecord
 from nvsim.project.project import Project

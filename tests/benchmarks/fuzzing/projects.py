@@ -169,7 +169,7 @@ def _jobs() -> list[Seed]:
 
 def _listed(path: Path) -> object:
     """As the list of jobs in the window does, without acting on them."""
-    from app.jobs.results import result_of_job
+    from app.state.results import result_of_job
     from nvsim.project.joblist import JobList
 
     jobs = JobList(path)
