@@ -165,11 +165,19 @@ class Worker:
 
 
 def _kept(path: Path) -> dict[str, Any]:
+    """Path of a mask -> [its time, its share of floor], of what was counted before; none of it where it is damaged."""
+    from nvsim.files.regular import read_json
+
     try:
-        found = json.loads(path.read_text())
-    except (OSError, ValueError):
+        found = read_json(path, "the shares of floor", "")
+    except InputError:
         return {}
-    return found if isinstance(found, dict) else {}
+    rows = found.items() if isinstance(found, dict) else ()
+    return {name: row for name, row in rows if isinstance(row, list) and len(row) == 2 and _is_share(row[1])}
+
+
+def _is_share(value: object) -> bool:
+    return type(value) in (int, float) and 0.0 <= value <= 1.0  # type: ignore[operator]
 
 
 def main(root: Path, source: IO[str], target: IO[str]) -> int:

@@ -58,7 +58,7 @@ def result_of(text: str) -> CheckResult:
             for (severity, message), items in groups.items()
         )
         return CheckResult(bool(data["refused"]), found)
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
 
 

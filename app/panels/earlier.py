@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QListWidget, QListWidgetItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QListWidgetItem, QVBoxLayout, QWidget
 
+from app.look.labels import Label
 from nvsim.project.restored import Kept, megabytes
 
 
@@ -19,7 +20,7 @@ class EarlierResults(QDialog):
         super().__init__(parent)
         self.setWindowTitle("Earlier results")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        intro = QLabel(
+        intro = Label(
             "Each is what its stage had made before its last run. Restoring it keeps the present one in its place; the "
             "stages after it stay as they are.",
             self,

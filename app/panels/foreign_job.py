@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontDatabase
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPlainTextEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QPlainTextEdit, QPushButton, QVBoxLayout, QWidget
 
 from app.forms.arguments import command_line
 from app.jobs.queue import JobQueue
 from app.look import colors
+from app.look.labels import Label
 from nvsim.errors import InputError
 from nvsim.project.joblist import Job
 
@@ -54,11 +55,9 @@ class ForeignJob(QDialog):
             column.addWidget(widget)
         self.resize(620, 260)
 
-    def _label(self, text: str) -> QLabel:
-        label = QLabel(self)
-        label.setTextFormat(Qt.TextFormat.PlainText)
+    def _label(self, text: str) -> Label:
+        label = Label(text, self)
         label.setWordWrap(True)
-        label.setText(text)
         return label
 
     def _on_order(self) -> None:

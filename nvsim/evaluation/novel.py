@@ -8,6 +8,7 @@ FOLDER/novel_floor/NAME.png true floor masks, 255 on floor; may be missing
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,10 +20,12 @@ from nvsim.capture.images import decode
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 from nvsim.evaluation.scores import LEAST_PIXELS, Scores, psnr
+from nvsim.files.regular import read_text
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.perception.segment import read_mask
 
 LISTING = "holdout_frames.txt"
+_LONGEST = 64 << 20  # bytes of the list
 STEEP = -0.35
 """Upward part of a ray's direction below which it looks steeply down, by about 20 degrees."""
 _PINHOLE = re.compile(r"#\s*PINHOLE\s+(\d+)\s+(\d+)\s+fx\s+(\S+)\s+fy\s+(\S+)\s+cx\s+(\S+)\s+cy\s+(\S+)")
@@ -60,13 +63,14 @@ def has_novel_views(folder: Path | None) -> bool:
 def read_novel_views(folder: Path, alignment: Alignment) -> list[NovelView]:
     """The views in the order of the file, brought into the aligned frame. Raises InputError naming file and line."""
     path = folder / LISTING
-    if not path.is_file():
+    if not os.path.lexists(path):
         raise InputError(
             f"{path} is missing, so there are no novel views; name a truth that has them with --truth DIR."
         )
     intrinsics: Intrinsics | None = None
     views: list[NovelView] = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    text = read_text(path, "a list of novel views", "write it again", _LONGEST)
+    for number, line in enumerate(text.splitlines(), 1):
         found = _PINHOLE.match(line)
         try:
             if found:

@@ -50,12 +50,25 @@ def image_size_of(data: bytes) -> ImageSize | None:
     return None
 
 
+def _says_too_much(data: bytes) -> bool:
+    """Whether a chunk of a PNG is said to be longer than the file, for which OpenCV takes the memory at once."""
+    at = 8
+    while at + 8 <= len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        if length > len(data) - at - 8:
+            return True
+        if data[at + 4 : at + 8] == b"IEND":
+            return False
+        at += 12 + length
+    return False
+
+
 def _png(data: bytes) -> ImageSize | None:
     if data[12:16] != b"IHDR":
         return None
     width, height, depth, kind = struct.unpack_from(">IIBB", data, 16)
     channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(kind)
-    if channels is None or depth not in (1, 2, 4, 8, 16):
+    if channels is None or depth not in (1, 2, 4, 8, 16) or _says_too_much(data):
         return None
     packed = height * (width * channels * depth // 8)
     decoded = 3 if kind == 3 else channels + (channels == 2) * 2

@@ -13,20 +13,21 @@ import tempfile
 from pathlib import Path
 
 from nvsim.files.database_files import check_files
+from nvsim.files.guarded_database import GuardedConnection
 
 _MEMORY = "/dev/shm"  # where there is room when every disk is full
 
 
-class Snapshot(sqlite3.Connection):
+class Snapshot(GuardedConnection):
     """Shows the database as it was when it was opened, whatever is committed from now on."""
 
 
-def open_to_read(path: Path) -> sqlite3.Connection:
+def open_to_read(path: Path) -> GuardedConnection:
     """A connection to read `path` with, a Snapshot where nothing can be written beside the file. Raises sqlite3.Error,
     and InputError for what is no plain file."""
     check_files(path)
     try:
-        return _tried(path, "mode=ro", sqlite3.Connection)
+        return _tried(path, "mode=ro", GuardedConnection)
     except sqlite3.OperationalError:
         wal = path.with_name(path.name + "-wal")
         if not wal.is_file() or wal.stat().st_size == 0:
@@ -44,9 +45,10 @@ def stamp(path: Path) -> tuple[tuple[int, int], ...]:
     return tuple(found)
 
 
-def _tried(path: Path, flags: str, kind: type[sqlite3.Connection]) -> sqlite3.Connection:
+def _tried(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConnection:
     uri = f"file:{_quoted(path)}?{flags}"
     connection = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, check_same_thread=False, factory=kind)
+    connection.path = path
     try:
         connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # opening alone touches nothing
     except BaseException:
@@ -65,6 +67,7 @@ def _copied(path: Path) -> Snapshot:
                 for suffix in ("", "-wal"):
                     shutil.copyfile(path.with_name(path.name + suffix), copy.with_name(copy.name + suffix))
                 memory = Snapshot(":memory:", isolation_level=None, check_same_thread=False)
+                memory.path = path
                 with contextlib.closing(sqlite3.connect(copy)) as whole:
                     whole.backup(memory)
                 memory.execute("PRAGMA query_only=1")

@@ -16,7 +16,7 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
 from nvsim.files.database_files import check_files
 from nvsim.files.read_only_database import open_to_read
-from nvsim.files.tables import BLOB, COUNT, FLAG, NUMBER, TEXT, check_schema, harden, read, reading_rows
+from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
 from nvsim.graph.delta import Delta
 from nvsim.graph.history import Step
 from nvsim.graph.journal_rows import decode_delta, decode_selection
@@ -35,7 +35,7 @@ _STEP = {
     "number": COUNT,
     "text": TEXT,
     "at": NUMBER,
-    "edit": FLAG,
+    "edit": COUNT,
     "merge": TEXT.or_null,
     "operation": TEXT.or_null,
     "selection": BLOB,

@@ -7,9 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.reading import reading
+from nvsim.files.stored_arrays import read_arrays
 from nvsim.submaps.types import Submap
+
+_MOST = 1 << 24  # frames and submaps
 
 
 def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
@@ -23,8 +27,18 @@ def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
 
 def load_cut(path: Path) -> tuple[Submap, ...]:
     """What `save_cut` wrote. Raises InputError when it is missing or damaged."""
-    with reading(path, "a cut into submaps"), np.load(path, allow_pickle=False) as data:
-        rows, positions = data["rows"], data["positions"].astype(np.float64)
+    what, then = "a cut into submaps", "run `nvsim submaps` again"
+    data = read_arrays(path, what, {"rows": ("iu", 2), "positions": ("f", 2)}, then)
+    with reading(path, what, then):
+        rows, positions = data["rows"].astype(np.int64), data["positions"].astype(np.float64)
+        if (
+            rows.shape[1] != 3
+            or positions.shape != (int((rows[:, 2] == 1).sum()), 3)
+            or not np.isfinite(positions).all()
+        ):
+            raise InputError(f"{path} is not {what}: its rows and places do not fit; {then}.")
+        if len(rows) and (rows.min() < 0 or rows.max() > _MOST or rows[:, 2].max() > 1):
+            raise InputError(f"{path} is not {what}: it names frames that no capture has; {then}.")
         result: list[Submap] = []
         at = 0
         for index in dict.fromkeys(rows[:, 0].tolist()):

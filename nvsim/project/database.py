@@ -11,6 +11,7 @@ from pathlib import Path
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error
 from nvsim.files.database_files import check_files
+from nvsim.files.guarded_database import GuardedConnection, damaged
 from nvsim.files.read_only_database import open_to_read
 from nvsim.files.tables import check_schema, harden
 
@@ -57,13 +58,21 @@ def create(path: Path) -> sqlite3.Connection:
     """A new database at `path`. Raises InputError when it cannot be written."""
     check_files(path)
     try:
-        connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
+        connection = _connected(path)
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
         # One transaction: a kill leaves an empty database, which `connect` takes as new, never half a schema.
         connection.executescript(f"BEGIN; {_SCHEMA} {_since(1)} COMMIT;")
     except sqlite3.Error as error:
         raise InputError(f"Cannot create the project database {path}: {error}; choose a writable folder.") from error
+    return connection
+
+
+def _connected(path: Path) -> GuardedConnection:
+    connection = sqlite3.connect(
+        path, timeout=30, isolation_level=None, check_same_thread=False, factory=GuardedConnection
+    )
+    connection.path = path
     return connection
 
 
@@ -77,7 +86,7 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
             connection = open_to_read(path)
         else:
             check_files(path)
-            connection = sqlite3.connect(path, timeout=30, isolation_level=None, check_same_thread=False)
+            connection = _connected(path)
         version = check(connection, path, read_only)
         if version == 0 and not read_only:
             connection.close()
@@ -92,7 +101,7 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
         reason = "whether it is readable" if read_only else "that the project folder is writable and its disk has room"
         raise InputError(f"Cannot open {path}: {error}; check {reason}.") from error
     except sqlite3.DatabaseError as error:
-        raise InputError(f"{path} is damaged ({error}); restore the project from a copy or import it again.") from error
+        raise damaged(path, error) from error
     return connection
 
 

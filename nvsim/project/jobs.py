@@ -12,6 +12,7 @@ from pathlib import Path
 from nvsim.events import Event, Listener, Progress
 from nvsim.files import tables
 from nvsim.files.tables import COUNT, NUMBER, TEXT
+from nvsim.project.database import explain
 from nvsim.project.worker_lock import has_open
 
 _BEAT = 1.0  # seconds between updates of a job's row
@@ -66,16 +67,15 @@ class JobJournal:
         self._listen = listen
         self._beat = 0.0
         now = time.time()
-        cursor = connection.execute(
+        self._id = self._write(
             "INSERT INTO jobs (stage, pid, state, started, updated) VALUES (?, ?, 'running', ?, ?)",
             (stage, os.getpid(), now, now),
         )
-        self._id = cursor.lastrowid
 
     def __call__(self, event: Event) -> None:
         if isinstance(event, Progress) and time.monotonic() - self._beat > _BEAT:
             self._beat = time.monotonic()
-            self._connection.execute(
+            self._write(
                 "UPDATE jobs SET done = ?, total = ?, updated = ?, message = ? WHERE id = ?",
                 (event.done, event.total, time.time(), _storable(f"{event.stage} {event.detail}".strip()), self._id),
             )
@@ -83,10 +83,17 @@ class JobJournal:
 
     def end(self, state: str, message: str = "") -> None:
         now = time.time()
-        self._connection.execute(
+        self._write(
             "UPDATE jobs SET state = ?, message = ?, updated = ?, finished = ? WHERE id = ?",
             (state, _storable(message), now, now, self._id),
         )
+
+    def _write(self, statement: str, values: tuple[object, ...]) -> int | None:
+        """The number of the row that was added. Raises InputError when the disk refuses."""
+        try:
+            return self._connection.execute(statement, values).lastrowid
+        except sqlite3.Error as error:
+            raise explain(getattr(self._connection, "path", Path("project.db")), error) from error
 
 
 def _storable(text: str) -> str:

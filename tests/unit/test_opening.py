@@ -93,12 +93,12 @@ def test_a_log_takes_the_place_of_a_link_or_a_pipe(tmp_path: Path, letter: Path,
 
 
 def test_a_job_writes_its_logs_into_files_of_its_own(project: Path, letter: Path, tmp_path: Path) -> None:
-    job = JobList(project).add("check", [str(tmp_path / "nothing")], "Check")
+    job = JobList(project).add("export splats", ["--project", str(project), "--out", "splats"], "Export")
     for path in (job.events, job.output, job.messages):
         put_link(path, letter)
     subprocess.run([sys.executable, "-P", "-m", "nvsim.cli.worker", str(project)], check=False, timeout=120)
     assert letter.read_text() == LETTER
-    assert "Started." in job.events.read_text() and "does not exist" in job.output.read_text()
+    assert "Started." in job.events.read_text() and "has no capture yet" in job.messages.read_text()
 
 
 @pytest.mark.parametrize("suffix", ["", "-wal", "-shm", "-journal"])
@@ -114,18 +114,16 @@ def test_a_database_that_is_a_link_is_refused(project: Path, letter: Path, suffi
     assert letter.read_bytes() == before
 
 
-def test_a_history_that_is_a_link_is_set_aside(project: Path, tmp_path: Path) -> None:
+def test_a_history_that_is_a_link_is_refused(project: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.db"
     graph = NavGraph("given", {"a": Viewpoint("a", (0.0, 0.0, 1.5))}, {})
     with Journal.open(other) as journal:
         journal.history(graph).perform("Add", NavGraph("given", {"b": Viewpoint("b", (0.0, 1.0, 1.5))}, {}))
     before = other.read_bytes()
     put_link(Layout(project).edits, other)
-    with Journal.open(Layout(project).edits) as journal:
-        history = journal.history(graph)
-        assert "set aside" in journal.notice and len(history.steps) == 1
-        history.perform("Add", NavGraph("given", {"c": Viewpoint("c", (0.0, 1.0, 1.5))}, {}))
-    assert other.read_bytes() == before and not Layout(project).edits.is_symlink()
+    with pytest.raises(InputError, match="symbolic link"):
+        Journal.open(Layout(project).edits)
+    assert other.read_bytes() == before
 
 
 @pytest.mark.parametrize("folder", ["masks", "corrections", "logs/jobs", "models/submap_000"])

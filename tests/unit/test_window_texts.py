@@ -12,13 +12,13 @@ import nvsim
 
 APP = Path(nvsim.__file__).parents[1] / "app"
 READERS = {  # what takes a text for markup, and the files that may use it
-    "QLabel": {"labels.py"},
+    "QLabel": {"look/labels.py"},
     "QTextBrowser": {"panels/help.py"},
     "QTextEdit": {"panels/help.py"},
     "QTextDocument": {"panels/help.py"},
     **dict.fromkeys(("QMessageBox", "QErrorMessage", "QWhatsThis", "QToolTip", "QGraphicsTextItem"), set()),
     **dict.fromkeys(("QProgressDialog", "QInputDialog", "QWizard", "TextItem", "LabelItem"), set()),
-    **dict.fromkeys(("setTextFormat",), {"labels.py"}),
+    **dict.fromkeys(("setTextFormat",), {"look/labels.py"}),
     **dict.fromkeys(("setMarkdown",), {"panels/help.py"}),
     **dict.fromkeys(("setHtml", "insertHtml", "addLegend", "setLabel", "setLabels"), set()),
     "appendHtml": {"panels/log.py", "panels/job_log.py"},

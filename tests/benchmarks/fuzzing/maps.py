@@ -86,11 +86,10 @@ def _surface() -> list[Seed]:
 
 
 def _project_surface(path: Path) -> object:
+    from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.project.layout import Layout
-    from nvsim.project.project import Project
 
-    surface = Project(Layout(path), None, None).surface(0)  # type: ignore[arg-type]
-    return None if surface is None else surface.height_at(np.zeros((2, 2)))
+    return FloorSurface.load(Layout(path).surface(0)).height_at(np.zeros((2, 2)))
 
 
 def _support() -> list[Seed]:

@@ -39,7 +39,7 @@ def _whole() -> Files:
 def _files() -> list[Seed]:
     files = _whole()
     forms = {".json": "json", ".npz": "zip", ".ply": "headed", ".safetensors": "tensors"}
-    names = [n for n in files if n.startswith(("imported/", "floor/", "models/submap_000"))]
+    names = [n for n in files if n.startswith(("imported/", "floor/", "cuts/", "models/submap_000"))]
     return each(files, "", {n: forms[Path(n).suffix] for n in names})
 
 

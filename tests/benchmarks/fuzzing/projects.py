@@ -67,7 +67,7 @@ def project_with_walk() -> Files:
         connection.close()
         _lay_floor(Layout(root))
         images = {n.removeprefix("walk/"): d for n, d in files_in(folder).items() if n.endswith(".png")}
-        kept = ("project.db", "imported/", "floor/")
+        kept = ("project.db", "imported/", "floor/", "cuts/")
         return {
             n: d for n, d in files_in(root).items() if n.startswith(kept) and not n.endswith(("-wal", "-shm"))
         } | images
@@ -86,7 +86,7 @@ def _lay_floor(layout: Layout) -> None:
 
 def _project() -> list[Seed]:
     """Without the floor, from which the window would have an occupancy map made in another process."""
-    names = ("project.db", "imported/")
+    names = ("project.db", "imported/", "cuts/")
     files = {n: d for n, d in project_with_walk().items() if n.startswith(names)}
     return each(files, "", {"project.db": "sqlite"})
 
@@ -184,10 +184,10 @@ def _events() -> list[Seed]:
 
 def _heard(path: Path) -> object:
     """As the window follows a job: every event goes to its log, its curves and its progress."""
-    from app.jobs.history import History
+    from app.jobs.history import JobReport
     from nvsim.project.job_events import EventFile
 
-    file, history = EventFile(path), History()
+    file, history = EventFile(path), JobReport()
     while file.behind:
         for at, event in file.read():
             history.hear(at, event)
