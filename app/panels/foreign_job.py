@@ -10,6 +10,7 @@ from app.forms.arguments import command_line
 from app.jobs.queue import JobQueue
 from app.look import colors
 from app.look.labels import Label
+from app.look.plain_text import tip
 from nvsim.errors import InputError
 from nvsim.project.joblist import Job
 
@@ -41,7 +42,7 @@ class ForeignJob(QDialog):
         self.order = QPushButton("Order it here", self)
         self.order.setAutoDefault(False)
         self.order.setEnabled(not reason)
-        self.order.setToolTip(reason or "It joins the queue as your own job")
+        self.order.setToolTip(tip(reason or "It joins the queue as your own job"))
         self.remove = QPushButton("Remove", self)
         self.remove.setAutoDefault(False)
         buttons.addButton(self.order, QDialogButtonBox.ButtonRole.AcceptRole)
