@@ -172,7 +172,7 @@ def fingerprint(capture: Capture) -> str:
 
 
 def _cloud_hash(cloud: Cloud) -> hashlib._Hash:
-    state = hashlib.sha256(cloud.kind.encode())
+    state = hashlib.sha256(cloud.kind.encode(errors="surrogatepass"))
     state.update(np.ascontiguousarray(cloud.points).tobytes())
     if cloud.colors is not None:
         state.update(np.ascontiguousarray(cloud.colors).tobytes())

@@ -95,7 +95,7 @@ def from_json(line: str) -> Event:
 
 def from_data(data: Any) -> Event:
     """The event of a parsed line. Raises ValueError when it is none."""
-    if not isinstance(data, dict) or data.get("event") not in _KINDS:
+    if not isinstance(data, dict) or not isinstance(data.get("event"), str) or data["event"] not in _KINDS:
         raise ValueError(f"not an event: {str(data)[:80]!r}")
     kind = _KINDS[data["event"]]
     try:

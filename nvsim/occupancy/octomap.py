@@ -20,7 +20,8 @@ from nvsim.files.regular import read_bytes
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 _DEPTH = 16
-_ANYWAY = 25_000_000  # cells that a map of any length may have
+_ANYWAY = 16_000_000  # cells that any file may span: 200 x 200 m in cells of 5 cm
+_MOST_PAINTED = 1 << 31  # cells, each as often as voxels of one column lie in the band
 _FINEST, _COARSEST = 1e-4, 1e3  # metres
 _MAGIC = b"# Octomap OcTree binary file"
 
@@ -60,8 +61,10 @@ def _read(path: Path, low: float, high: float, floor: float | None) -> Occupancy
     first = (floor + low) / resolution + centre
     last = (floor + high) / resolution + centre
     inside = (leaves[:, 2] < last) & (leaves[:, 2] + leaves[:, 3] > first)
-    cells = np.full((int(size[1]), int(size[0])), UNKNOWN, np.uint8)
     chosen = leaves[inside]
+    if float((chosen[:, 3].astype(np.float64) ** 2).sum()) > _MOST_PAINTED:
+        raise InputError(f"{path} lays more voxels over one another than a map of a building does; copy it again.")
+    cells = np.full((int(size[1]), int(size[0])), UNKNOWN, np.uint8)
     _paint(cells, chosen[chosen[:, 4] == FREE], low_corner, FREE)
     _paint(cells, chosen[chosen[:, 4] == OCCUPIED], low_corner, OCCUPIED)
     origin = (low_corner[:2] - centre) * resolution
