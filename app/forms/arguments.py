@@ -121,7 +121,7 @@ class Settings:
 _UNFIT = object()
 
 
-def _fitting(field: Field, value: Any) -> Any:
+def _fitting(field: Field, value: Any) -> object:  # Any: JSON as somebody wrote it
     """The stored value as one of the field's type, or _UNFIT: somebody may have written into the file."""
     if value is None:
         return None if field.optional else _UNFIT

@@ -30,7 +30,7 @@ class Editor(QWidget):
     def value(self) -> Any:
         raise NotImplementedError(self.field.kind)
 
-    def show_value(self, value: Any) -> None:
+    def show_value(self, value: object) -> None:
         raise NotImplementedError(self.field.kind)
 
 
@@ -46,7 +46,7 @@ class SwitchEditor(Editor):
     def value(self) -> bool:
         return self.box.isChecked()
 
-    def show_value(self, value: Any) -> None:
+    def show_value(self, value: object) -> None:
         self.box.setChecked(bool(value))
 
 
@@ -69,7 +69,7 @@ class ChoiceEditor(Editor):
     def value(self) -> str:
         return self.box.currentText()
 
-    def show_value(self, value: Any) -> None:
+    def show_value(self, value: object) -> None:
         self.box.setCurrentText(str(value))
 
 
@@ -148,7 +148,7 @@ class LineEditor(Editor):
         except ValueError:
             raise ValueError(f"{self.field.name} is “{text}”; give whole numbers with spaces.") from None
 
-    def show_value(self, value: Any) -> None:
+    def show_value(self, value: object) -> None:
         if isinstance(value, tuple | list):
             text = " ".join(str(v) for v in value)
         else:

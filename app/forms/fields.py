@@ -104,7 +104,7 @@ def _walk(cls: type, values: dict[str, Any], path: str, prefix: str, section: st
             found.append(_field(hint, here, f"--{flag}", field.name, section, value, docs.get(field.name, "")))
 
 
-def _plain(hint: Any) -> tuple[Any, bool, bool]:
+def _plain(hint: object) -> tuple[object, bool, bool]:
     """The type without its annotations; whether its fields are flags without a prefix; whether it has no flag."""
     inline = positional = False
     while typing.get_origin(hint) is typing.Annotated:
@@ -114,7 +114,7 @@ def _plain(hint: Any) -> tuple[Any, bool, bool]:
     return hint, inline, positional
 
 
-def _field(hint: Any, path: str, flag: str, name: str, section: str, default: Any, help: str) -> Field:
+def _field(hint: object, path: str, flag: str, name: str, section: str, default: object, help: str) -> Field:
     optional = False
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         inner = [a for a in typing.get_args(hint) if a is not type(None)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QGridLayout, QSizePolicy, QToolButton, QWidget
@@ -21,7 +19,7 @@ class Row(QWidget):
 
     changed = Signal()
 
-    def __init__(self, field: Field, paper: Any = _NOWHERE, parent: QWidget | None = None) -> None:
+    def __init__(self, field: Field, paper: object = _NOWHERE, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.field = field
         self.editor = editor_of(field, self)
@@ -70,7 +68,7 @@ class Row(QWidget):
         except ValueError:
             return True
 
-    def show_value(self, value: Any) -> None:
+    def show_value(self, value: object) -> None:
         self.editor.show_value(value)
         self._mark()
 

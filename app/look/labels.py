@@ -18,7 +18,12 @@ _OUR_TAGS = frozenset({"b", "br", "span", "table", "td", "tr"})
 class Label(QLabel):
     """Words as they are. It asks for no more room than a window can give."""
 
-    def __init__(self, words: str | QWidget | None = "", parent: QWidget | None = None, **options: Any) -> None:
+    def __init__(
+        self,
+        words: str | QWidget | None = "",
+        parent: QWidget | None = None,
+        **options: Any,  # Any: Qt's properties, each of a type of its own
+    ) -> None:
         """QLabel's own arguments: the words and the parent, or the parent alone."""
         own = words if isinstance(words, str) else ""
         super().__init__(parent if isinstance(words, str) else words, **options)

@@ -87,7 +87,7 @@ class DeviationModel(QAbstractTableModel):
             return (found.kind, plain(short_ids(found.words), SENTENCE))[index.column()]
         return None
 
-    def setData(self, index: _Index, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
+    def setData(self, index: _Index, value: object, role: int = Qt.ItemDataRole.EditRole) -> bool:
         if role != Qt.ItemDataRole.CheckStateRole or not index.isValid():
             return False
         found = self.rows[index.row()]

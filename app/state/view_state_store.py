@@ -59,6 +59,7 @@ def decode(text: str) -> Left | None:
     return left if left.channel in CHANNELS else None
 
 
+# Any, here and below: JSON as somebody wrote it, which is taken apart and refused where it does not fit.
 def _optional(value: Any, kind: type) -> Any:
     if value is not None and type(value) is not kind:
         raise ValueError(value)

@@ -128,7 +128,7 @@ class ThresholdPanel(QScrollArea):
     def _sources(self) -> dict[str, MappingConfig]:
         return {"project": self._trial.project_config, "default": MappingConfig(), "paper": MappingConfig.paper()}
 
-    def _choose(self, field: str, value: object) -> None:
+    def _choose(self, field: str, value: bool | float | str) -> None:
         self._trial.set_config(changed(self._trial.config, field, value))
 
     # Showing ---------------------------------------------------------------------------------------------------

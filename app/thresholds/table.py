@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.criteria import CRITERIA
@@ -53,12 +52,12 @@ FIXED = ("tau_dist", "merge_radius", "lattice_offset", "cover_distance", "max_vi
 """What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""
 
 
-def changed(config: MappingConfig, field: str, value: Any) -> MappingConfig:
+def changed(config: MappingConfig, field: str, value: bool | float | str) -> MappingConfig:
     """`config` with another value. A robot that would be wider than what was measured is made as wide as that."""
     values = {**vars(config), field: value}
     other = {"robot_radius": "margin", "margin": "robot_radius"}.get(field)
     if other is not None:
-        values[other] = round(max(0.0, min(values[other], WIDEST / 2 - value)), 6)
+        values[other] = round(max(0.0, min(values[other], WIDEST / 2 - float(value))), 6)
     return MappingConfig(**values)
 
 

@@ -51,47 +51,47 @@ def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any
     return found
 
 
-def _name(value: Any) -> str:
+def _name(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError
     return value
 
 
-def _flag(value: Any) -> bool:
+def _flag(value: object) -> bool:
     if not isinstance(value, bool):
         raise TypeError
     return value
 
 
-def _number(value: Any) -> float:
+def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise TypeError
     return float(value)
 
 
-def _integer(value: Any) -> int:
+def _integer(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise TypeError
     return value
 
 
-def _place(value: Any) -> tuple[float, float, float]:
+def _place(value: object) -> tuple[float, float, float]:
     x, y, z = map(_number, _list(value))
     return x, y, z
 
 
-def _places(value: Any) -> dict[str, tuple[float, float, float]]:
+def _places(value: object) -> dict[str, tuple[float, float, float]]:
     if not isinstance(value, Mapping):
         raise TypeError
     return {_name(id): _place(place) for id, place in value.items()}
 
 
-def _edge(value: Any) -> tuple[str, str]:
+def _edge(value: object) -> tuple[str, str]:
     a, b = map(_name, _list(value))
     return a, b
 
 
-def _viewpoint(value: Any) -> Viewpoint:
+def _viewpoint(value: object) -> Viewpoint:
     if not isinstance(value, Mapping):
         raise TypeError
     known = dict(value)
@@ -99,19 +99,19 @@ def _viewpoint(value: Any) -> Viewpoint:
     return Viewpoint(position=place, **{name: _FIELDS[name](known[name]) for name in known})
 
 
-def _edge_value(value: Any) -> Edge:
+def _edge_value(value: object) -> Edge:
     if not isinstance(value, Mapping) or {"a", "b"} - set(value):
         raise TypeError
     return Edge(**{name: _FIELDS[name](value[name]) for name in value})
 
 
-def _edit(value: Any) -> dict[str, Any]:
+def _edit(value: object) -> dict[str, Any]:
     if not isinstance(value, Mapping) or not isinstance(value.get("edit"), str):
         raise TypeError
     return dict(value)
 
 
-def _list(value: Any) -> list[Any]:
+def _list(value: object) -> list[Any]:
     if isinstance(value, set | frozenset):
         return sorted(value)  # so that the same edit gives the same graph every time
     if not isinstance(value, list | tuple):
@@ -119,7 +119,7 @@ def _list(value: Any) -> list[Any]:
     return list(value)
 
 
-_FIELDS: Mapping[str, Callable[[Any], Any]] = {
+_FIELDS: Mapping[str, Callable[[object], Any]] = {
     **dict.fromkeys(("id", "a", "b", "origin"), _name),
     **dict.fromkeys(("included", "reviewed", "locked"), _flag),
     "height": _number,
@@ -127,7 +127,7 @@ _FIELDS: Mapping[str, Callable[[Any], Any]] = {
 }
 """Fields of viewpoints and edges beside the position."""
 
-KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+KINDS: dict[str, tuple[str, Callable[[object], Any]]] = {
     "name": ("a text", _name),
     "flag": ("true or false", _flag),
     "number": ("a finite number", _number),

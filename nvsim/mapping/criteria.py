@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,11 @@ class Criterion:
     def asked(self, config: MappingConfig) -> bool:
         return not self.worst_only or config.rule == "worst"
 
-    def passes(self, value: Any, limit: float) -> Any:
+    @overload
+    def passes(self, value: float, limit: float) -> bool: ...
+    @overload
+    def passes(self, value: NDArray[np.floating], limit: float) -> NDArray[np.bool_]: ...
+    def passes(self, value: float | NDArray[np.floating], limit: float) -> bool | NDArray[np.bool_]:
         """Whether a value, or each value of an array, is on the right side of the limit."""
         if self.below:
             return value <= limit if self.closed else value < limit

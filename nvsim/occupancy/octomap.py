@@ -98,7 +98,10 @@ def _open(path: Path) -> tuple[float, NDArray[np.uint8]]:
 
 
 @njit(cache=True)
-def _read_leaves(data: NDArray[np.uint8], out: NDArray[np.int32]) -> int:
+def _read_leaves(
+    data: NDArray[np.uint8],  # (bytes,) of the tree
+    out: NDArray[np.int32],  # (leaves, 5), as many as there can be
+) -> int:
     """Fills rows (x, y, z, size, state) in voxels from the tree's corner; returns their number, -1 for a torn file."""
     stack = np.empty((8 * 17, 4), np.int32)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, 0, 1 << 16

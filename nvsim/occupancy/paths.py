@@ -90,7 +90,13 @@ def _is_free(room: NDArray[np.bool_], r: int, c: int) -> bool:
 
 
 @njit(cache=True)
-def _walk(room: NDArray[np.bool_], r0: float, c0: float, r1: float, c1: float) -> bool:
+def _walk(
+    room: NDArray[np.bool_],  # (rows, columns)
+    r0: float,  # where the segment begins, as `_grid` counts
+    c0: float,
+    r1: float,  # where it ends
+    c1: float,
+) -> bool:
     """Goes from cell to cell along the segment (Amanatides and Woo 1987). Through an exact corner it slips past one
     blocked side, not between two."""
     r, c = int(np.floor(r0)), int(np.floor(c0))
@@ -123,14 +129,22 @@ def _walk(room: NDArray[np.bool_], r0: float, c0: float, r1: float, c1: float) -
 
 @njit(cache=True)
 def _walk_all(
-    room: NDArray[np.bool_], starts: NDArray[np.float64], ends: NDArray[np.float64], out: NDArray[np.bool_]
+    room: NDArray[np.bool_],  # (rows, columns)
+    starts: NDArray[np.float64],  # (N, 2) `_grid`
+    ends: NDArray[np.float64],  # (N, 2) `_grid`
+    out: NDArray[np.bool_],  # (N,)
 ) -> None:
     for i in range(len(starts)):
         out[i] = _walk(room, starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1])
 
 
 @njit(cache=True)
-def _see_all(free: NDArray[np.bool_], starts: NDArray[np.float64], reach: float, out: NDArray[np.bool_]) -> None:
+def _see_all(
+    free: NDArray[np.bool_],  # (rows, columns)
+    starts: NDArray[np.float64],  # (N, 2) `_grid`
+    reach: float,  # cells
+    out: NDArray[np.bool_],  # (rows, columns) changed: what is seen from a start becomes True
+) -> None:
     for i in range(len(starts)):
         r0, c0 = starts[i, 0], starts[i, 1]
         for r in range(max(0, int(r0 - reach)), min(free.shape[0], int(r0 + reach) + 2)):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from nvsim.files.regular import opened
 from nvsim.geometry.camera import Camera
 from nvsim.perception.models import find_model, models_folder
 from nvsim.perception.roles import Float32, Image, Mask
+
+if TYPE_CHECKING:
+    from onnxruntime import NodeArg
 
 ENCODER, DECODER = "prompted.encoder", "prompted.decoder"
 """Roles in the models folder: prompted.encoder.onnx and prompted.decoder.onnx."""
@@ -108,8 +111,9 @@ class PromptedNetwork:
         if not set(_CHANNELS) <= set(self._features):
             raise InputError("The prompted encoder gives no features with 32, 64 and 256 channels; export SAM 2 again.")
 
-    def _fed(self, entry: Any, points: Float32, inside: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[Any]:
-        """What one input of the decoder is given."""
+    def _fed(self, entry: NodeArg, points: Float32, inside: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[Any]:
+        """What one input of the decoder is given: `points` (K, 2) float32 in pixels of the encoder's image, `inside`
+        (K,), `size` height and width of the image that is asked about."""
         kind, rank, name = _TYPES.get(entry.type, np.float32), len(entry.shape or ()), entry.name
         value: NDArray[Any]
         if "box" in name:

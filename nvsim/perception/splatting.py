@@ -10,9 +10,16 @@ from nvsim.geometry.camera import Camera
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _splat(points, radii, pose, lens, largest, depth, extent):  # type: ignore[no-untyped-def]
-    # pose: the rows of world-to-camera as (3, 4); lens: fx, fy, cx, cy. Written without temporaries: half a million
-    # points pass through here for every frame.
+def _splat(
+    points: NDArray[np.float32],  # (N, 3) metres, world
+    radii: NDArray[np.float32],  # (N,) metres
+    pose: NDArray[np.float32],  # (3, 4) rows of world-to-camera
+    lens: NDArray[np.float32],  # (4,) fx, fy, cx, cy, pixels
+    largest: np.float32,  # half-width, pixels
+    depth: NDArray[np.float32],  # (H, W) metres, changed
+    extent: NDArray[np.float32],  # (H, W) metres, changed
+) -> None:
+    # Written without temporaries: half a million points pass through here for every frame.
     height, width = depth.shape
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
     for i in range(points.shape[0]):

@@ -246,7 +246,7 @@ def _owned(array: np.ndarray) -> np.ndarray:
     return np.array(array, np.float32, order="C")
 
 
-def _pair(values: Any) -> tuple[float, float]:
+def _pair(values: Any) -> tuple[float, float]:  # Any: JSON of the description
     first, second = values
     return float(first), float(second)
 

@@ -7,7 +7,6 @@ of their tint, and fills those of the features, of the weights and of the embedd
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -33,9 +32,14 @@ Float32 = NDArray[np.float32]
 
 
 @njit(parallel=True, cache=True, nogil=True)
-def mark_in_view(means: Any, log_scales: Any, camera: Any, size: Any, seen: Any) -> None:
-    """`seen` (N,): which Gaussians a view may draw; some more, but none fewer. `camera` from pack_camera, `size` its
-    width and height."""
+def mark_in_view(
+    means: Float32,  # (N, 3) metres, world
+    log_scales: Float32,  # (N, 3) logarithms of metres
+    camera: Float32,  # (16,) `pack_camera`
+    size: Float32,  # (2,) width and height, pixels
+    seen: NDArray[np.bool_],  # (N,) out
+) -> None:
+    """`seen`: which Gaussians a view may draw; some more, but none fewer."""
     steepest = max(camera[14], size[0] - camera[14]) / camera[12], max(camera[15], size[1] - camera[15]) / camera[13]
     # The affine approximation stretches a Gaussian at most by this beyond its own size.
     stretch = np.sqrt(_F(1) + _F(1.7) * max(steepest[0], steepest[1]) ** 2)

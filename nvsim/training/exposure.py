@@ -7,8 +7,6 @@ part of the model: what is drawn afterwards has the exposure that the images agr
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -22,7 +20,11 @@ Float32 = NDArray[np.float32]
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def _apply(gain: Any, rgb: Any, background: Any) -> None:
+def _apply(
+    gain: Float32,  # (3,)
+    rgb: Float32,  # (H, W, 3) changed
+    background: Float32,  # (3, H, W) changed
+) -> None:
     height, width, _ = rgb.shape
     for y in prange(height):
         for x in range(width):
@@ -34,7 +36,14 @@ def _apply(gain: Any, rgb: Any, background: Any) -> None:
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def _apply_gradient(gain: Any, rgb: Any, background: Any, d_rgb: Any, d_background: Any, rows: Any) -> None:
+def _apply_gradient(
+    gain: Float32,  # (3,)
+    rgb: Float32,  # (H, W, 3) as exposed
+    background: Float32,  # (3, H, W) as exposed
+    d_rgb: Float32,  # (H, W, 3) changed
+    d_background: Float32,  # (3, H, W) changed
+    rows: Float32,  # (H, 3) out: the gradient by the logarithm of the gain, row by row
+) -> None:
     # The images come as they were exposed, so that their sums are already by the logarithm of the gain.
     height, width, _ = rgb.shape
     for y in prange(height):

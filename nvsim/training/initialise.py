@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -36,7 +35,15 @@ _F = np.float32
 
 
 @njit(inline="always")
-def _cell(camera: Any, size: Any, rows: Any, columns: Any, x: Any, y: Any, z: Any) -> Any:
+def _cell(
+    camera: Float32,  # (16,) `pack_camera`
+    size: Float32,  # (2,) width and height, pixels
+    rows: int,  # of the coarse image
+    columns: int,
+    x: np.float32,  # metres, world, as the next two
+    y: np.float32,
+    z: np.float32,
+) -> tuple[int, int, np.float32]:
     # Row, column and depth of a world point in the coarse image; row -1 where the view does not show it.
     dx, dy, dz = x - camera[9], y - camera[10], z - camera[11]
     depth = camera[2] * dx + camera[5] * dy + camera[8] * dz
@@ -50,7 +57,12 @@ def _cell(camera: Any, size: Any, rows: Any, columns: Any, x: Any, y: Any, z: An
 
 
 @njit(parallel=True, cache=True)
-def _nearest_depths(points: Any, cameras: Any, sizes: Any, depths: Any) -> None:
+def _nearest_depths(
+    points: Float32,  # (N, 3) metres, world
+    cameras: Float32,  # (V, 16) `pack_camera`
+    sizes: Float32,  # (V, 2) width and height, pixels
+    depths: Float32,  # (V, rows, columns) metres, changed
+) -> None:
     _, rows, columns = depths.shape
     for view in prange(len(cameras)):
         for i in range(len(points)):
@@ -60,8 +72,15 @@ def _nearest_depths(points: Any, cameras: Any, sizes: Any, depths: Any) -> None:
 
 
 @njit(parallel=True, cache=True)
-def _closest_sight(points: Any, cameras: Any, sizes: Any, depths: Any, best: Any, distance: Any) -> None:
-    # Per point: the view that sees it from nearest, or -1. Seen: not far behind the nearest point of its cell.
+def _closest_sight(
+    points: Float32,  # (N, 3) metres, world
+    cameras: Float32,  # (V, 16) `pack_camera`
+    sizes: Float32,  # (V, 2) width and height, pixels
+    depths: Float32,  # (V, rows, columns) metres, of `_nearest_depths`
+    best: NDArray[np.int64],  # (N,) out: the view that sees the point from nearest, or -1
+    distance: Float32,  # (N,) out: metres along the axis of that view
+) -> None:
+    # Seen: not far behind the nearest point of its cell.
     _, rows, columns = depths.shape
     for i in prange(len(points)):
         best[i], distance[i] = -1, _F(1e9)

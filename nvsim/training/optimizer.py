@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -17,10 +16,16 @@ Float32 = NDArray[np.float32]
 
 
 @njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
-def _adam(values: Any, gradient: Any, first: Any, second: Any, rates: Any, factors: Any) -> None:
-    # Everything is flat; `rates` holds those of some whole rows, which stay in the nearest cache. factors: beta1,
-    # beta2, eps, the square root of the second moment's bias correction, and what multiplies the rates, the first
-    # moment's correction among it. About CHUNK values make a task.
+def _adam(
+    values: Float32,  # (n,) all rows one after the other, changed
+    gradient: Float32,  # (n,)
+    first: Float32,  # (n,) moment, changed
+    second: Float32,  # (n,) moment, changed
+    rates: Float32,  # (block,) of some whole rows, which stay in the nearest cache
+    factors: Float32,  # (5,)
+) -> None:
+    # factors: beta1, beta2, eps, the square root of the second moment's bias correction, and what multiplies the rates,
+    # the first moment's correction among it. About CHUNK values make a task.
     size, block = values.shape[0], rates.shape[0]
     beta1, beta2, eps, correction, scale = factors[0], factors[1], factors[2], factors[3], factors[4]
     per_task = max(CHUNK // block, 1) * block

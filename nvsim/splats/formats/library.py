@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.splats.types import Gaussians
 
+if TYPE_CHECKING:
+    from gsply import GSData
 
-def guarded(path: Path, call: Callable[[], Any]) -> Any:
+T = TypeVar("T")
+
+
+def guarded(path: Path, call: Callable[[], T]) -> T:
     """What `call` returns; whatever the library makes of a damaged file becomes an InputError."""
     try:
         return call()
@@ -24,7 +29,7 @@ def guarded(path: Path, call: Callable[[], Any]) -> Any:
         raise
 
 
-def from_library(path: Path, data: Any) -> Gaussians:
+def from_library(path: Path, data: GSData) -> Gaussians:
     """Raises InputError when values are not finite."""
     n = len(data.means)
     higher = np.zeros((n, 0, 3), np.float32) if data.shN is None else np.asarray(data.shN, np.float32)
@@ -53,8 +58,8 @@ def finite(path: Path, gaussians: Gaussians) -> Gaussians:
     return gaussians
 
 
-def to_library(gaussians: Gaussians) -> Any:
-    """A gsply.GSData in its PLY convention: logarithmic scales, logit opacities, unit quaternions w x y z."""
+def to_library(gaussians: Gaussians) -> GSData:
+    """In the library's PLY convention: logarithmic scales, logit opacities, unit quaternions w x y z."""
     import gsply
 
     g = gaussians

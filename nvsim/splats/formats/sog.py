@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ _MOST_ENTRIES = 1 << 16
 _FIRST_TAG = 252
 _ENTRIES = 256
 _LONGEST_NAME = 200
+Float = TypeVar("Float", bound=np.floating)
 
 
 def read_sog(path: Path) -> Gaussians:
@@ -42,7 +43,7 @@ def read_sog(path: Path) -> Gaussians:
 class _Reader:
     """One SOG; its images are decoded when they are asked for, and no more than two are held."""
 
-    def __init__(self, path: Path, files: Files, meta: Any) -> None:
+    def __init__(self, path: Path, files: Files, meta: object) -> None:
         self._path, self._files = path, files
         if not isinstance(meta, Mapping):
             raise InputError(f"{path} has a meta.json that does not describe a SOG; {_THEN}.")
@@ -142,7 +143,7 @@ class _Reader:
         book = self._part(part).get("codebook")
         return self._numbers(book, _ENTRIES, f"the codebook of {part}", np.float32)
 
-    def _numbers(self, values: Any, count: int, what: str, kind: Any) -> NDArray[Any]:
+    def _numbers(self, values: object, count: int, what: str, kind: type[Float]) -> NDArray[Float]:
         if not isinstance(values, list) or len(values) != count:
             found = f"{len(values)} entries" if isinstance(values, list) else "no list"
             raise InputError(f"{self._path}: {what} has {found}, not {count}; {_THEN}.")

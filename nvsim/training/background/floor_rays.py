@@ -3,16 +3,17 @@ a row at a time, in loops without branches that LLVM turns into vectors."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.floor_texture import CLOSE, FLATTEST, ITERATIONS, height_at
 
 DARK = np.float32(1 / 1024)
 """Light that cannot be seen in 8 bits."""
+Float32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 _SEGMENT = 64
@@ -20,7 +21,13 @@ _DX, _DY, _DZ, _FORWARD, _DISTANCE, _PLANES = 0, _SEGMENT, 2 * _SEGMENT, 3 * _SE
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def _directions(camera: Any, v: Any, x0: Any, drop: Any, planes: Any) -> None:
+def _directions(
+    camera: Float32,  # (16,) `pack_camera`
+    v: np.float32,  # y of the row over z, in the camera
+    x0: int,  # first column of the segment
+    drop: np.float32,  # metres from the eye up to the floor, so below zero
+    planes: Float32,  # (_PLANES,) out
+) -> None:
     # Unit directions, their forward component, and the distance to a level floor `drop` above the eye; a ray that does
     # not point down is given another one, and told by its distance.
     step, first = _ONE / camera[12], (_F(x0) + _HALF - camera[14]) / camera[12]
@@ -39,7 +46,14 @@ def _directions(camera: Any, v: Any, x0: Any, drop: Any, planes: Any) -> None:
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def _approach(heights: Any, grid: Any, eye_x: Any, eye_y: Any, eye_z: Any, planes: Any) -> None:
+def _approach(
+    heights: Float32,  # (rows, columns) metres, world z
+    grid: Float32,  # (3,) origin x and y and the spacing, metres
+    eye_x: np.float32,  # metres, world, as the next two
+    eye_y: np.float32,
+    eye_z: np.float32,
+    planes: Float32,  # (_PLANES,) of `_directions`; the distances change
+) -> None:
     # The fixed-point iteration of `distance_to_floor`, until no ray of the segment moves.
     rows, columns = heights.shape
     flat = heights.reshape(-1)
@@ -69,16 +83,18 @@ def _approach(heights: Any, grid: Any, eye_x: Any, eye_y: Any, eye_z: Any, plane
 
 
 @njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
-def meet_floor(camera: Any, heights: Any, grid: Any, floor: Any, transmittance: Any, hits: Any) -> None:
+def meet_floor(
+    camera: Float32,  # (16,) `pack_camera`
+    heights: Float32,  # (rows, columns) of the floor surface, metres, world z
+    grid: Float32,  # (3,) of the floor surface: origin x and y and the spacing, metres, world
+    floor: Mask,  # (H, W) pixels that are asked for in any case
+    transmittance: Float32,  # (H, W) 0 to 1; asks, as the renderer does, for what lets `DARK` or more through
+    hits: Float32,  # (3, H, W) out: world x and y and the footprint, metres
+) -> None:
     """Where the rays of a view meet the floor, as `FloorSurface.meet` finds it.
 
-    camera         `pack_camera`
-    heights, grid  the floor surface: (rows, columns), and (3,) origin x, y and spacing
-    floor          (H, W) bool, pixels that are asked for in any case
-    transmittance  (H, W), which asks for every pixel through which at least `DARK` comes, as the renderer does
-    hits           out (3, H, W): world x, y, and the footprint of the pixel on the floor in metres: the geometric mean
-                   of its width and its length; -1, with any x and y, where the ray does not meet the floor or nobody
-                   asked
+    The footprint of a pixel on the floor is the geometric mean of its width and its length. It is -1, with any x and y,
+    where the ray does not meet the floor or nobody asked.
     """
     _, height, width = hits.shape
     eye_x, eye_y, eye_z, focal = camera[9], camera[10], camera[11], camera[12]

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -27,7 +25,11 @@ def pack_camera(camera: Camera) -> Float32:
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def _evaluate(camera: Any, terms: Any, out: Any) -> None:
+def _evaluate(
+    camera: Float32,  # (16,) `pack_camera`
+    terms: Float32,  # (25, 3) the coefficients by `change_of_basis`
+    out: Float32,  # (3, H, W) colours
+) -> None:
     _, height, width = out.shape
     for y in prange(height):
         v = (_F(y) + _F(0.5) - camera[15]) / camera[13]
@@ -45,8 +47,11 @@ def _evaluate(camera: Any, terms: Any, out: Any) -> None:
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def _moments(camera: Any, d_background: Any, rows: Any) -> None:
-    # rows: out (H, 9, 3), the gradient by the nine numbers of each row.
+def _moments(
+    camera: Float32,  # (16,) `pack_camera`
+    d_background: Float32,  # (3, H, W)
+    rows: Float32,  # (H, 9, 3) out: the gradient by the nine numbers of each row
+) -> None:
     _, height, width = d_background.shape
     for y in prange(height):
         v = (_F(y) + _F(0.5) - camera[15]) / camera[13]

@@ -6,16 +6,26 @@ are taken as short vectors over colours. Written in scalars the same costs three
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from llvmlite import ir
 from numba import njit, prange, types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.floor_texture import level_weight
 
+if TYPE_CHECKING:
+    from numba.core.base import BaseContext
+    from numba.core.typing.context import BaseContext as TypingContext
+    from numba.core.typing.templates import Signature
+
+Float32 = NDArray[np.float32]
+Int64 = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 _F = np.float32
 _ZERO, _HALF = _F(0), _F(0.5)
 _SEGMENT = 64
@@ -27,14 +37,14 @@ def _lanes(count: int) -> ir.VectorType:
     return ir.VectorType(ir.FloatType(), count)
 
 
-def _vector(builder: Any, scalars: list[Any]) -> Any:
+def _vector(builder: ir.IRBuilder, scalars: list[ir.Value]) -> ir.Value:
     made = ir.Constant(_lanes(len(scalars)), ir.Undefined)
     for i, scalar in enumerate(scalars):
         made = builder.insert_element(made, scalar, ir.Constant(ir.IntType(32), i))
     return made
 
 
-def _chosen(builder: Any, vector: Any, lanes: list[int]) -> Any:
+def _chosen(builder: ir.IRBuilder, vector: ir.Value, lanes: list[int]) -> ir.Value:
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
     return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
 
@@ -42,31 +52,43 @@ def _chosen(builder: Any, vector: Any, lanes: list[int]) -> Any:
 class _Row:
     """Two texels beside each other, six floats: nothing is read or written outside of them."""
 
-    def __init__(self, context: Any, builder: Any, array_type: Any, array: Any, texel: Any) -> None:
+    def __init__(
+        self, context: BaseContext, builder: ir.IRBuilder, array_type: types.Type, array: ir.Value, texel: ir.Value
+    ) -> None:
         self._builder = builder
         data = context.make_array(array_type)(context, builder, array).data
         self._at = builder.mul(texel, ir.Constant(texel.type, 3))
         self._data = data
 
-    def pointer(self, offset: int, count: int) -> Any:
+    def pointer(self, offset: int, count: int) -> ir.Value:
         b = self._builder
         place = b.gep(self._data, [b.add(self._at, ir.Constant(self._at.type, offset))])
         return b.bitcast(place, _lanes(count).as_pointer())
 
-    def load(self, offset: int, count: int) -> Any:
+    def load(self, offset: int, count: int) -> ir.Value:
         return self._builder.load(self.pointer(offset, count), align=4)
 
-    def add(self, offset: int, value: Any) -> None:
+    def add(self, offset: int, value: ir.Value) -> None:
         count = value.type.count
         total = self._builder.fadd(self.load(offset, count), value, flags=("contract",))
         self._builder.store(total, self.pointer(offset, count), align=4)
 
 
+# The two intrinsics are declared over types, after numba's typing context; kernels call them with values, without it.
 @intrinsic
-def _gather(typing_context: Any, texels: Any, low: Any, high: Any, w00: Any, w01: Any, w10: Any, w11: Any) -> Any:
+def _gather(
+    typing_context: TypingContext,
+    texels: types.Type,  # of (3 T,) float32
+    low: types.Type,  # of uintp, as `high`
+    high: types.Type,
+    w00: types.Type,  # of float32, as the other shares
+    w01: types.Type,
+    w10: types.Type,
+    w11: types.Type,
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """The colour w00 texel(low) + w01 texel(low + 1) + w10 texel(high) + w11 texel(high + 1); `texels` flat."""
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
         array, at_low, at_high, *shares = arguments
         rows = [_Row(context, builder, signature.args[0], array, at) for at in (at_low, at_high)]
         flags = ("contract", "reassoc")
@@ -85,10 +107,19 @@ def _gather(typing_context: Any, texels: Any, low: Any, high: Any, w00: Any, w01
 
 
 @intrinsic
-def _spread(typing_context: Any, texels: Any, low: Any, left: Any, right: Any, red: Any, green: Any, blue: Any) -> Any:
+def _spread(
+    typing_context: TypingContext,
+    texels: types.Type,  # of (3 T,) float32
+    low: types.Type,  # of uintp
+    left: types.Type,  # of float32, as what follows
+    right: types.Type,
+    red: types.Type,
+    green: types.Type,
+    blue: types.Type,
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """texel(low) += left (red, green, blue), texel(low + 1) += right (red, green, blue); `texels` flat."""
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
         array, at, ours, next_, *colour = arguments
         row = _Row(context, builder, signature.args[0], array, at)
         r, g, b = colour
@@ -103,7 +134,13 @@ def _spread(typing_context: Any, texels: Any, low: Any, left: Any, right: Any, r
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def _load(hits: Any, row: Any, x0: Any, count: Any, plane: Any) -> Any:
+def _load(
+    hits: Float32,  # (3, H, W) `floor_rays.meet_floor`
+    row: int,
+    x0: int,  # first column of the segment
+    count: int,  # of pixels, at most _SEGMENT
+    plane: Float32,  # (_PLANES,) out
+) -> bool:
     """World x, y and footprint of up to a segment of pixels, into `plane`; whether any of them meets the floor."""
     met = False
     for i in range(count):
@@ -118,7 +155,13 @@ def _load(hits: Any, row: Any, x0: Any, count: Any, plane: Any) -> Any:
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def _prepare(level: Any, size: Any, bounds: Any, plane: Any, texels: Any) -> None:
+def _prepare(
+    level: Int64,  # (3,) its row of the table: first texel, rows, columns
+    size: np.float32,  # of a texel, metres
+    bounds: Float32,  # (4,) low x, y, high x, y, metres, world
+    plane: Float32,  # (_PLANES,) of `_load`; the shares and the weights are written
+    texels: NDArray[np.int32],  # (_SEGMENT,) out: number of the lower left texel
+) -> None:
     """The lower left of the four texels, the shares of the right and the upper ones, and the weight, of a segment."""
     rows, columns = np.int32(level[1]), np.int32(level[2])
     low_x, low_y = bounds[0], bounds[1]
@@ -137,15 +180,15 @@ def _prepare(level: Any, size: Any, bounds: Any, plane: Any, texels: Any) -> Non
 
 
 @njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
-def add_texture(hits: Any, table: Any, sizes: Any, bounds: Any, texels: Any, background: Any) -> None:
-    """Adds the texture to `background` (3, H, W) where `hits` says so.
-
-    hits     `floor_rays.meet_floor`
-    table    (levels, 3) int64: first texel, rows, columns, both of them at least 2
-    sizes    (levels,) texel size, metres
-    bounds   (4,) low x, y, high x, y
-    texels   (n, 3)
-    """
+def add_texture(
+    hits: Float32,  # (3, H, W) `floor_rays.meet_floor`: world x and y and the footprint, metres
+    table: Int64,  # (levels, 3) first texel, rows, columns, both of them at least 2
+    sizes: Float32,  # (levels,) texel size, metres
+    bounds: Float32,  # (4,) low x, y, high x, y, metres, world
+    texels: Float32,  # (T, 3) colours, all levels in one array
+    background: Float32,  # (3, H, W) colours, changed
+) -> None:
+    """Adds the texture to `background` where `hits` says so."""
     _, height, width = hits.shape
     flat = texels.reshape(-1)
     for row in prange(height):
@@ -167,7 +210,7 @@ def add_texture(hits: Any, table: Any, sizes: Any, bounds: Any, texels: Any, bac
                     lower, w11 = weight - upper, upper * fc
                     w01 = lower * fc
                     at = np.uintp(places[i])
-                    colour = _gather(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[call-arg, var-annotated]
+                    colour = _gather(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[arg-type, call-arg, var-annotated]
                     reds[i] += colour[0]
                     greens[i] += colour[1]
                     blues[i] += colour[2]
@@ -175,11 +218,18 @@ def add_texture(hits: Any, table: Any, sizes: Any, bounds: Any, texels: Any, bac
 
 @njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
 def scatter_texture(
-    hits: Any, floor: Any, table: Any, sizes: Any, bounds: Any, values: Any, texels: Any, weights: Any
+    hits: Float32,  # (3, H, W) `floor_rays.meet_floor`: world x and y and the footprint, metres
+    floor: Mask,  # (H, W) pixels that count
+    table: Int64,  # (levels, 3) first texel, rows, columns, both of them at least 2
+    sizes: Float32,  # (levels,) texel size, metres
+    bounds: Float32,  # (4,) low x, y, high x, y, metres, world
+    values: Float32,  # (3, H, W) what is spread: colours, or the gradient by them
+    texels: Float32,  # (T, 3) changed
+    weights: Float32,  # (T,) changed, or (0,): no weights are asked for
 ) -> None:
-    """The adjoint of `add_texture` within `floor` (H, W): adds `values` (3, H, W) into `texels` (n, 3), and the weight
-    with which each texel was touched into `weights` (n,) where that is not empty. A task per level: no two write to
-    the same texel, and the sums do not depend on the number of threads."""
+    """The adjoint of `add_texture` within `floor`: adds `values` into `texels`, and the weight with which each texel
+    was touched into `weights`. A task per level: no two write to the same texel, and the sums do not depend on the
+    number of threads."""
     _, height, width = hits.shape
     flat = texels.reshape(-1)
     for level in prange(table.shape[0]):
@@ -206,7 +256,7 @@ def scatter_texture(
                     w01 = lower * fc
                     at = np.uintp(places[i])
                     red, green, blue = reds[i], greens[i], blues[i]
-                    _spread(flat, at, lower - w01, w01, red, green, blue)  # type: ignore[call-arg]
+                    _spread(flat, at, lower - w01, w01, red, green, blue)  # type: ignore[arg-type, call-arg]
                     _spread(flat, at + columns, upper - w11, w11, red, green, blue)
                     if weights.size > 0:
                         weights[at] += lower - w01

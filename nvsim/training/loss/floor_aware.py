@@ -12,7 +12,6 @@ pixels of the image (and channels).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numba
 import numpy as np
@@ -31,11 +30,21 @@ _TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _PLANES = 0, 3, 6, 9, 10
 _ERROR, _BY_COLOUR, _BY_GROUND, _BY_ALPHA = 0, 3, 12, 15
 
 Float32 = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
 
 
 @njit(fastmath=True)
 def _load(
-    transmittance: Any, background: Any, floor: Any, inlier: Any, aware: Any, y: Any, x0: Any, count: Any, work: Any
+    transmittance: Float32,  # (H, W)
+    background: Float32,  # (3, H, W)
+    floor: Mask,  # (H, W)
+    inlier: Mask,  # (H, W)
+    aware: np.float32,  # 1 where the mask counts, else 0
+    y: int,
+    x0: int,  # first column of the segment
+    count: int,  # of pixels, at most SEGMENT
+    work: Float32,  # (planes * SEGMENT,) out
 ) -> None:
     # A segment of a row as planes of 128 numbers one after the other, which stay in the nearest cache: each loop here
     # touches few arrays, and what is computed from the planes touches one. Compilers vectorise nothing else.
@@ -55,7 +64,7 @@ def _load(
 
 
 @njit(fastmath=True)
-def _any_floor(work: Any) -> Any:
+def _any_floor(work: Float32) -> np.bool_:
     total = _F(0)
     for i in range(SEGMENT):
         total += work[_MASKED * SEGMENT + i]
@@ -63,7 +72,13 @@ def _any_floor(work: Any) -> Any:
 
 
 @njit(fastmath=True)
-def _load_colours(rgb: Any, image: Any, first: Any, count: Any, work: Any) -> None:
+def _load_colours(
+    rgb: Float32,  # (H * W * 3,)
+    image: Bytes,  # (H * W * 3,)
+    first: int,  # pixel
+    count: int,  # of pixels, at most SEGMENT
+    work: Float32,  # (_PLANES * SEGMENT,) of `_load`, changed
+) -> None:
     # The true colours and the errors of `count` pixels; rgb and image are flat, so that the distance from one pixel to
     # the next is known when this is compiled.
     drawn, true = rgb[3 * first : 3 * (first + count)], image[3 * first : 3 * (first + count)]
@@ -83,21 +98,21 @@ def _load_colours(rgb: Any, image: Any, first: Any, count: Any, work: Any) -> No
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _compose(
-    rgb: Any,
-    transmittance: Any,
-    background: Any,
-    image: Any,
-    floor: Any,
-    inlier: Any,
-    aware: Any,
-    threads: Any,
-    images: Any,
-    lit: Any,
-    error: Any,
-    sums: Any,
+    rgb: Float32,  # (H, W, 3) colours in 0 to 1
+    transmittance: Float32,  # (H, W)
+    background: Float32,  # (3, H, W) colours in 0 to 1
+    image: Bytes,  # (H, W, 3)
+    floor: Mask,  # (H, W)
+    inlier: Mask,  # (H, W)
+    aware: np.float32,  # 1 where the mask counts, else 0
+    threads: int,
+    images: Float32,  # (2, 3, ..) `planes`, out
+    lit: Bytes,  # `tiles`, out
+    error: Float32,  # (3, H, W) out
+    sums: NDArray[np.float64],  # (6, H) out
 ) -> None:
     # Per row: sum and difference of the weighted prediction and target for the SSIM, the error of every pixel (of the
-    # background where the mask says floor), and the sums of every other term. aware: 1 where the mask counts, else 0.
+    # background where the mask says floor), and the sums of every other term.
     height, width = transmittance.shape
     strips, segments = lit.shape
     flat_rgb, flat_image = rgb.reshape(-1), image.reshape(-1)
@@ -151,23 +166,23 @@ def _compose(
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _differentiate(
-    transmittance: Any,
-    background: Any,
-    floor: Any,
-    inlier: Any,
-    aware: Any,
-    threads: Any,
-    images: Any,
-    slopes: Any,
-    lit: Any,
-    error: Any,
-    weights: Any,
-    d_rgb: Any,
-    d_alpha: Any,
-    d_background: Any,
+    transmittance: Float32,  # (H, W)
+    background: Float32,  # (3, H, W)
+    floor: Mask,  # (H, W)
+    inlier: Mask,  # (H, W)
+    aware: np.float32,  # 1 where the mask counts, else 0
+    threads: int,
+    images: Float32,  # (2, 3, ..) `planes` of `_compose`
+    slopes: Float32,  # (3, 3, ..) `planes` of `ssim_forward`
+    lit: Bytes,  # `tiles` of `_compose`
+    error: Float32,  # (3, H, W) of `_compose`
+    weights: Float32,  # (5,) of L1, SSIM, suppression, floor, fill, each divided by what its mean counts
+    d_rgb: Float32,  # (H, W, 3) out
+    d_alpha: Float32,  # (H, W) out
+    d_background: Float32,  # (3, H, W) out
 ) -> None:
-    # weights: of L1, SSIM, suppression, floor, fill, each already divided by what its mean counts. A pixel is either
-    # reconstructed or floor, and `error` holds what that asks for: colours need not be looked at again.
+    # A pixel is either reconstructed or floor, and `error` holds what that asks for: colours need not be looked at
+    # again.
     height, width = transmittance.shape
     strips, segments = lit.shape
     l1, structure, suppression, floor_weight, fill = weights[0], weights[1], weights[2], weights[3], weights[4]

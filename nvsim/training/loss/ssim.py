@@ -15,8 +15,6 @@ when the kernels are compiled: only then do compilers see that eleven rows are o
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -32,6 +30,7 @@ C1, C2 = _F(0.01**2), _F(0.03**2)
 _ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
 STRIP, SEGMENT = 8, 128
 Float32 = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
 
 
 def planes(count: int, height: int, width: int) -> Float32:
@@ -46,13 +45,17 @@ def tiles(height: int, width: int) -> tuple[int, int]:
 
 
 @njit(inline="always")
-def _is_near(lit: Any, strip: Any, segment: Any) -> Any:
+def _is_near(lit: Bytes, strip: int, segment: int) -> bool:
     # Whether an image is lit in a tile or in those above and below.
     return lit[strip, segment] | lit[max(strip - 1, 0), segment] | lit[min(strip + 1, lit.shape[0] - 1), segment] != 0
 
 
 @njit(inline="always")
-def is_touched(lit: Any, strip: Any, segment: Any) -> Any:
+def is_touched(
+    lit: Bytes,  # `tiles`, 0 where both images are black
+    strip: int,  # row of the tile
+    segment: int,  # column of the tile
+) -> bool:
     """Whether an image is lit in a tile or in the pixels around it that its window sees."""
     last = lit.shape[1] - 1
     return (
@@ -63,7 +66,11 @@ def is_touched(lit: Any, strip: Any, segment: Any) -> Any:
 
 
 @njit(fastmath=True)
-def _down(plane: Any, y: Any, out: Any) -> None:
+def _down(
+    plane: Float32,  # ((H + 10) * 128,) a segment of `planes`
+    y: int,  # row of the image
+    out: Float32,  # (128,)
+) -> None:
     # Blurs a segment along its columns, around row y of the image. All eleven taps at once: sums stay in registers.
     p = plane[y * SEGMENT : (y + WINDOW) * SEGMENT]
     for x in range(SEGMENT):
@@ -78,7 +85,12 @@ def _down(plane: Any, y: Any, out: Any) -> None:
 
 
 @njit(fastmath=True)
-def _down_squared(plane: Any, y: Any, out: Any, squares: Any) -> None:
+def _down_squared(
+    plane: Float32,  # ((H + 10) * 128,) a segment of `planes`
+    y: int,  # row of the image
+    out: Float32,  # (128,)
+    squares: Float32,  # (128,) out
+) -> None:
     # The same of the values and of their squares.
     p = plane[y * SEGMENT : (y + WINDOW) * SEGMENT]
     for x in range(SEGMENT):
@@ -97,7 +109,10 @@ def _down_squared(plane: Any, y: Any, out: Any, squares: Any) -> None:
 
 
 @njit(fastmath=True)
-def _along(line: Any, out: Any) -> None:
+def _along(
+    line: Float32,  # (138,)
+    out: Float32,  # (128,)
+) -> None:
     # Blurs along the row: line[i + 5] is the pixel of out[i].
     for i in range(SEGMENT):
         out[i] = (
@@ -111,7 +126,13 @@ def _along(line: Any, out: Any) -> None:
 
 
 @njit(fastmath=True, error_model="numpy")
-def _compare(blurred: Any, count: Any, by_mean: Any, by_sum: Any, by_difference: Any) -> Any:
+def _compare(
+    blurred: Float32,  # (4, 128) S, D, blur(s^2) and blur(d^2)
+    count: int,  # of pixels, at most 128
+    by_mean: Float32,  # (128,) out, as the next two
+    by_sum: Float32,
+    by_difference: Float32,
+) -> np.float32:
     # The sum of SSIM over the pixels of a line, and its derivatives by the blurred moments.
     total = _F(0)
     s, d, ss, dd = blurred[0], blurred[1], blurred[2], blurred[3]
@@ -132,15 +153,17 @@ def _compare(blurred: Any, count: Any, by_mean: Any, by_sum: Any, by_difference:
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def ssim_forward(images: Any, lit: Any, height: Any, width: Any, threads: Any, slopes: Any, sums: Any) -> None:
-    """SSIM of two planar images and its derivatives by their blurred moments.
-
-    images   (2, 3, ..) `planes`: a + b and a - b
-    lit      (tiles) uint8, 0 where both images are black in a tile
-    slopes   out (3, 3, ..) `planes`: by the means of a, by blur(s^2), by blur(d^2); not written in tiles whose
-             surroundings are black
-    sums     out (3, rows of tiles), the sums of SSIM
-    """
+def ssim_forward(
+    images: Float32,  # (2, 3, ..) `planes`: a + b and a - b of colours in 0 to 1
+    lit: Bytes,  # `tiles`, 0 where both images are black
+    height: int,  # of the images, pixels
+    width: int,  # pixels
+    threads: int,  # tasks that share the strips
+    slopes: Float32,  # (3, 3, ..) `planes`, out: by the means of a, by blur(s^2), by blur(d^2)
+    sums: NDArray[np.float64],  # (3, rows of tiles) out: the sums of SSIM over the pixels
+) -> None:
+    """SSIM of two planar images and its derivatives by their blurred moments, which are not written in tiles whose
+    surroundings are black."""
     strips, segments = lit.shape
     for thread in prange(threads):
         lines = np.zeros((4, STRIP, segments * SEGMENT + 2 * RADIUS), np.float32)
@@ -183,10 +206,17 @@ def ssim_forward(images: Any, lit: Any, height: Any, width: Any, threads: Any, s
 
 @njit(fastmath=True)
 def ssim_gradient(
-    images: Any, slopes: Any, lit: Any, channel: Any, strip: Any, height: Any, lines: Any, blurred: Any, out: Any
+    images: Float32,  # (2, 3, ..) `planes`, as `ssim_forward` took them
+    slopes: Float32,  # (3, 3, ..) `planes`, as `ssim_forward` wrote them
+    lit: Bytes,  # `tiles`, 0 where both images are black
+    channel: int,
+    strip: int,  # row of tiles
+    height: int,  # of the images, pixels
+    lines: Float32,  # (3, 8, segments * 128 + 10) scratch, zero at both ends
+    blurred: Float32,  # (3, 128) scratch
+    out: Float32,  # (8, segments * 128)
 ) -> None:
-    """d(sum of SSIM) / da of a strip of rows in its lit tiles, into `out` (8, segments * 128). lines (3, 8, segments *
-    128 + 10), zero at both ends, and blurred (3, 128) are scratch."""
+    """d(sum of SSIM) / da of a strip of rows in its lit tiles, into `out`."""
     segments = lit.shape[1]
     y0, y1 = strip * STRIP, min(height, strip * STRIP + STRIP)
     for segment in range(segments):

@@ -10,8 +10,6 @@ floor, the error is the background's.
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numba import njit, prange
@@ -27,7 +25,10 @@ Float32 = NDArray[np.float32]
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def _block_means(error: Any, blocks: Any) -> None:
+def _block_means(
+    error: Float32,  # (3, H, W) drawn minus true colour
+    blocks: Float32,  # (rows, columns) out: the error of the mean colour
+) -> None:
     _, height, width = error.shape
     rows, columns = blocks.shape
     for r in prange(rows):
@@ -45,7 +46,10 @@ def _block_means(error: Any, blocks: Any) -> None:
 
 
 @njit(parallel=True, cache=True)
-def _spread(outliers: Any, inlier: Any) -> None:
+def _spread(
+    outliers: NDArray[np.uint8],  # (rows, columns) 1 where a block is masked
+    inlier: NDArray[np.bool_],  # (H, W) out
+) -> None:
     height, width = inlier.shape
     rows, columns = outliers.shape
     for r in prange(rows):

@@ -8,7 +8,6 @@ of an image alone (`never_mask_upper`, for skies); here no part is exempt.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import cv2
 import numpy as np
@@ -25,7 +24,13 @@ Judge = Callable[[Float32, Float32, Float32], None]
 
 
 @njit(parallel=True, cache=True, fastmath=True)
-def _errors(rgb: Any, transmittance: Any, background: Any, image: Any, error: Any) -> None:
+def _errors(
+    rgb: Float32,  # (H, W, 3) colours of the Gaussians, 0 to 1
+    transmittance: Float32,  # (H, W)
+    background: Float32,  # (3, H, W) colours, 0 to 1
+    image: NDArray[np.uint8],  # (H, W, 3)
+    error: Float32,  # (H, W) out: mean absolute error of the channels
+) -> None:
     height, width = transmittance.shape
     for y in prange(height):
         for x in range(width):
