@@ -9,13 +9,13 @@ constant distances, so that LLVM sees that they do not overlap.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 
 from nvsim.render.arithmetic import FLAGS, LN2, LOG2E, exp2, log2
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
+from nvsim.render.kernel_types import Float32
 from nvsim.render.layout import LOG_CUT
 
 CHUNK = 64
@@ -28,7 +28,10 @@ _ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
 
 # No "nnan" among the flags: comparisons must fail for a Gaussian that is not finite, so that it is skipped.
 @njit(fastmath=FLAGS, error_model="numpy")
-def splats_of(view: Any, planes: Any) -> None:
+def splats_of(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    planes: Float32,  # (PLANES * CHUNK or more,) as the module says; those from 12 on are written
+) -> None:
     """What is drawn of every Gaussian of a chunk: a plain loop without branches, so that LLVM makes vectors of it."""
     eps = view[25]
     for i in range(CHUNK):
@@ -86,7 +89,10 @@ def splats_of(view: Any, planes: Any) -> None:
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def harmonics_of(view: Any, planes: Any) -> None:
+def harmonics_of(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    planes: Float32,  # (PLANES * CHUNK or more,) from the first three to the 16 from BASIS on
+) -> None:
     """Likewise the harmonics of the directions from the eye to the Gaussians."""
     for i in range(CHUNK):
         x, y, z = planes[i], planes[CHUNK + i], planes[2 * CHUNK + i]
