@@ -100,7 +100,7 @@ def harmonics_of(
         dx = (view[0] * x + view[3] * y + view[6] * z) * inverse
         dy = (view[1] * x + view[4] * y + view[7] * z) * inverse
         dz = (view[2] * x + view[5] * y + view[8] * z) * inverse
-        values = sh_terms(dx, dy, dz)
+        values: tuple[np.float32, ...] = sh_terms(dx, dy, dz)
         planes[(BASIS + 0) * CHUNK + i] = values[0]
         planes[(BASIS + 1) * CHUNK + i] = values[1]
         planes[(BASIS + 2) * CHUNK + i] = values[2]

@@ -15,7 +15,7 @@ from numba import njit
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, to_camera
-from nvsim.render.kernel_types import Float32, Matrix3, Quaternion
+from nvsim.render.kernel_types import Float32, Matrix3, Quaternion, Vector3
 from nvsim.splats import harmonics
 
 GIVEN = 12
@@ -68,7 +68,7 @@ def add_direction_gradient(
         dx = (view[0] * x + view[3] * y + view[6] * z) * inverse
         dy = (view[1] * x + view[4] * y + view[7] * z) * inverse
         dz = (view[2] * x + view[5] * y + view[8] * z) * inverse
-        slopes = _sh_slopes(dx, dy, dz)
+        slopes: tuple[Vector3, ...] = _sh_slopes(dx, dy, dz)
         t_x = t_y = t_z = _ZERO
         d_value = planes[(BY_HARMONIC + 1) * CHUNK + i]
         t_x += d_value * slopes[1][0]
