@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numba
 import numpy as np
 from numba import njit, prange
+
+from nvsim.render.kernel_types import Float32
 
 _F = np.float32
 _STEPS, _LANES, _ROUNDS = 32, 2048, 4000
 
 
 @njit(parallel=True, fastmath=True)
-def _horner(threads: Any, rounds: Any, out: Any) -> None:
+def _horner(
+    threads: int,
+    rounds: int,
+    out: Float32,  # (threads, _LANES) changed
+) -> None:
     # A polynomial of degree 32 in every lane: nothing but multiply-adds between a load and a store.
     for thread in prange(threads):
         values = out[thread]

@@ -10,11 +10,13 @@ from typing import Any
 import numba
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from nvsim.benchmarks.machine_peak import multiply_adds_per_second
 from nvsim.geometry.camera import Camera, look
 from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.gaussians import render_gaussians
+from nvsim.render.kernel_types import Float32, Int32, Int64, Whole
 from nvsim.render.layout import TILE
 from nvsim.render.workspace import RenderBuffers, ready
 from nvsim.splats.types import Gaussians
@@ -107,9 +109,15 @@ def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, roun
 
 
 @njit(error_model="numpy")
-def _lanes(splats: Any, order: Any, offsets: Any, last: Any, columns: Any) -> Any:
+def _lanes(
+    splats: Float32,  # as RenderBuffers.drawn_entries, like those that follow
+    order: Int32,
+    offsets: Int64,
+    last: Int64,
+    columns: int,
+) -> Whole:
     # Every touched row of a tile costs a whole row of lanes.
-    rows = 0
+    rows: Whole = 0
     for tile in range(last.shape[0]):
         top = (tile // columns) * TILE
         for k in range(offsets[tile], last[tile]):
@@ -118,13 +126,13 @@ def _lanes(splats: Any, order: Any, offsets: Any, last: Any, columns: Any) -> An
     return rows * TILE
 
 
-def _pose(turn: float) -> Any:
+def _pose(turn: float) -> NDArray[np.float64]:
     ahead = np.subtract(TARGET, EYE)
     elevation = np.arctan2(ahead[2], np.hypot(ahead[0], ahead[1]))
     return look(np.array(EYE), float(np.arctan2(ahead[0], ahead[1])) + turn, float(elevation))
 
 
-def _turned(camera: Camera, angle: float) -> Any:
+def _turned(camera: Camera, angle: float) -> NDArray[np.float64]:
     pose = camera.camera_to_world.copy()
     c, s = np.cos(angle), np.sin(angle)
     pose[:3, :3] = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ pose[:3, :3]

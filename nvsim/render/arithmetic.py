@@ -18,6 +18,8 @@ FLAGS = {"contract", "reassoc", "arcp", "nsz"}
 fails as written."""
 
 
+# numba calls the intrinsics while it compiles, with objects of its compiler and of llvmlite that have no public types:
+# hence Any. What the functions take and give is the signature that they return.
 @intrinsic
 def _float_of_bits(typing_context: Any, bits: Any) -> Any:
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -35,13 +37,15 @@ def _bits_of_float(typing_context: Any, value: Any) -> Any:
 
 
 @njit(forceinline=True)
-def depth_key(depth: Any) -> Any:
+def depth_key(
+    depth: np.float32,  # metres, above zero
+) -> np.uint32:
     """Positive floats keep their order when their bits are read as an unsigned integer."""
     return _bits_of_float(depth)  # type: ignore[call-arg]
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
-def _scaled(whole: Any, f: Any) -> Any:
+def _scaled(whole: np.int32, f: np.float32) -> np.float32:
     # The exponent bits hold `whole`; the rest is the degree 5 minimax polynomial of 2^f over [-0.5, 0.5].
     p = _F(1.32764719e-3)
     p = p * f + _F(9.67554121e-3)
@@ -54,21 +58,21 @@ def _scaled(whole: Any, f: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
-def exp2(t: Any) -> Any:
+def exp2(t: np.float32) -> np.float32:
     """2^t in single precision for |t| < 126, relative error below 3e-7."""
     whole = np.int32(t + math.copysign(_F(0.5), t))
     return _scaled(whole, t - _F(whole))
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
-def exp2_below(t: Any) -> Any:
+def exp2_below(t: np.float32) -> np.float32:
     """2^t for -126 < t < 0.5, without the sign test."""
     whole = np.int32(t - _F(0.5))
     return _scaled(whole, t - _F(whole))
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
-def log2(x: Any) -> Any:
+def log2(x: np.float32) -> np.float32:
     """Logarithm to the base 2 of a normal positive number, absolute error below 4e-7 plus one rounding.
 
     x = m 2^e with m in [sqrt(1/2), sqrt(2)); then log m = 2 artanh((m - 1) / (m + 1)), whose odd series converges fast

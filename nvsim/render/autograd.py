@@ -56,11 +56,11 @@ class Statistics:
 
 
 def rasterize(
-    means: torch.Tensor,
-    log_scales: torch.Tensor,
-    quats: torch.Tensor,
-    opacity_logits: torch.Tensor,
-    sh: torch.Tensor,
+    means: torch.Tensor,  # (N, 3) metres, world
+    log_scales: torch.Tensor,  # (N, 3) natural logarithm of the standard deviations in metres
+    quats: torch.Tensor,  # (N, 4) w x y z, of any length
+    opacity_logits: torch.Tensor,  # (N,)
+    sh: torch.Tensor,  # (N, K, 3) coefficients of the colour, K = (degree + 1)^2
     camera: Camera,
     *,
     antialiased: bool = True,
@@ -68,8 +68,7 @@ def rasterize(
     depth: bool = False,
     statistics: Statistics | None = None,
 ) -> tuple[torch.Tensor, ...]:
-    """Draws Gaussians; differentiable in all five tensors, which are float32 on the CPU, shapes as in
-    splats.types.Gaussians.
+    """Draws Gaussians; differentiable in all five tensors, which are float32 on the CPU.
 
     sh_degree    evaluates the coefficients up to this degree only; the rest get zero gradients
     depth        adds the expected depth, as in RenderOutput, differentiable as well
@@ -93,10 +92,21 @@ class Rasterize(torch.autograd.Function):
     """See `rasterize`."""
 
     @staticmethod
-    def forward(ctx: Any, *arguments: Any) -> tuple[torch.Tensor, ...]:
-        tensors = [t.detach().contiguous() for t in arguments[:5]]
-        camera, antialiased, sh_degree, with_depth, statistics = arguments[5:]
-        gaussians = Gaussians(*(t.numpy() for t in tensors))
+    def forward(
+        ctx: Any,  # torch keeps here what is assigned, under names that its type does not know; in `backward` too
+        means: torch.Tensor,
+        log_scales: torch.Tensor,
+        quats: torch.Tensor,
+        opacity_logits: torch.Tensor,
+        sh: torch.Tensor,
+        camera: Camera,
+        antialiased: bool,
+        sh_degree: int | None,
+        with_depth: bool,
+        statistics: Statistics | None,
+    ) -> tuple[torch.Tensor, ...]:
+        given = (means, log_scales, quats, opacity_logits, sh)
+        gaussians = Gaussians(*(t.detach().contiguous().numpy() for t in given))
         k = camera.intrinsics
         with LOCK:
             workspace = _free.pop() if _free else RenderBuffers()
@@ -109,7 +119,7 @@ class Rasterize(torch.autograd.Function):
                 _free.append(workspace)
         alpha = 1 - transmittance
         # save_for_backward notices when a tensor is changed in place before the backward pass.
-        ctx.save_for_backward(*arguments[:5])
+        ctx.save_for_backward(*given)
         ctx.transmittance, ctx.statistics = transmittance, statistics
         ctx.set_materialize_grads(False)
         if not with_depth:
@@ -119,7 +129,10 @@ class Rasterize(torch.autograd.Function):
         return torch.from_numpy(rgb), torch.from_numpy(alpha), torch.from_numpy(depth)
 
     @staticmethod
-    def backward(ctx: Any, *outputs: torch.Tensor | None) -> Any:
+    def backward(
+        ctx: Any,
+        *outputs: torch.Tensor | None,  # gradients by rgb (H, W, 3), alpha (H, W) and, if drawn, depth (H, W)
+    ) -> tuple[torch.Tensor | None, ...]:
         if ctx.workspace is None:
             raise RuntimeError("the gradient of rasterize can be taken once per forward pass")
         shape = ctx.transmittance.shape

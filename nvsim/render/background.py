@@ -4,7 +4,6 @@ floor (paper section III-C; the texture is ours)."""
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numba
 import numpy as np
@@ -18,9 +17,9 @@ from nvsim.render.floor_texture import (
     pack_texture,
     texture_colour,
 )
+from nvsim.render.kernel_types import Float32, Int64
 from nvsim.render.packed_camera import pack
 from nvsim.render.sh_polynomials import COEFFICIENTS, change_of_basis, row_numbers
-from nvsim.render.types import Float32
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import SubmapModel
 
@@ -32,8 +31,16 @@ _DARK = _F(1 / 1024)  # a background dimmed by more than this cannot be seen in 
 
 
 @njit(fastmath=True, error_model="numpy")
-def _sky_segment(view: Any, terms: Any, x0: Any, count: Any, y: Any, planes: Any) -> None:
-    # `count` pixels from x0 on: unit directions and their forward component, then colours (see `sky`).
+def _sky_segment(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    terms: Float32,  # (25, 3) the coefficients by `change_of_basis`
+    x0: int,  # first column of the segment
+    count: int,  # pixels, at most _SEGMENT
+    y: int,  # row
+    planes: Float32,  # (_PLANES, _SEGMENT) out: direction (3), its forward component, colour (3)
+) -> None:
+    # `count` pixels from x0 on: unit directions, world, and their forward component, then colours (see
+    # `sh_polynomials`).
     v = (_F(y) + _HALF - view[15]) / view[13]
     for i in range(count):
         u = (_F(x0 + i) + _HALF - view[14]) / view[12]
@@ -54,18 +61,18 @@ def _sky_segment(view: Any, terms: Any, x0: Any, count: Any, y: Any, planes: Any
 
 @njit(fastmath=True, error_model="numpy")
 def _paint_row(
-    view: Any,
-    terms: Any,
-    heights: Any,
-    grid: Any,
-    texels: Any,
-    table: Any,
-    sizes: Any,
-    bounds: Any,
-    y: Any,
-    transmittance: Any,
-    rgb: Any,
-    planes: Any,
+    view: Float32,  # as in `paint`, like those that follow
+    terms: Float32,
+    heights: Float32,
+    grid: Float32,
+    texels: Float32,
+    table: Int64,
+    sizes: Float32,
+    bounds: Float32,
+    y: int,  # row
+    transmittance: Float32,  # (W,) of the row
+    rgb: Float32,  # (W, 3) of the row, changed
+    planes: Float32,  # (_PLANES, _SEGMENT) scratch
 ) -> None:
     width = transmittance.shape[0]
     textured = table.shape[0] > 0
@@ -97,20 +104,20 @@ def _paint_row(
 
 @njit(parallel=True, cache=True, nogil=True)
 def paint(
-    view: Any,
-    terms: Any,
-    heights: Any,
-    grid: Any,
-    texels: Any,
-    table: Any,
-    sizes: Any,
-    bounds: Any,
-    threads: Any,
-    transmittance: Any,
-    rgb: Any,
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    terms: Float32,  # (25, 3) the background's coefficients by `change_of_basis`
+    heights: Float32,  # (rows, columns) of the floor surface, metres, world z
+    grid: Float32,  # (3,) of the floor surface: origin x and y and the spacing, metres, world
+    texels: Float32,  # (n, 3) colours, all levels in one array
+    table: Int64,  # (levels, 3) first texel, rows, columns; (0, 3) without a texture
+    sizes: Float32,  # (levels,) texel size, metres
+    bounds: Float32,  # (4,) low x, low y, high x, high y, metres, world
+    threads: int,  # how many share the rows
+    transmittance: Float32,  # (H, W) 0 to 1
+    rgb: Float32,  # (H, W, 3) changed
 ) -> None:
-    """Adds transmittance (H, W) * background to rgb (H, W, 3). `view` from projection.pack, `terms` (25, 3) of `sky`,
-    the rest from floor_texture."""
+    """Adds transmittance * background to rgb: harmonics of the direction, and the floor texture where the ray meets the
+    floor."""
     for thread in prange(threads):
         planes = np.empty((_PLANES, _SEGMENT), np.float32)
         for y in range(thread, rgb.shape[0], threads):

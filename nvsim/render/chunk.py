@@ -9,13 +9,13 @@ constant distances, so that LLVM sees that they do not overlap.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 
 from nvsim.render.arithmetic import FLAGS, LN2, LOG2E, exp2, log2
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
+from nvsim.render.kernel_types import Float32
 from nvsim.render.layout import LOG_CUT
 
 CHUNK = 64
@@ -28,7 +28,10 @@ _ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
 
 # No "nnan" among the flags: comparisons must fail for a Gaussian that is not finite, so that it is skipped.
 @njit(fastmath=FLAGS, error_model="numpy")
-def splats_of(view: Any, planes: Any) -> None:
+def splats_of(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    planes: Float32,  # (PLANES * CHUNK or more,) as the module says; those from 12 on are written
+) -> None:
     """What is drawn of every Gaussian of a chunk: a plain loop without branches, so that LLVM makes vectors of it."""
     eps = view[25]
     for i in range(CHUNK):
@@ -86,7 +89,10 @@ def splats_of(view: Any, planes: Any) -> None:
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def harmonics_of(view: Any, planes: Any) -> None:
+def harmonics_of(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    planes: Float32,  # (PLANES * CHUNK or more,) from the first three to the 16 from BASIS on
+) -> None:
     """Likewise the harmonics of the directions from the eye to the Gaussians."""
     for i in range(CHUNK):
         x, y, z = planes[i], planes[CHUNK + i], planes[2 * CHUNK + i]
@@ -94,7 +100,7 @@ def harmonics_of(view: Any, planes: Any) -> None:
         dx = (view[0] * x + view[3] * y + view[6] * z) * inverse
         dy = (view[1] * x + view[4] * y + view[7] * z) * inverse
         dz = (view[2] * x + view[5] * y + view[8] * z) * inverse
-        values = sh_terms(dx, dy, dz)
+        values: tuple[np.float32, ...] = sh_terms(dx, dy, dz)
         planes[(BASIS + 0) * CHUNK + i] = values[0]
         planes[(BASIS + 1) * CHUNK + i] = values[1]
         planes[(BASIS + 2) * CHUNK + i] = values[2]

@@ -8,7 +8,6 @@ derivative of the loss with respect to x. Planes as in `chunk`, with these inste
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
@@ -16,6 +15,7 @@ from numba import njit
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, to_camera
+from nvsim.render.kernel_types import Float32, Matrix3, Quaternion, Vector3
 from nvsim.splats import harmonics
 
 GIVEN = 12
@@ -35,7 +35,7 @@ _sh_slopes = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmoni
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _quaternion_gradient(w: Any, x: Any, y: Any, z: Any, r: Any) -> Any:
+def _quaternion_gradient(w: np.float32, x: np.float32, y: np.float32, z: np.float32, r: Matrix3) -> Quaternion:
     """Gradient of the unit quaternion from that of the rotation's nine entries `r`."""
     return (
         _TWO * (x * (r[7] - r[5]) + y * (r[2] - r[6]) + z * (r[3] - r[1])),
@@ -46,7 +46,10 @@ def _quaternion_gradient(w: Any, x: Any, y: Any, z: Any, r: Any) -> Any:
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def to_camera_frame(view: Any, planes: Any) -> None:
+def to_camera_frame(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    planes: Float32,  # (PLANES * CHUNK,) metres, changed
+) -> None:
     """Centres of the world, in the first three planes, become those of the camera's frame."""
     for i in range(CHUNK):
         x, y, z = to_camera(view, planes[i], planes[CHUNK + i], planes[2 * CHUNK + i])
@@ -54,7 +57,10 @@ def to_camera_frame(view: Any, planes: Any) -> None:
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def add_direction_gradient(view: Any, planes: Any) -> None:
+def add_direction_gradient(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    planes: Float32,  # (PLANES * CHUNK,) from those of BY_HARMONIC to those of D_MEANS
+) -> None:
     """Adds to the gradients of the centres what comes through the direction that a Gaussian is seen in."""
     for i in range(CHUNK):
         x, y, z = planes[i], planes[CHUNK + i], planes[2 * CHUNK + i]
@@ -62,7 +68,7 @@ def add_direction_gradient(view: Any, planes: Any) -> None:
         dx = (view[0] * x + view[3] * y + view[6] * z) * inverse
         dy = (view[1] * x + view[4] * y + view[7] * z) * inverse
         dz = (view[2] * x + view[5] * y + view[8] * z) * inverse
-        slopes = _sh_slopes(dx, dy, dz)
+        slopes: tuple[Vector3, ...] = _sh_slopes(dx, dy, dz)
         t_x = t_y = t_z = _ZERO
         d_value = planes[(BY_HARMONIC + 1) * CHUNK + i]
         t_x += d_value * slopes[1][0]
@@ -131,7 +137,10 @@ def add_direction_gradient(view: Any, planes: Any) -> None:
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def gradients_of(view: Any, planes: Any) -> None:
+def gradients_of(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    planes: Float32,  # (PLANES * CHUNK,) from the first 12, GIVEN and OPACITY to those from D_MEANS on
+) -> None:
     """Gradients of the raw parameters but for the colour, in loops without branches."""
     eps, longer, compensated = view[25], max(view[16], view[17]), view[26] > _HALF
     for i in range(CHUNK):

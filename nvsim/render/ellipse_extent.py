@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 
 from nvsim.render.arithmetic import FLAGS
+from nvsim.render.kernel_types import Float32, Whole
 from nvsim.render.layout import (
     CONIC_A,
     CONIC_B,
@@ -28,20 +28,24 @@ _TWO = _F(2)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _floor(x: Any) -> Any:
+def _floor(x: np.float32) -> np.int64:
     # For x >= -1; the library's is a call, a truncation one instruction.
     return np.int64(x + _F(1)) - 1
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _ceil(x: Any) -> Any:
+def _ceil(x: np.float32) -> np.int64:
     # For x >= 0.
     whole = np.int64(x)
     return whole + (_F(whole) < x)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def tile_box(splat: Any, columns: Any, lines: Any) -> Any:
+def tile_box(
+    splat: Float32,  # (16,) as in render.layout
+    columns: Whole,  # tiles in a row of the image
+    lines: Whole,  # rows of tiles
+) -> tuple[np.int64, np.int64, np.int64, np.int64]:
     """First and past-last row of tiles, first and past-last column, with a pixel centre within the ellipse's bounding
     box; of `columns` x `lines` tiles."""
     left = _ceil(max(splat[X] - splat[HALF_WIDTH], _F(0)))
@@ -54,7 +58,12 @@ def tile_box(splat: Any, columns: Any, lines: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def tile_columns(splat: Any, line: Any, left: Any, right: Any) -> Any:
+def tile_columns(
+    splat: Float32,  # (16,) as in render.layout
+    line: int,  # row of tiles
+    left: np.int64,  # columns of tiles, first and past-last, of `tile_box`
+    right: np.int64,
+) -> tuple[np.int64, np.int64]:
     """First and past-last tile of row `line` that the ellipse touches, given those of its bounding box.
 
     At height dy the ellipse a dx^2 + b dx dy + c dy^2 = m is crossed at (-b dy +- sqrt(4 a m - (4 a c - b^2) dy^2)) /
@@ -76,7 +85,10 @@ def tile_columns(splat: Any, line: Any, left: Any, right: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def pixel_rows(splat: Any, top: Any) -> Any:
+def pixel_rows(
+    splat: Float32,  # (16,) as in render.layout
+    top: Whole,  # the tile's first row of pixels
+) -> tuple[np.int64, np.int64]:
     """First and past-last row, counted from `top`, of a tile's rows that the ellipse touches."""
     y = splat[Y] - _F(top)
     low = _ceil(max(y - splat[HALF_HEIGHT], _F(0)))

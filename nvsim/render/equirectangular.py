@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.render.arithmetic import FLAGS
+from nvsim.render.kernel_types import Float32, Mask
 from nvsim.render.layout import TILE
-from nvsim.render.types import Float32
 from nvsim.render.workspace import tiles_of
 
 _F = np.float32
@@ -50,7 +49,15 @@ def views_around(position: NDArray[np.floating], width: int, heading: float) -> 
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _place(axes: Any, view: Any, focal: Any, side: Any, x: Any, y: Any, z: Any) -> Any:
+def _place(
+    axes: Float32,  # (views, 3, 3) as in `resample`
+    view: int,
+    focal: np.float32,  # pixels
+    side: int,  # pixels of a view, each way
+    x: np.float32,  # unit direction, as y and z, where ahead is y and up is z
+    y: np.float32,
+    z: np.float32,
+) -> tuple[np.float32, np.float32]:
     """Column and line in a view of a ray, counted from the centre of the first pixel; the next ones exist too."""
     a = axes[view, 0, 0] * x + axes[view, 0, 1] * y + axes[view, 0, 2] * z
     b = axes[view, 1, 0] * x + axes[view, 1, 1] * y + axes[view, 1, 2] * z
@@ -60,7 +67,14 @@ def _place(axes: Any, view: Any, focal: Any, side: Any, x: Any, y: Any, z: Any) 
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _weigh_pixel(axes: Any, azimuths: Any, elevations: Any, row: Any, column: Any, weights: Any) -> Any:
+def _weigh_pixel(
+    axes: Float32,  # (views, 3, 3) as in `resample`, like the next two
+    azimuths: Float32,  # (2 W, 2)
+    elevations: Float32,  # (2 H, 2)
+    row: int,
+    column: int,
+    weights: Float32,  # (views,) out
+) -> np.float32:
     """Fills `weights` (views,), zero for a view that does not count; returns their sum."""
     # Between the four samples, near enough to the pixel's centre: on its diagonal, of no unit length.
     x = azimuths[2 * column, 0] * elevations[2 * row, 1] + azimuths[2 * column + 1, 0] * elevations[2 * row + 1, 1]
@@ -80,7 +94,14 @@ def _weigh_pixel(axes: Any, azimuths: Any, elevations: Any, row: Any, column: An
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _add(views: Any, view: Any, u: Any, v: Any, weight: Any, pixel: Any) -> None:
+def _add(
+    views: Float32,  # (views, S, S, 4)
+    view: int,
+    u: np.float32,  # column and line of `_place`
+    v: np.float32,
+    weight: np.float32,
+    pixel: Float32,  # (4,) to which the sample is added
+) -> None:
     column, line = np.int64(u), np.int64(v)
     fu, fv = u - _F(column), v - _F(line)
     w00, w01 = weight * (_ONE - fv) * (_ONE - fu), weight * (_ONE - fv) * fu
@@ -97,24 +118,17 @@ def _add(views: Any, view: Any, u: Any, v: Any, weight: Any, pixel: Any) -> None
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
 def resample(
-    first: Any,
-    second: Any,
-    axes: Any,
-    focal: Any,
-    azimuths: Any,
-    elevations: Any,
-    mask: Any,
-    first_image: Any,
-    second_image: Any,
+    first: Float32,  # (views, S, S, 4) four channels of the views; (0, ...) where not wanted
+    second: Float32,  # (views, S, S, 4) four more, likewise
+    axes: Float32,  # (views, 3, 3) rows right, down and forward of each view where ahead is y and up is z
+    focal: np.float32,  # of the views, pixels
+    azimuths: Float32,  # (2 W, 2) sine and cosine of the half columns' headings, counted from ahead
+    elevations: Float32,  # (2 H, 2) the same of the half rows' elevations
+    mask: Mask,  # (H, W) pixels that are wanted
+    first_image: Float32,  # (H, W, 4) out, zero where no pixel is wanted; (0, W, 4) without `first`
+    second_image: Float32,  # (H, W, 4) out, likewise of `second`
 ) -> None:
-    """first, second  (views, S, S, 4) float32, two times four channels of the views; no views where not wanted
-    axes           (views, 3, 3) float32, rows right, down and forward of each view where ahead is y and up is z
-    focal          float32, pixels
-    azimuths       (2 W, 2) float32 sine and cosine of the half columns' headings, counted from ahead
-    elevations     (2 H, 2) float32 the same of the half rows' elevations
-    mask           (H, W) bool, which pixels are wanted
-    first_image    out (H, W, 4), zero where none is wanted; likewise second_image, or of no rows
-    """
+    """The views as one equirectangular image: every pixel a mean of the views that look its way nearly straight."""
     height, width = mask.shape
     side = max(first.shape[1], second.shape[1])
     for row in prange(height):
@@ -143,7 +157,14 @@ def resample(
 
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
-def _mark_seen(axes: Any, focal: Any, azimuths: Any, elevations: Any, mask: Any, seen: Any) -> None:
+def _mark_seen(
+    axes: Float32,  # (views, 3, 3) as in `resample`, like the next four
+    focal: np.float32,
+    azimuths: Float32,
+    elevations: Float32,
+    mask: Mask,
+    seen: Mask,  # (views, S, S) set where `resample` reads
+) -> None:
     # Several threads may set the same entry, to the same value.
     side = seen.shape[1]
     for row in prange(mask.shape[0]):
@@ -165,7 +186,7 @@ def _mark_seen(axes: Any, focal: Any, azimuths: Any, elevations: Any, mask: Any,
                         seen[view, down + 1, at + 1] = True
 
 
-def pixels_seen(width: int, height: int, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def pixels_seen(width: int, height: int, mask: Mask) -> Mask:
     """(views, S, S) bool: where `resample` reads the views for the pixels of `mask` (H, W)."""
     intrinsics = views_around(np.zeros(3), width, 0.0)[0].intrinsics
     seen = np.zeros((len(_AXES), intrinsics.height, intrinsics.width), bool)
@@ -174,7 +195,7 @@ def pixels_seen(width: int, height: int, mask: NDArray[np.bool_]) -> NDArray[np.
 
 
 @lru_cache(maxsize=8)
-def tiles_seen(width: int, height: int) -> tuple[NDArray[np.bool_], ...]:
+def tiles_seen(width: int, height: int) -> tuple[Mask, ...]:
     """Of every view the tiles (lines, columns) that a whole panorama needs."""
     return tuple(map(tiles_of, pixels_seen(width, height, np.ones((height, width), bool))))
 

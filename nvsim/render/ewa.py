@@ -3,12 +3,11 @@ directions."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
 from nvsim.render.arithmetic import FLAGS
+from nvsim.render.kernel_types import Float32, Matrix3, Vector3
 from nvsim.splats import harmonics
 
 _F = np.float32
@@ -18,7 +17,7 @@ sh_terms = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def rotation(w: Any, x: Any, y: Any, z: Any) -> Any:
+def rotation(w: np.float32, x: np.float32, y: np.float32, z: np.float32) -> Matrix3:
     """The nine entries, by rows, of the rotation of a unit quaternion."""
     return (
         _ONE - _TWO * (y * y + z * z),
@@ -34,7 +33,12 @@ def rotation(w: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def to_camera(view: Any, x: Any, y: Any, z: Any) -> Any:
+def to_camera(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    x: np.float32,  # world, as y and z
+    y: np.float32,
+    z: np.float32,
+) -> Vector3:
     """A direction of the world along the camera's axes."""
     return (
         view[0] * x + view[1] * y + view[2] * z,
@@ -44,7 +48,12 @@ def to_camera(view: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def jacobian(view: Any, x: Any, y: Any, z: Any) -> Any:
+def jacobian(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    x: np.float32,  # metres, the camera's frame, as y and z
+    y: np.float32,
+    z: np.float32,
+) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Derivative of the pixel with respect to the camera-frame point: du/dx, du/dz, dv/dy, dv/dz."""
     iz = _ONE / z
     slope_x = min(max(x * iz, view[18]), view[19])
@@ -53,7 +62,13 @@ def jacobian(view: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def axes_in_camera(view: Any, r: Any, s0: Any, s1: Any, s2: Any) -> Any:
+def axes_in_camera(
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    r: Matrix3,  # from the Gaussian's axes to the world
+    s0: np.float32,  # standard deviations in metres, as s1 and s2
+    s1: np.float32,
+    s2: np.float32,
+) -> tuple[Vector3, Vector3, Vector3]:
     """The three semi-axes (columns of W R S) in the camera frame, by columns."""
     a = to_camera(view, r[0] * s0, r[3] * s0, r[6] * s0)
     b = to_camera(view, r[1] * s1, r[4] * s1, r[7] * s1)
@@ -62,7 +77,7 @@ def axes_in_camera(view: Any, r: Any, s0: Any, s1: Any, s2: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def determinant(p: Any, s: Any) -> Any:
+def determinant(p: Vector3, s: Vector3) -> np.float32:
     """det(M M^T) of the 2x3 matrix with rows p and s, as the squared length of p x s (Cauchy-Binet): free of the
     cancellation that A C - B^2 suffers for thin Gaussians in single precision."""
     m0 = p[1] * s[2] - p[2] * s[1]

@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 import weakref
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.arithmetic import FLAGS
+from nvsim.render.kernel_types import Float32, Int64, Vector3
 from nvsim.splats.types import FloorTexture
 
 _F = np.float32
@@ -37,10 +36,10 @@ class PackedTexture:
     bounds   (4,) float32: low x, low y, high x, high y
     """
 
-    texels: NDArray[np.float32]
-    table: NDArray[np.int64]
-    sizes: NDArray[np.float32]
-    bounds: NDArray[np.float32]
+    texels: Float32
+    table: Int64
+    sizes: Float32
+    bounds: Float32
 
 
 _packed: weakref.WeakKeyDictionary[FloorTexture, PackedTexture] = weakref.WeakKeyDictionary()
@@ -72,22 +71,30 @@ def _pack(texture: FloorTexture) -> PackedTexture:
     return PackedTexture(texels, np.array(table, np.int64), np.array(sizes, np.float32), bounds)
 
 
-def pack_floor(floor: FloorSurface) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def pack_floor(floor: FloorSurface) -> tuple[Float32, Float32]:
     """Heights (rows, columns), and origin x, y and spacing (3,)."""
     heights = np.require(floor.heights, np.float32, ["C", "A", "W"])
     return heights, np.array([*floor.origin, floor.spacing], np.float32)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def level_weight(footprint: Any, texel: Any) -> Any:
-    """How much of a level of this texel size a pixel of this footprint sees (both metres): all of it up to one texel,
+def level_weight(
+    footprint: np.float32,  # metres, see `footprint_of`
+    texel: np.float32,  # metres
+) -> np.float32:
+    """How much of a level of this texel size a pixel of this footprint sees: all of it up to one texel,
     nothing from three on."""
     return min(max(_F(1.5) - _HALF * footprint / texel, _ZERO), _ONE)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def height_at(heights: Any, grid: Any, x: Any, y: Any) -> Any:
-    """FloorSurface.height_at; `grid` from `pack_floor`."""
+def height_at(
+    heights: Float32,  # (rows, columns) metres, world z
+    grid: Float32,  # (3,) origin x and y and the spacing, metres, world
+    x: np.float32,  # metres, world, as y
+    y: np.float32,
+) -> np.float32:
+    """FloorSurface.height_at: metres; `heights` and `grid` from `pack_floor`."""
     rows, columns = heights.shape
     c = min(max((x - grid[0]) / grid[2], _ZERO), _F(columns - 1))
     r = min(max((y - grid[1]) / grid[2], _ZERO), _F(rows - 1))
@@ -100,7 +107,16 @@ def height_at(heights: Any, grid: Any, x: Any, y: Any) -> Any:
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def distance_to_floor(heights: Any, grid: Any, ex: Any, ey: Any, ez: Any, dx: Any, dy: Any, dz: Any) -> Any:
+def distance_to_floor(
+    heights: Float32,  # (rows, columns) metres, world z
+    grid: Float32,  # (3,) origin x and y and the spacing, metres, world
+    ex: np.float32,  # eye, metres, world, as ey and ez
+    ey: np.float32,
+    ez: np.float32,
+    dx: np.float32,  # unit direction, world, as dy and dz
+    dy: np.float32,
+    dz: np.float32,
+) -> np.float32:
     """FloorSurface.meet: metres along the unit direction from the eye, -1 where the ray does not meet the floor."""
     if not dz < FLATTEST:
         return -_ONE
@@ -115,14 +131,26 @@ def distance_to_floor(heights: Any, grid: Any, ex: Any, ey: Any, ez: Any, dx: An
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def footprint_of(distance: Any, forward: Any, dz: Any, focal: Any) -> Any:
-    """Metres of floor that a pixel covers: the geometric mean of its width and its length. `forward` is the ray's
-    component along the optical axis, `focal` the focal length in pixels."""
+def footprint_of(
+    distance: np.float32,  # metres along the ray
+    forward: np.float32,  # the ray's component along the optical axis, at most 1
+    dz: np.float32,  # the ray's component upwards, below zero
+    focal: np.float32,  # pixels
+) -> np.float32:
+    """Metres of floor that a pixel covers: the geometric mean of its width and its length."""
     return distance * forward / (focal * math.sqrt(-dz))
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def texture_colour(texels: Any, table: Any, sizes: Any, bounds: Any, x: Any, y: Any, footprint: Any) -> Any:
+def texture_colour(
+    texels: Float32,  # (n, 3) colours, all levels in one array
+    table: Int64,  # (levels, 3) first texel, rows, columns
+    sizes: Float32,  # (levels,) texel size, metres
+    bounds: Float32,  # (4,) low x, low y, high x, high y, metres, world
+    x: np.float32,  # metres, world, as y
+    y: np.float32,
+    footprint: np.float32,  # metres, see `footprint_of`
+) -> Vector3:
     """Red, green and blue at world x, y: the levels' bilinear samples, each by its weight."""
     red = green = blue = _ZERO
     for level in range(table.shape[0]):

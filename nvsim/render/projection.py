@@ -7,7 +7,6 @@ opacity compensation of Yu et al. 2024 (Mip-Splatting): rho = sqrt(det S / det (
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -16,6 +15,7 @@ from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK, PLANES, harmonics_of, splats_of
 from nvsim.render.ellipse_extent import tile_box, tile_columns
 from nvsim.render.ewa import to_camera
+from nvsim.render.kernel_types import Float32, Int32, Int64, Mask
 from nvsim.render.layout import (
     BLUE,
     CONIC_A,
@@ -41,7 +41,16 @@ _MOST_REACH = _F(math.sqrt(2 * math.log(255)))  # standard deviations at which a
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _write_colour(row: Any, sh: Any, count: Any, planes: Any, i: Any, g: Any, features: Any, matrix: Any) -> None:
+def _write_colour(
+    row: Float32,  # (16,) out, as in render.layout
+    sh: Float32,  # (K, 3) of the Gaussian
+    count: int,  # coefficients that are evaluated
+    planes: Float32,  # (PLANES * CHUNK + 1,) as in `chunk`
+    i: int,  # place of the Gaussian in the planes
+    g: int,  # number of the Gaussian
+    features: Float32,  # (N, F) or (0, F)
+    matrix: Float32,  # (3, F)
+) -> None:
     red = green = blue = _ZERO
     if features.shape[0] > 0:
         for f in range(features.shape[1]):
@@ -60,16 +69,16 @@ def _write_colour(row: Any, sh: Any, count: Any, planes: Any, i: Any, g: Any, fe
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _gather_seen(
-    first: Any,
-    end: Any,
-    means: Any,
-    log_scales: Any,
-    quats: Any,
-    opacity_logits: Any,
-    view: Any,
-    seen: Any,
-    planes: Any,
-) -> Any:
+    first: int,
+    end: int,
+    means: Float32,  # (3 N,) metres, world
+    log_scales: Float32,  # (3 N,) natural logarithm of metres
+    quats: Float32,  # (4 N,) w x y z
+    opacity_logits: Float32,  # (N,)
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    seen: Int64,  # (CHUNK,) out
+    planes: Float32,  # (PLANES * CHUNK + 1,) out: the first twelve, and more as scratch
+) -> int:
     """Numbers of the Gaussians of [first, end) that may be in view, into `seen`, and their parameters into `planes`.
     Most Gaussians are out of view, which the largest scale and the greatest reach tell at little cost."""
     for i in range(end - first):
@@ -115,22 +124,22 @@ def _gather_seen(
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def _project_part(
-    block: Any,
-    means: Any,
-    log_scales: Any,
-    quats: Any,
-    opacity_logits: Any,
-    sh: Any,
-    features: Any,
-    matrix: Any,
-    degree: Any,
-    view: Any,
-    wanted: Any,
-    blocks: Any,
-    splats: Any,
-    ids: Any,
-    visible: Any,
-    tile_counts: Any,
+    block: int,
+    means: Float32,  # as in `project`, like those that follow
+    log_scales: Float32,
+    quats: Float32,
+    opacity_logits: Float32,
+    sh: Float32,
+    features: Float32,
+    matrix: Float32,
+    degree: int,
+    view: Float32,
+    wanted: Mask,
+    blocks: int,
+    splats: Float32,
+    ids: Int32,
+    visible: Int32,
+    tile_counts: Int32,
 ) -> None:
     n = means.shape[0]
     columns = (np.int64(view[16]) + TILE - 1) // TILE
@@ -204,34 +213,24 @@ def _project_part(
 
 @njit(parallel=True, cache=True, nogil=True)
 def project(
-    means: Any,
-    log_scales: Any,
-    quats: Any,
-    opacity_logits: Any,
-    sh: Any,
-    features: Any,
-    matrix: Any,
-    degree: Any,
-    view: Any,
-    wanted: Any,
-    blocks: Any,
-    splats: Any,
-    ids: Any,
-    visible: Any,
-    tile_counts: Any,
+    means: Float32,  # (N, 3) metres, world
+    log_scales: Float32,  # (N, 3) natural logarithm of the standard deviations in metres
+    quats: Float32,  # (N, 4) w x y z, of any length, from the Gaussian's axes to the world
+    opacity_logits: Float32,  # (N,)
+    sh: Float32,  # (N, K, 3) coefficients of the colour, K = (its degree + 1)^2
+    features: Float32,  # (N, F), or (0, F) where nothing is added to the colour
+    matrix: Float32,  # (3, F) whose product with a row of features is added to coefficient 0 of sh
+    degree: int,  # to which sh is evaluated, 0 to 3
+    view: Float32,  # (33,) the camera, see `packed_camera.pack` and `limit`
+    wanted: Mask,  # (tiles,) which are to be drawn, row by row
+    blocks: int,  # equal runs of the Gaussians, one task each
+    splats: Float32,  # (N, 16) out: columns as in render.layout
+    ids: Int32,  # (N,) out: which Gaussian a row of splats is
+    visible: Int32,  # (blocks,) out: number of rows of each block
+    tile_counts: Int32,  # (blocks, tiles) out: number of rows of the block that touch each tile
 ) -> None:
     """Projects what the camera sees. Block b of `blocks` takes an equal run of the Gaussians and packs its visible
-    ones to the start of that run.
-
-    means .. sh   as in splats.types.Gaussians; `degree` of sh is evaluated
-    features      (N, F) of which matrix (3, F) makes what is added to coefficient 0 of sh, or (0, F)
-    view          see view.pack and view.limit
-    wanted        (tiles,) bool, the tiles that are to be drawn, rows of tiles after each other
-    splats        out (N, 16), columns as in render.layout
-    ids           out (N,) int32, which Gaussian a row of splats is
-    visible       out (blocks,) int32, number of rows of each block
-    tile_counts   out (blocks, tiles) int32, number of rows of the block that touch each tile
-    """
+    ones to the start of that run."""
     for block in prange(blocks):
         _project_part(
             block,

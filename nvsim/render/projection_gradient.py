@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 
@@ -25,6 +23,7 @@ from nvsim.render.chunk_gradient import (
     gradients_of,
     to_camera_frame,
 )
+from nvsim.render.kernel_types import Float32, Int32
 from nvsim.render.layout import BLUE, GREEN, RED
 from nvsim.render.layout import OPACITY as SPLAT_OPACITY
 from nvsim.splats import harmonics
@@ -35,20 +34,20 @@ _ZERO, _ONE, _DC = _F(0), _F(1), _F(harmonics.DC)
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _gather(
-    at: Any,
-    count: Any,
-    means: Any,
-    log_scales: Any,
-    quats: Any,
-    opacity_logits: Any,
-    splats: Any,
-    ids: Any,
-    gradients: Any,
-    planes: Any,
-    colours: Any,
+    at: int,  # row of splats
+    count: int,  # rows, at most CHUNK
+    means: Float32,  # (3 N,) metres, world
+    log_scales: Float32,  # (3 N,) natural logarithm of metres
+    quats: Float32,  # (4 N,) w x y z
+    opacity_logits: Float32,  # (N,)
+    splats: Float32,  # (N, 16) columns as in render.layout
+    ids: Int32,  # (N,) which Gaussian a row of splats is
+    gradients: Float32,  # (threads, N or more, 12) of `raster_gradient.draw_gradient`
+    planes: Float32,  # (PLANES * CHUNK,) out, as in `chunk_gradient`
+    colours: Float32,  # (CHUNK, 3) out
 ) -> None:
     """Parameters of the Gaussians of the rows from `at` on and the gradients of their splats, the threads' shares added
-    up, into `planes`; those of the colours into `colours` (CHUNK, 3)."""
+    up, into `planes`; those of the colours into `colours`."""
     for i in range(count):
         g, row, splat = np.int64(ids[at + i]), gradients[0, at + i], splats[at + i]
         red, green, blue, depth, u, v = row[0], row[1], row[2], row[3], row[4], row[5]
@@ -91,9 +90,16 @@ def _gather(
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def _tint_gradients(
-    at: Any, count: Any, ids: Any, features: Any, matrix: Any, colours: Any, d_features: Any, d_matrix: Any
+    at: int,  # row of splats
+    count: int,  # rows, at most CHUNK
+    ids: Int32,  # (N,) which Gaussian a row of splats is
+    features: Float32,  # (N, F)
+    matrix: Float32,  # (3, F)
+    colours: Float32,  # (CHUNK, 3) gradient by the colours
+    d_features: Float32,  # (N, F) out
+    d_matrix: Float32,  # (3, F) changed
 ) -> None:
-    """Gradients of the features from those of the colours; those of the matrix are added to d_matrix (3, F)."""
+    """Gradients of the features from those of the colours; those of the matrix are added to d_matrix."""
     for i in range(count):
         own, to = features[ids[at + i]], d_features[ids[at + i]]
         red, green, blue = _DC * colours[i, 0], _DC * colours[i, 1], _DC * colours[i, 2]
@@ -106,7 +112,16 @@ def _tint_gradients(
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def _colour_gradients(at: Any, count: Any, ids: Any, basis: Any, sh: Any, colours: Any, planes: Any, d_sh: Any) -> None:
+def _colour_gradients(
+    at: int,  # row of splats
+    count: int,  # rows, at most CHUNK
+    ids: Int32,  # (N,) which Gaussian a row of splats is
+    basis: int,  # coefficients that were evaluated
+    sh: Float32,  # (N, K, 3)
+    colours: Float32,  # (CHUNK, 3) gradient by the colours
+    planes: Float32,  # (PLANES * CHUNK,) as in `chunk_gradient`; those from BY_HARMONIC on are written
+    d_sh: Float32,  # (N, K, 3) out
+) -> None:
     """Gradients of the coefficients from those of the colours, and those by the harmonics into `planes`."""
     for i in range(count):
         own, to = sh[ids[at + i]], d_sh[ids[at + i]]
@@ -120,29 +135,29 @@ def _colour_gradients(at: Any, count: Any, ids: Any, basis: Any, sh: Any, colour
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def _project_gradient_part(
-    block: Any,
-    means: Any,
-    log_scales: Any,
-    quats: Any,
-    opacity_logits: Any,
-    sh: Any,
-    features: Any,
-    matrix: Any,
-    degree: Any,
-    view: Any,
-    blocks: Any,
-    splats: Any,
-    ids: Any,
-    visible: Any,
-    gradients: Any,
-    d_means: Any,
-    d_log_scales: Any,
-    d_quats: Any,
-    d_opacity_logits: Any,
-    d_sh: Any,
-    d_features: Any,
-    d_matrix: Any,
-    statistics: Any,
+    block: int,
+    means: Float32,  # as in `project_gradient`, like those that follow
+    log_scales: Float32,
+    quats: Float32,
+    opacity_logits: Float32,
+    sh: Float32,
+    features: Float32,
+    matrix: Float32,
+    degree: int,
+    view: Float32,
+    blocks: int,
+    splats: Float32,
+    ids: Int32,
+    visible: Int32,
+    gradients: Float32,
+    d_means: Float32,
+    d_log_scales: Float32,
+    d_quats: Float32,
+    d_opacity_logits: Float32,
+    d_sh: Float32,
+    d_features: Float32,
+    d_matrix: Float32,
+    statistics: Float32,
 ) -> None:
     n, width = means.shape[0], 3 * sh.shape[1]
     first, end = n * block // blocks, n * (block + 1) // blocks
@@ -209,33 +224,32 @@ def _project_gradient_part(
 
 @njit(parallel=True, cache=True, nogil=True)
 def project_gradient(
-    means: Any,
-    log_scales: Any,
-    quats: Any,
-    opacity_logits: Any,
-    sh: Any,
-    features: Any,
-    matrix: Any,
-    degree: Any,
-    view: Any,
-    blocks: Any,
-    splats: Any,
-    ids: Any,
-    visible: Any,
-    gradients: Any,
-    d_means: Any,
-    d_log_scales: Any,
-    d_quats: Any,
-    d_opacity_logits: Any,
-    d_sh: Any,
-    d_features: Any,
-    d_matrix: Any,
-    statistics: Any,
+    means: Float32,  # (N, 3) metres, world
+    log_scales: Float32,  # (N, 3) natural logarithm of metres
+    quats: Float32,  # (N, 4) w x y z
+    opacity_logits: Float32,  # (N,)
+    sh: Float32,  # (N, K, 3)
+    features: Float32,  # (N, F) or (0, F)
+    matrix: Float32,  # (3, F)
+    degree: int,  # to which sh was evaluated, 0 to 3
+    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    blocks: int,  # as many as `projection.project` had
+    splats: Float32,  # (N, 16) as `projection.project` left them, like the next two
+    ids: Int32,  # (N,)
+    visible: Int32,  # (blocks,)
+    gradients: Float32,  # (threads, N or more, 12) of `raster_gradient.draw_gradient`
+    d_means: Float32,  # (N, 3) out, per metre
+    d_log_scales: Float32,  # (N, 3) out
+    d_quats: Float32,  # (N, 4) out
+    d_opacity_logits: Float32,  # (N,) out
+    d_sh: Float32,  # (N, K, 3) out
+    d_features: Float32,  # (N, F) out, or (0, F)
+    d_matrix: Float32,  # (blocks, 3, F) out: each block's part of the sum
+    statistics: Float32,  # (N, 3) changed, or (0, 3), see autograd.Statistics
 ) -> None:
-    """First arguments as in `projection.project`, `gradients` from `raster_gradient.draw_gradient`. Every row of the
-    outputs d_* is written, zero for Gaussians that were not drawn; d_features may be (0, F), and d_matrix (blocks, 3,
-    F) gets each block's part of the sum. statistics: (N, 3), to which every drawn Gaussian adds as training asks (see
-    autograd.Statistics), or (0, 3)."""
+    """Gradients of the raw parameters from those of the splats; arguments without a word are those that
+    `projection.project` had. Every row of the outputs d_* is written, zero for
+    Gaussians that were not drawn; to `statistics` every drawn Gaussian adds as training asks."""
     for block in prange(blocks):
         _project_gradient_part(
             block,

@@ -6,13 +6,12 @@ one buffer at constant distances: so LLVM sees that they do not overlap, and vec
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import exp2_below
 from nvsim.render.ellipse_extent import pixel_rows
+from nvsim.render.kernel_types import Float32, Int32, Int64, Whole
 from nvsim.render.layout import (
     ALPHA_MAX,
     BLUE,
@@ -39,14 +38,26 @@ AHEAD = 32  # splats that are fetched together
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
-def _weight(dx: Any, a: Any, linear: Any, constant: Any, through: Any) -> Any:
+def _weight(
+    dx: np.float32,  # pixels from the centre of the splat
+    a: np.float32,  # of log2 alpha = constant + linear dx + a dx^2
+    linear: np.float32,
+    constant: np.float32,
+    through: np.float32,  # transmittance before the splat, 0 to 1
+) -> np.float32:
     power = max(constant + dx * (linear + a * dx), _F(-100))
     alpha = min(exp2_below(power), ALPHA_MAX)
     return (alpha if power >= LOG_CUT else _F(0)) * through
 
 
 @njit(forceinline=True, error_model="numpy")
-def fetch(splats: Any, rows: Any, first: Any, end: Any, batch: Any) -> None:
+def fetch(
+    splats: Float32,  # (N, 16) columns as in render.layout
+    rows: Int32,  # (entries or more,) rows of splats
+    first: Whole,
+    end: Whole,  # past the last
+    batch: Float32,  # (AHEAD, 16) out
+) -> None:
     """Copies splats[rows[first:end]] to `batch`. They lie anywhere in memory; loads that follow each other at once wait
     for it together, where one between two computations would be waited for alone."""
     for k in range(first, end):
@@ -57,17 +68,17 @@ def fetch(splats: Any, rows: Any, first: Any, end: Any, batch: Any) -> None:
 
 @njit(fastmath=True, error_model="numpy")
 def _draw_part(
-    thread: Any,
-    splats: Any,
-    rows: Any,
-    offsets: Any,
-    threads: Any,
-    geometry: Any,
-    rgb: Any,
-    transmittance: Any,
-    depth: Any,
-    normal: Any,
-    last: Any,
+    thread: int,
+    splats: Float32,  # as in `draw`, like those that follow
+    rows: Int32,
+    offsets: Int64,
+    threads: int,
+    geometry: bool,
+    rgb: Float32,
+    transmittance: Float32,
+    depth: Float32,
+    normal: Float32,
+    last: Int64,
 ) -> None:
     height, width = transmittance.shape
     columns = (width + TILE - 1) // TILE
@@ -142,21 +153,18 @@ def _draw_part(
 
 @njit(parallel=True, cache=True, nogil=True)
 def draw(
-    splats: Any,
-    rows: Any,
-    offsets: Any,
-    threads: Any,
-    geometry: Any,
-    rgb: Any,
-    transmittance: Any,
-    depth: Any,
-    normal: Any,
-    last: Any,
+    splats: Float32,  # (N, 16) of `projection.project`, columns as in render.layout
+    rows: Int32,  # (entries or more,) rows of splats, of `tiles.sort`
+    offsets: Int64,  # (tiles + 1,) where each tile begins in rows, of `tiles.starts`
+    threads: int,  # how many share the tiles
+    geometry: bool,  # whether depth and normal are wanted
+    rgb: Float32,  # (H, W, 3) out: colour over black
+    transmittance: Float32,  # (H, W) out: 1 - alpha, 0 to 1
+    depth: Float32,  # (H, W) out: sum of weight * depth, metres; (0, 0) where not wanted
+    normal: Float32,  # (H, W, 3) out: sum of weight * normal, world; (0, 0, 3) where not wanted
+    last: Int64,  # (tiles,) out: past-last entry of rows that the tile drew
 ) -> None:
-    """splats, rows, offsets   from projection and tiles
-    geometry        whether `depth` (sum of weight * depth) and `normal` are wanted
-    rgb             out (H, W, 3); transmittance out (H, W); depth out (H, W); normal out (H, W, 3)
-    last            out (tiles,) int64: past-last entry of `rows` that the tile drew
-    """
+    """The splats of every tile over each other, front to back, until almost nothing comes through. A splat's weight is
+    its alpha times the transmittance before it."""
     for thread in prange(threads):
         _draw_part(thread, splats, rows, offsets, threads, geometry, rgb, transmittance, depth, normal, last)

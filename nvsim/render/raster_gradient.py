@@ -6,13 +6,12 @@ gradient is summed per column of the tile first, because dx is constant there: n
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import LN2, exp2_below
 from nvsim.render.ellipse_extent import pixel_rows
+from nvsim.render.kernel_types import Float32, Int32, Int64, Whole
 from nvsim.render.layout import (
     ALPHA_MAX,
     BLUE,
@@ -43,7 +42,13 @@ absolute values of the x and y gradients."""
 
 
 @njit(forceinline=True, error_model="numpy")
-def _add(found: Any, rows: Any, first: Any, end: Any, out: Any) -> None:
+def _add(
+    found: Float32,  # (AHEAD, 12) gradients of the splats that rows[first:end] name
+    rows: Int32,
+    first: Whole,
+    end: Whole,
+    out: Float32,  # (N or more, 12) to which they are added
+) -> None:
     # For the same reason as `fetch`: rows that lie anywhere are waited for together.
     for k in range(first, end):
         source, target = found[k - first], out[rows[k]]
@@ -53,18 +58,18 @@ def _add(found: Any, rows: Any, first: Any, end: Any, out: Any) -> None:
 
 @njit(fastmath=True, error_model="numpy")
 def _draw_gradient_part(
-    thread: Any,
-    splats: Any,
-    rows: Any,
-    offsets: Any,
-    last: Any,
-    visible: Any,
-    threads: Any,
-    transmittance: Any,
-    d_rgb: Any,
-    d_alpha: Any,
-    d_depth: Any,
-    gradients: Any,
+    thread: int,
+    splats: Float32,  # as in `draw_gradient`, like those that follow
+    rows: Int32,
+    offsets: Int64,
+    last: Int64,
+    visible: Int32,
+    threads: int,
+    transmittance: Float32,
+    d_rgb: Float32,
+    d_alpha: Float32,
+    d_depth: Float32,
+    gradients: Float32,
 ) -> None:
     height, width = transmittance.shape
     columns = (width + TILE - 1) // TILE
@@ -160,21 +165,20 @@ def _draw_gradient_part(
 
 @njit(parallel=True, cache=True, nogil=True)
 def draw_gradient(
-    splats: Any,
-    rows: Any,
-    offsets: Any,
-    last: Any,
-    visible: Any,
-    threads: Any,
-    transmittance: Any,
-    d_rgb: Any,
-    d_alpha: Any,
-    d_depth: Any,
-    gradients: Any,
+    splats: Float32,  # (N, 16) columns as in render.layout
+    rows: Int32,  # (entries or more,) rows of splats, of `tiles.sort`
+    offsets: Int64,  # (tiles + 1,) where each tile begins in rows
+    last: Int64,  # (tiles,) past-last entry of rows that `raster.draw` drew
+    visible: Int32,  # (blocks,) rows of each block of splats, of `projection.project`
+    threads: int,  # how many share the tiles
+    transmittance: Float32,  # (H, W) as `raster.draw` left it
+    d_rgb: Float32,  # (H, W, 3) gradient by the colour
+    d_alpha: Float32,  # (H, W) by alpha = 1 - transmittance
+    d_depth: Float32,  # (H, W) by the sum of weight * depth, per metre
+    gradients: Float32,  # (threads, N or more, GRADIENT_WIDTH) out: each thread's part of the sum
 ) -> None:
-    """d_rgb (H, W, 3), d_alpha (H, W), d_depth (H, W): gradients of what `raster.draw` made, alpha = 1 -
-    transmittance, depth the plain weighted sum. gradients: out (threads, rows of splats or more, 12), to be summed over
-    the first axis; only the rows that `visible` counts are written."""
+    """From the gradients of what `raster.draw` made to those of the splats. `gradients` is to be summed over its first
+    axis; only the rows that `visible` counts are written."""
     for thread in prange(threads):
         _draw_gradient_part(
             thread, splats, rows, offsets, last, visible, threads, transmittance, d_rgb, d_alpha, d_depth, gradients

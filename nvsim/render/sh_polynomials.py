@@ -12,12 +12,12 @@ orientation. Along a row of pixels v is constant, and nine numbers per channel a
 from __future__ import annotations
 
 from functools import cache, lru_cache
-from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from nvsim.render.kernel_types import Float32
 from nvsim.splats import harmonics
 
 COEFFICIENTS = 25
@@ -53,7 +53,11 @@ def _samples() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 @njit(inline="always")
-def row_numbers(terms: Any, v: Any, channel: Any) -> Any:
+def row_numbers(
+    terms: Float32,  # (25, 3) the coefficients by `change_of_basis`
+    v: np.float32,  # y of the row over z, in the camera's frame
+    channel: int,  # of red, green and blue
+) -> tuple[np.float32, ...]:
     """The nine numbers of a row and channel; `terms` (25, 3) float32 from `change_of_basis`."""
     t, c = terms, channel
     return (

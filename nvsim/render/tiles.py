@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import depth_key
 from nvsim.render.ellipse_extent import tile_box, tile_columns
+from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, UInt64, Whole
 from nvsim.render.layout import DEPTH
 
 _SHORT = 24
@@ -16,9 +15,12 @@ _SHORT = 24
 
 
 @njit(cache=True)
-def starts(tile_counts: Any, offsets: Any) -> Any:
-    """Turns `tile_counts` (blocks, tiles) into where each block writes its first entry of each tile, and `offsets`
-    (tiles + 1,) int64 into where each tile begins. Returns the total and the longest tile."""
+def starts(
+    tile_counts: Int32,  # (blocks, tiles) in: entries; out: where the block writes its first of the tile
+    offsets: Int64,  # (tiles + 1,) out: where each tile begins
+) -> tuple[np.int64, np.int64]:
+    """Lays out the entries of all tiles one tile after the other, and those of a tile block by block. Returns the total
+    and the length of the longest tile."""
     blocks, tiles = tile_counts.shape
     total = np.int64(0)
     longest = np.int64(0)
@@ -35,15 +37,15 @@ def starts(tile_counts: Any, offsets: Any) -> Any:
 
 @njit(error_model="numpy")
 def _scatter_part(
-    block: Any,
-    splats: Any,
-    n: Any,
-    visible: Any,
-    wanted: Any,
-    cursors: Any,
-    columns: Any,
-    lines: Any,
-    entries: Any,
+    block: int,
+    splats: Float32,  # as in `scatter`, like those that follow
+    n: int,
+    visible: Int32,
+    wanted: Mask,
+    cursors: Int32,
+    columns: int,
+    lines: int,
+    entries: UInt64,
 ) -> None:
     blocks = visible.shape[0]
     first = n * block // blocks
@@ -67,7 +69,14 @@ def _scatter_part(
 
 @njit(parallel=True, cache=True, nogil=True)
 def scatter(
-    splats: Any, n: Any, visible: Any, wanted: Any, cursors: Any, columns: Any, lines: Any, entries: Any
+    splats: Float32,  # (N, 16) of `projection.project`, columns as in render.layout
+    n: int,  # N
+    visible: Int32,  # (blocks,) rows of each block of splats
+    wanted: Mask,  # (tiles,) which are to be drawn, row by row
+    cursors: Int32,  # (blocks, tiles) of `starts`, changed
+    columns: int,  # tiles in a row of the image
+    lines: int,  # rows of tiles
+    entries: UInt64,  # (entries or more,) out
 ) -> None:
     """Writes an entry, depth key above and row below, for every wanted tile and splat that meet; block b uses its own
     cursors, so that the order is that of the rows whatever the number of threads."""
@@ -77,7 +86,7 @@ def scatter(
 
 
 @njit(forceinline=True)
-def _insertion_sort(entries: Any, start: Any, end: Any) -> None:
+def _insertion_sort(entries: UInt64, start: Whole, end: Whole) -> None:
     for i in range(start + 1, end):
         entry = entries[i]
         j = i - 1
@@ -88,7 +97,16 @@ def _insertion_sort(entries: Any, start: Any, end: Any) -> None:
 
 
 @njit(forceinline=True)
-def _pass(source: Any, s: Any, target: Any, t: Any, n: Any, low: Any, shift: Any, count: Any) -> None:
+def _pass(
+    source: UInt64,
+    s: Whole,  # first entry of source
+    target: UInt64,
+    t: Whole,  # first entry of target
+    n: Whole,  # entries
+    low: np.uint64,  # what is subtracted before the shift
+    shift: np.uint64,  # bits below the eight that are sorted by
+    count: Int64,  # (257,) scratch
+) -> None:
     for d in range(257):
         count[d] = 0
     for i in range(n):
@@ -102,7 +120,14 @@ def _pass(source: Any, s: Any, target: Any, t: Any, n: Any, low: Any, shift: Any
 
 
 @njit(error_model="numpy")
-def _sort_part(thread: Any, entries: Any, offsets: Any, threads: Any, spare: Any, rows: Any) -> None:
+def _sort_part(
+    thread: int,
+    entries: UInt64,  # as in `sort`, like those that follow
+    offsets: Int64,
+    threads: int,
+    spare: UInt64,
+    rows: Int32,
+) -> None:
     tiles = offsets.shape[0] - 1
     count = np.empty(257, np.int64)
     other = spare[thread]
@@ -130,9 +155,15 @@ def _sort_part(thread: Any, entries: Any, offsets: Any, threads: Any, spare: Any
 
 
 @njit(parallel=True, cache=True, nogil=True)
-def sort(entries: Any, offsets: Any, threads: Any, spare: Any, rows: Any) -> None:
-    """Sorts every tile's entries by their key, in place and with `spare` (threads, longest tile), and writes their rows
-    in that order to `rows`, int32. Keys are compared by the upper 24 bits of their range within the tile: a relative
-    depth of one millionth; equal ones keep the order of the rows."""
+def sort(
+    entries: UInt64,  # (entries or more,) of `scatter`, sorted in place
+    offsets: Int64,  # (tiles + 1,) of `starts`
+    threads: int,  # how many share the tiles
+    spare: UInt64,  # (threads, longest tile or more) scratch
+    rows: Int32,  # (entries or more,) out: rows of splats, nearest first in every tile
+) -> None:
+    """Sorts every tile's entries by their key and writes their rows in that order to `rows`. Keys are compared by the
+    upper 24 bits of their range within the tile: a relative depth of one millionth; equal ones keep the order of the
+    rows."""
     for thread in prange(threads):
         _sort_part(thread, entries, offsets, threads, spare, rows)

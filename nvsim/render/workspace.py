@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render import layout
+from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, Whole
 from nvsim.render.packed_camera import limit, pack
 from nvsim.render.projection import project
 from nvsim.render.projection_gradient import project_gradient
@@ -18,8 +19,6 @@ from nvsim.render.raster import draw
 from nvsim.render.raster_gradient import GRADIENT_WIDTH, draw_gradient
 from nvsim.render.tiles import scatter, sort, starts
 from nvsim.splats.types import Gaussians
-
-Float32 = NDArray[np.float32]
 
 LOCK = threading.RLock()
 """Held while kernels run: they use every core, and not every threading layer of numba allows two callers at once. The
@@ -37,7 +36,7 @@ def ready(array: NDArray[np.floating]) -> Float32:
     return np.require(array, np.float32, ["C", "A", "W"])
 
 
-def tiles_of(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def tiles_of(mask: Mask) -> Mask:
     """(lines, columns) bool, the tiles in which `mask` (H, W) has a pixel."""
     height, width = mask.shape
     lines, columns = -(-height // layout.TILE), -(-width // layout.TILE)
@@ -47,7 +46,7 @@ def tiles_of(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(blocks.any(axis=(1, 3)), np.bool_)
 
 
-def pixels_of(tiles: NDArray[np.bool_], height: int, width: int) -> NDArray[np.bool_]:
+def pixels_of(tiles: Mask, height: int, width: int) -> Mask:
     """(H, W) bool, the pixels of `tiles` (lines, columns)."""
     return tiles.repeat(layout.TILE, axis=0).repeat(layout.TILE, axis=1)[:height, :width]
 
@@ -88,13 +87,13 @@ class RenderBuffers:
         return self._entries
 
     @property
-    def drawn_entries(self) -> tuple[Float32, NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], int]:
+    def drawn_entries(self) -> tuple[Float32, Int32, Int64, Int64, int]:
         """What the last `draw` went through, for measurements: splats, their rows in the order of the tiles, where each
         tile begins, the past-last entry that it drew, and the number of tiles in a line."""
         return self._rows[: self.count], self._order, self._offsets, self._last, self._columns
 
     @property
-    def splats(self) -> tuple[Float32, NDArray[np.int32]]:
+    def splats(self) -> tuple[Float32, Int32]:
         """The splats of the last view for a backend that draws them by other means: rows (N, 16) with columns as in
         render.layout, and of each block b of B the number of rows that it packed to the start of its run, N * b // B.
         Both are overwritten by the next `project`."""
@@ -106,7 +105,7 @@ class RenderBuffers:
         camera: Camera,
         antialiased: bool,
         sh_degree: int | None = None,
-        tiles: NDArray[np.bool_] | None = None,
+        tiles: Mask | None = None,
         tint: Tint = NO_TINT,
     ) -> None:
         """Splats of the Gaussians (arrays as from `ready`). `sh_degree` limits the degree that is evaluated; `tiles`
@@ -241,6 +240,6 @@ class RenderBuffers:
         return np.asarray(d_matrix.sum(axis=0), np.float32)
 
 
-def _grown(needed: int) -> int:
+def _grown(needed: Whole) -> int:
     # A quarter more than asked for, so that a scene that grows step by step does not allocate at every step.
     return int(needed) + int(needed) // 4 + 64

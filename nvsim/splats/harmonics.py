@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +34,12 @@ _ONE, _TWO, _THREE, _FOUR, _SEVEN, _THIRTY, _THIRTY_FIVE = _F(1), _F(2), _F(3), 
 DC = float(_0)
 """The constant function: colour = 0.5 + DC * coefficient 0."""
 
+Value = TypeVar("Value", np.float32, NDArray[np.float32], NDArray[np.float64])
+"""A number in a kernel, or an array of any shape."""
 
-def terms(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
-    """The 25 functions at a unit direction; scalars or arrays, so that kernels can compile it."""
+
+def terms(x: Value, y: Value, z: Value) -> tuple[Value, ...]:
+    """The 25 functions at a unit direction x, y, z; numbers or arrays, so that kernels can compile it."""
     xx, yy, zz = x * x, y * y, z * z
     xy, yz, xz = x * y, y * z, x * z
     return (
@@ -68,7 +71,7 @@ def terms(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
     )
 
 
-def slopes(x: Any, y: Any, z: Any) -> tuple[tuple[Any, Any, Any], ...]:
+def slopes(x: Value, y: Value, z: Value) -> tuple[tuple[Value, Value, Value], ...]:
     """The gradients of the first 16 functions with respect to x, y, z taken as independent; only their part across
     the direction means anything."""
     xx, yy, zz = x * x, y * y, z * z

@@ -130,7 +130,7 @@ def _grid(context: moderngl.Context, values: Float32, components: int) -> modern
     return texture
 
 
-def _set(program: moderngl.Program, name: str, value: Any) -> None:
+def _set(program: moderngl.Program, name: str, value: float | tuple[float, ...] | Float32) -> None:
     """Sets a uniform, unless the compiler has left it out because nothing depends on it."""
     if name not in program:
         return

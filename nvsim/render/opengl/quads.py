@@ -8,12 +8,12 @@ units of the ellipse.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import depth_key
+from nvsim.render.kernel_types import Float32, Int32, UInt32
 from nvsim.render.layout import (
     BLUE,
     CONIC_B,
@@ -39,13 +39,16 @@ _MASK = np.uint32((1 << _BITS) - 1)
 
 
 @njit(cache=True, nogil=True)
-def nearest_first(splats: Any, visible: Any, keys: Any, order: Any, spare_keys: Any, spare_order: Any) -> Any:
-    """Writes to the start of `order` which rows of `splats` to draw, nearest first; returns their number.
-
-    splats, visible   as RenderBuffers.splats
-    keys .. spare_order   (N,) uint32 and int32 scratch. Depths are compared by the upper 24 bits of their range: to a
-                          relative 4e-6 between 5 cm and 20 m
-    """
+def nearest_first(
+    splats: Float32,  # (N, 16) of RenderBuffers.splats
+    visible: Int32,  # (blocks,) of RenderBuffers.splats
+    keys: UInt32,  # (N or more,) scratch
+    order: Int32,  # (N or more,) out: rows of splats, at the start
+    spare_keys: UInt32,  # (N or more,) scratch
+    spare_order: Int32,  # (N or more,) scratch
+) -> int:
+    """Writes to the start of `order` which rows of `splats` to draw, nearest first; returns their number. Depths are
+    compared by the upper 24 bits of their range: to a relative 4e-6 between 5 cm and 20 m."""
     n, blocks = splats.shape[0], visible.shape[0]
     count = 0
     low, high = np.uint32(0xFFFFFFFF), np.uint32(0)
@@ -80,7 +83,7 @@ def nearest_first(splats: Any, visible: Any, keys: Any, order: Any, spare_keys: 
 
 
 @njit(forceinline=True, error_model="numpy")
-def _direction(half: Any, xy: Any, spread: Any) -> Any:
+def _direction(half: np.float32, xy: np.float32, spread: np.float32) -> tuple[np.float32, np.float32]:
     """Cosine and sine of half the angle of the vector (half, xy), whose length is `spread`."""
     if not spread > _ZERO:
         return _ONE, _ZERO
@@ -96,12 +99,15 @@ def _direction(half: Any, xy: Any, spread: Any) -> Any:
 # diagonal is known (the squared half extents), and E01 = -Q01 E00 / Q11; its eigenvalues are the squared semi-axes.
 # Their product is taken as m E00 / Q11 rather than E00 E11 - E01^2, which cancels for long thin splats.
 @njit(error_model="numpy")
-def _write_quad(splat: Any, quad: Any) -> None:
+def _write_quad(
+    splat: Float32,  # (16,) as in render.layout
+    quad: Float32,  # (QUAD_WIDTH,) out
+) -> None:
     xx, yy = splat[HALF_WIDTH] * splat[HALF_WIDTH], splat[HALF_HEIGHT] * splat[HALF_HEIGHT]
     ratio = xx / -splat[CONIC_C]
     xy = _HALF * splat[CONIC_B] * ratio
     half = _HALF * (xx - yy)
-    spread = math.sqrt(half * half + xy * xy)
+    spread = _F(math.sqrt(half * half + xy * xy))
     long = _HALF * (xx + yy) + spread
     short = max((splat[LOG_OPACITY] - LOG_CUT) * ratio, _ZERO) / long
     cosine, sine = _direction(half, xy, spread)
@@ -114,8 +120,14 @@ def _write_quad(splat: Any, quad: Any) -> None:
 
 
 @njit(parallel=True, cache=True, nogil=True)
-def write_quads(splats: Any, order: Any, count: Any, threads: Any, quads: Any) -> None:
-    """The first `count` rows of `order` as quads (N, QUAD_WIDTH)."""
+def write_quads(
+    splats: Float32,  # (N, 16) columns as in render.layout
+    order: Int32,  # (count or more,) rows of splats, of `nearest_first`
+    count: int,
+    threads: int,  # how many share the quads
+    quads: Float32,  # (count or more, QUAD_WIDTH) out
+) -> None:
+    """The splats that the first `count` entries of `order` name, as quads in that order."""
     for thread in prange(threads):
         for k in range(count * thread // threads, count * (thread + 1) // threads):
             _write_quad(splats[order[k]], quads[k])
