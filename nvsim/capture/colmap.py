@@ -5,56 +5,16 @@ Poses in the files are world-to-camera with OpenCV axes (colmap.github.io/format
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from nvsim.capture import colmap_binary, colmap_text
+from nvsim.capture.colmap_rows import ImageRow
 from nvsim.capture.findings import Findings
 from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import usable_cloud
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_from_quaternion
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-
-MODEL_NAMES = (
-    "SIMPLE_PINHOLE",
-    "PINHOLE",
-    "SIMPLE_RADIAL",
-    "RADIAL",
-    "OPENCV",
-    "OPENCV_FISHEYE",
-    "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
-    "THIN_PRISM_FISHEYE",
-)
-
-
-@dataclass(frozen=True)
-class CameraRow:
-    """A camera as listed; `where` is the line or the record."""
-
-    number: int
-    model: str
-    width: int
-    height: int
-    params: tuple[float, ...]
-    where: str
-
-
-@dataclass(frozen=True, eq=False)
-class ImageRow:
-    """An image as listed: world-to-camera quaternion (4,) w x y z and translation (3,)."""
-
-    number: int
-    quaternion: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    camera: int
-    name: str
-    where: str
 
 
 def model_extension(folder: Path) -> str | None:
@@ -80,8 +40,6 @@ def find_model(folder: Path) -> Path | None:
 def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
     """The capture of a model folder. `root` is the folder that the person named; images are looked for in `images`
     beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
-    from nvsim.capture import colmap_binary, colmap_text
-
     extension = model_extension(model)
     if extension is None:
         raise InputError(f"{model} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
