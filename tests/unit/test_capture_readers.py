@@ -173,13 +173,13 @@ def test_a_path_that_does_not_exist_an_empty_folder_and_a_stranger_are_refused(t
 def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
     os.mkfifo(tmp_path / "pipe.json")
-    with pytest.raises(InputError, match="not a file"):
+    with pytest.raises(InputError, match="it is a pipe"):
         read(tmp_path / "pipe.json")
     (tmp_path / "cloud.ply").unlink()
     os.mkfifo(tmp_path / "cloud.ply")
     (tmp_path / "images" / "004.png").unlink()
     os.mkfifo(tmp_path / "images" / "004.png")
-    with pytest.raises(InputError, match="cloud.ply is not a file.*image is missing.*frame 4"):
+    with pytest.raises(InputError, match="cloud.ply: it is a pipe.*image is missing.*frame 4"):
         read(path)
 
 
