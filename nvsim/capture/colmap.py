@@ -16,6 +16,8 @@ from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_fro
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 
+_LISTS = ("cameras", "images", "points3D")
+
 
 def model_extension(folder: Path) -> str | None:
     """ ".bin" or ".txt" when `folder` holds cameras and images of that kind (binary first), otherwise None."""
@@ -37,12 +39,20 @@ def find_model(folder: Path) -> Path | None:
     return None
 
 
-def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
-    """The capture of a model folder. `root` is the folder that the person named; images are looked for in `images`
+def find(path: Path) -> Path | None:
+    """The folder itself where a model lies in or under it; the folder of a file cameras, images or points3D."""
+    if path.is_dir():
+        return None if find_model(path) is None else path
+    return path.parent if path.stem in _LISTS and model_extension(path.parent) is not None else None
+
+
+def read(root: Path, findings: Findings) -> RawCapture:
+    """The capture of the model in or under `root`, the folder that the person named; images are looked for in `images`
     beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
-    extension = model_extension(model)
-    if extension is None:
-        raise InputError(f"{model} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
+    model = find_model(root)
+    extension = None if model is None else model_extension(model)
+    if model is None or extension is None:
+        raise InputError(f"{root} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
     reader = colmap_binary if extension == ".bin" else colmap_text
     lenses = {}
     with reading(model / f"cameras{extension}", "a list of COLMAP cameras"):
