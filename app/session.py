@@ -11,7 +11,8 @@ from PySide6.QtCore import QObject, QSettings, QTimer
 from app.drawing.render_child import ProjectSource
 from app.look.notices import Notices
 from app.state.document import Document
-from app.state.graph_files import GraphSource, holds_graph
+from app.state.graph_files import holds_graph
+from app.state.graph_source import GraphSource
 from app.state.loading import Contents
 from app.state.splat_file import SplatFile
 from app.state.watcher import FileReader, ProjectWatcher

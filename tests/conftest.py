@@ -9,6 +9,19 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+FAST = {
+    *("atomic", "reading", "stored_arrays", "events", "joblist", "submaps_split", "first_changes"),
+    *("geometry", "geometry_camera_path", "geometry_lens", "geometry_rotation"),
+    *("capture_clouds", "capture_images", "capture_multi", "capture_readers", "capture_store"),
+    *("graph_connectivity", "graph_edits", "graph_history", "graph_journal", "graph_selection", "graph_storeys"),
+}
+"""Of tests/unit, the files that compile no kernel, start no process and open no window: `pytest -m fast`."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.path.parent.name == "unit" and item.path.stem.removeprefix("test_") in FAST:
+            item.add_marker("fast")
 
 
 @pytest.fixture(scope="session")

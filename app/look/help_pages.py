@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import resources
+from nvsim.capture import formats
 
 FOLDER = Path(resources.__file__).parent / "help"
 DOCS = FOLDER.parent / "docs"  # where pictures lie, too
@@ -56,7 +57,7 @@ def find(words: str) -> list[Section]:
 
 
 def _page(path: Path) -> Page:
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8").replace("{formats of captures}", formats.names())
     sections: list[Section] = []
     title, lines = "", list[str]()
     for line in [*text.splitlines(), "# "]:

@@ -28,6 +28,7 @@ from app.look.labels import Label
 from app.look.plain_text import tip
 from app.panels.check_result import FindingTree
 from app.state.project_place import place_for, problem_with
+from nvsim.capture import formats
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
@@ -90,7 +91,7 @@ class NewProjectDialog(QDialog):
 
     def _build(self) -> None:
         self.capture = QLineEdit(self)
-        self.capture.setPlaceholderText("nerfstudio transforms.json, COLMAP, or kapture: a folder or a file")
+        self.capture.setPlaceholderText(f"{formats.names()}: a folder or a file")
         folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
         another = QPushButton("Add…", self)
         another.setToolTip("Another capture of the building, in the same world and unit")
@@ -286,7 +287,9 @@ class NewProjectDialog(QDialog):
             self.set_captures([*self.captures(), Path(chosen)])
 
     def _browse_file(self) -> None:
-        chosen, _ = QFileDialog.getOpenFileName(self, "A file of the capture", self._start(), "Captures (*)")
+        chosen, _ = QFileDialog.getOpenFileName(
+            self, "A file of the capture", self._start(), f"Captures: {formats.names()} (*)"
+        )
         if chosen:
             self.set_captures([Path(chosen)])
 

@@ -6,20 +6,17 @@ from __future__ import annotations
 import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context
-from nvsim.graph.foreign import ForeignFile, connectivity_files, words_of_saving
+from nvsim.graph.foreign import ForeignFile, words_of_saving
 from nvsim.graph.journal import sidecar
 from nvsim.graph.types import NavGraph
 from nvsim.splats.formats.choice import named_as_splats
-
-if TYPE_CHECKING:
-    from app.state.loading import Contents
 
 PANORAMA_WIDTH = 1536  # pixels
 
@@ -123,38 +120,6 @@ class ForeignGraph:
     def context(self, known: Context) -> Context:
         own = self._file.context(known.limits, known.occupancy, known.against)
         return replace(own, floor=known.floor)
-
-
-class GraphSource:
-    """A connectivity file, or a folder of them, as the window opens it; of a folder the first scan."""
-
-    def __init__(self, path: Path) -> None:
-        """Raises InputError when a folder holds none."""
-        files = connectivity_files(path)
-        self.path = files[0]
-        self.scans = tuple(files if len(files) > 1 else _siblings(path))
-
-    def contents(self) -> Contents:
-        """Reads it, and a map and a cloud beside it. Raises InputError with the entry and the reason."""
-        from app.state.loading import Contents, prepared
-        from app.state.occupancy_child import OccupancyChild
-
-        file = ForeignFile.open(self.path)
-        child = None if file.beside.map is None else OccupancyChild(file.beside.map)
-        return prepared(
-            Contents(
-                self.path,
-                graph=file.graph,
-                graph_file=ForeignGraph(file, self.scans),
-                cloud=file.beside.points(),
-                occupancy=None if child is None else child.result(),
-            )
-        )
-
-
-def _siblings(path: Path) -> list[Path]:
-    """The connectivity files in the folder of one, in order of their names."""
-    return sorted(path.parent.glob("*_connectivity.json")) if path.is_file() else [path]
 
 
 def holds_graph(path: Path) -> bool:

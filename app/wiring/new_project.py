@@ -17,6 +17,7 @@ from app.state.graph_files import holds_graph
 from app.state.reasons import Reason
 from app.wiring.jobs import JobsPart
 from app.wiring.part import Part
+from nvsim.capture import formats
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX as GRAPH
@@ -43,7 +44,7 @@ class NewProjectPart(Part):
         Action(
             "new_project",
             "&New project from a capture…",
-            "Check a capture and make a project of it: nerfstudio, COLMAP or kapture",
+            f"Check a capture and make a project of it: {formats.names()}",
             "&File",
             -1,
             "Ctrl+N",

@@ -9,10 +9,11 @@ from pathlib import Path
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.far_frames import check_far_frames, without
 from nvsim.capture.findings import Finding, Findings, Report
+from nvsim.capture.formats import read_raw
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
 from nvsim.capture.images import decode
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
-from nvsim.capture.read import read_raw, report_absent_image
+from nvsim.capture.read import report_absent_image
 from nvsim.errors import InputError
 
 __all__ = ["Finding", "Report", "check"]

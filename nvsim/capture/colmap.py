@@ -5,12 +5,10 @@ Poses in the files are world-to-camera with OpenCV axes (colmap.github.io/format
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from nvsim.capture import colmap_binary, colmap_text
+from nvsim.capture.colmap_rows import ImageRow
 from nvsim.capture.findings import Findings
 from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import usable_cloud
@@ -18,43 +16,7 @@ from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_fro
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 
-MODEL_NAMES = (
-    "SIMPLE_PINHOLE",
-    "PINHOLE",
-    "SIMPLE_RADIAL",
-    "RADIAL",
-    "OPENCV",
-    "OPENCV_FISHEYE",
-    "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
-    "THIN_PRISM_FISHEYE",
-)
-
-
-@dataclass(frozen=True)
-class CameraRow:
-    """A camera as listed; `where` is the line or the record."""
-
-    number: int
-    model: str
-    width: int
-    height: int
-    params: tuple[float, ...]
-    where: str
-
-
-@dataclass(frozen=True, eq=False)
-class ImageRow:
-    """An image as listed: world-to-camera quaternion (4,) w x y z and translation (3,)."""
-
-    number: int
-    quaternion: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    camera: int
-    name: str
-    where: str
+_LISTS = ("cameras", "images", "points3D")
 
 
 def model_extension(folder: Path) -> str | None:
@@ -77,14 +39,20 @@ def find_model(folder: Path) -> Path | None:
     return None
 
 
-def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
-    """The capture of a model folder. `root` is the folder that the person named; images are looked for in `images`
-    beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
-    from nvsim.capture import colmap_binary, colmap_text
+def find(path: Path) -> Path | None:
+    """The folder itself where a model lies in or under it; the folder of a file cameras, images or points3D."""
+    if path.is_dir():
+        return None if find_model(path) is None else path
+    return path.parent if path.stem in _LISTS and model_extension(path.parent) is not None else None
 
-    extension = model_extension(model)
-    if extension is None:
-        raise InputError(f"{model} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
+
+def read(root: Path, findings: Findings) -> RawCapture:
+    """The capture of the model in or under `root`, the folder that the person named; images are looked for in `images`
+    beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
+    model = find_model(root)
+    extension = None if model is None else model_extension(model)
+    if model is None or extension is None:
+        raise InputError(f"{root} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
     reader = colmap_binary if extension == ".bin" else colmap_text
     lenses = {}
     with reading(model / f"cameras{extension}", "a list of COLMAP cameras"):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.colmap import MODEL_NAMES, CameraRow, ImageRow
+from nvsim.capture.colmap_rows import MODEL_NAMES, CameraRow, ImageRow
 from nvsim.capture.raw import read_bytes
 from nvsim.errors import InputError
 from nvsim.geometry.lens import PARAMETER_COUNTS

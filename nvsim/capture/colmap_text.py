@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.colmap import CameraRow, ImageRow
+from nvsim.capture.colmap_rows import CameraRow, ImageRow
 from nvsim.capture.raw import lines_of, read_text, whole_number
 from nvsim.errors import InputError
 

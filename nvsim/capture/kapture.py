@@ -84,8 +84,12 @@ class _Tree:
         return any(carrier in self._posed for carrier, _ in self._carriers(device))
 
 
-def find_kapture(folder: Path) -> Path | None:
-    """The kapture tree in `folder`: itself, a child named kapture or mapping, or the parent of a `sensors` folder."""
+def find(path: Path) -> Path | None:
+    """The kapture tree in a folder: itself, a child named kapture or mapping, or the parent of a `sensors` folder; or
+    that of a file sensors.txt."""
+    if not path.is_dir() and path.name != "sensors.txt":
+        return None
+    folder = path if path.is_dir() else path.parent
     for root in (folder, folder / "kapture", folder / "mapping", folder.parent):
         if root == folder.parent and folder.name != "sensors":
             continue
@@ -94,10 +98,23 @@ def find_kapture(folder: Path) -> Path | None:
     return None
 
 
-def read_kapture(root: Path, findings: Findings) -> RawCapture:
+def lacks(folder: Path) -> str:
+    """What a folder with one named `sensors` lacks."""
+    if not (folder / "sensors").is_dir():
+        return ""
+    return f"{folder / 'sensors' / 'sensors.txt'} is missing; a kapture capture needs it."
+
+
+def read(root: Path, findings: Findings) -> RawCapture:
     """The capture of a kapture tree. Raises InputError when sensors.txt or records_camera.txt cannot be read."""
     with reading(root / "sensors", "the sensors of a kapture capture"):
-        return _read(root, findings)
+        raw = _read(root, findings)
+    unposed = [f for f in raw.frames if f.camera_to_world is None]
+    for frame in unposed:
+        findings.warning("the frame has no pose at its timestamp", frame.where, "the frame is left out")
+    if raw.frames and len(unposed) == len(raw.frames):
+        findings.error("no frame has a pose", "trajectories.txt", "no frame can be placed")
+    return raw
 
 
 def _read(root: Path, findings: Findings) -> RawCapture:

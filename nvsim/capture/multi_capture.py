@@ -62,6 +62,11 @@ def listed(path: Path) -> list[Path]:
     return found
 
 
+def find(path: Path) -> Path | None:
+    """The file itself, by the end of its name."""
+    return path if path.suffix == SUFFIX and not path.is_dir() else None
+
+
 def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findings: Findings) -> RawCapture:
     """The captures of the list as one. `read` reads one of them. Raises InputError when one cannot be read or they
     contradict each other about the unit."""

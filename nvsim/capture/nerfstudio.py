@@ -35,7 +35,14 @@ _LENS_KEYS = (
 )
 
 
-def read_nerfstudio(path: Path, findings: Findings) -> RawCapture:
+def find(path: Path) -> Path | None:
+    """The transforms.json of a folder; a file may have any name that ends in .json."""
+    if not path.is_dir():
+        return path if path.suffix.lower() == ".json" else None
+    return path / "transforms.json" if file_size(path / "transforms.json") is not None else None
+
+
+def read(path: Path, findings: Findings) -> RawCapture:
     """The capture of a transforms.json. What is wrong with a frame goes to `findings`; raises InputError when the file
     as a whole cannot be read."""
     with reading(path, "a transforms.json"):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nvsim.capture.pointcloud import Columns, ascii_table
+from nvsim.capture.point_table import Columns, ascii_table
 from nvsim.errors import InputError
 
 _KINDS = {("F", 4): "f4", ("F", 8): "f8"} | {(t, s): f"{t.lower()}{s}" for t in "IU" for s in (1, 2, 4, 8)}

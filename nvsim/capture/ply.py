@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nvsim.capture.pointcloud import Columns, ascii_table
+from nvsim.capture.point_table import Columns, ascii_table
 from nvsim.errors import InputError
 
 _TYPES = {

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture import pcd, ply
 from nvsim.capture.findings import Findings
+from nvsim.capture.point_table import Columns
 from nvsim.capture.raw import FARTHEST, read_bytes
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 
-Columns = dict[str, NDArray[np.generic]]  # a name -> (N,) values
-_BLOCK = 20_000  # lines that are in hand as words at a time
 _COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 
 
@@ -28,8 +26,6 @@ def read_cloud(path: Path, findings: Findings, kind: str = "lidar") -> Cloud:
 
 
 def _read(path: Path, findings: Findings, kind: str) -> Cloud:
-    from nvsim.capture import pcd, ply
-
     data = read_bytes(path)
     if data.startswith(b"ply"):
         columns = ply.parse(path, data)
@@ -71,47 +67,6 @@ def _colors(columns: Columns) -> NDArray[np.uint8] | None:
         return None
     bits = np.ascontiguousarray(packed).view(np.uint32)
     return np.stack([(bits >> shift) & 255 for shift in (16, 8, 0)], axis=1).astype(np.uint8)
-
-
-def ascii_table(path: Path, body: bytes, rows: int, columns: int, first_line: int) -> NDArray[np.float64]:
-    """(rows, columns) of numbers, one row a line. Raises InputError naming the line that has too few or a non-number,
-    or that the file ends early."""
-    parts, found = [], 0
-    lines = _filled_lines(body, rows, first_line)
-    while block := list(islice(lines, _BLOCK)):
-        parts.append(_numbers(path, block, columns))
-        found += len(block)
-    if found < rows:
-        raise InputError(f"{path} is truncated: {rows} points announced, {found} present; copy it again.")
-    return np.concatenate([np.empty((0, columns)), *parts])
-
-
-def _filled_lines(body: bytes, most: int, first_line: int) -> Iterator[tuple[int, bytes]]:
-    """Number and content of the first `most` lines that are not blank."""
-    at, number, found = 0, first_line, 0
-    while at < len(body) and found < most:
-        end = body.find(b"\n", at)
-        end = len(body) if end < 0 else end
-        line = body[at:end]
-        if line.strip():
-            yield number, line
-            found += 1
-        at, number = end + 1, number + 1
-
-
-def _numbers(path: Path, lines: list[tuple[int, bytes]], columns: int) -> NDArray[np.float64]:
-    split = [line.split(maxsplit=columns)[:columns] for _, line in lines]
-    try:
-        return np.array(split, dtype=np.float64).reshape(len(lines), columns)
-    except (ValueError, OverflowError):
-        for (number, _), fields in zip(lines, split, strict=True):
-            try:
-                if len([float(v) for v in fields]) == columns:
-                    continue
-            except ValueError:
-                pass  # reported below, as a line with too few numbers is
-            raise InputError(f"{path}, line {number}: expected {columns} numbers; correct it.") from None
-        raise InputError(f"{path} holds numbers that cannot be read; export it again.") from None
 
 
 def merge(clouds: list[Cloud], voxel: float = 0.02, most: int = 4_000_000) -> Cloud | None:

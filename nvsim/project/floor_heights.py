@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.project.project import Project
+
+if TYPE_CHECKING:
+    from nvsim.project.project import Project
 
 _SPACING = 0.5  # metres
 _MARGIN = 8.0  # metres around the cameras

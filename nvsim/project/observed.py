@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 
@@ -10,7 +12,9 @@ from nvsim.geometry.cells import grid_size
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.perception.support import FloorSupport
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.project import Project
+
+if TYPE_CHECKING:
+    from nvsim.project.project import Project
 
 _LOW, _HIGH = 0.10, 1.5  # metres above the floor within which a point is an obstacle
 _POINTS_PER_CELL = 2

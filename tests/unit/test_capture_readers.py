@@ -10,6 +10,8 @@ import capture_samples as sample
 import numpy as np
 import pytest
 
+from nvsim.capture.check import check
+from nvsim.capture.formats import FORMATS
 from nvsim.capture.read import read
 from nvsim.errors import InputError
 
@@ -127,6 +129,24 @@ def test_a_colmap_model_with_a_cloud_is_preferred_to_a_transforms_json_without(t
     path.write_text(json.dumps(tree))
     assert read(tmp_path).format == "colmap"
     assert read(path).format == "nerfstudio"
+    (note,) = [f.message for f in check(tmp_path).findings if "lies beside it" in f.message]
+    assert note.startswith("transforms.json has no point cloud and a COLMAP model")
+
+
+def test_a_kapture_tree_is_preferred_to_all_that_lies_beside_it(tmp_path: Path) -> None:
+    sample.write_kapture(tmp_path, sample.walk(), sample.room(500))
+    sample.write_colmap(tmp_path, sample.walk(), sample.room(500), binary=True)
+    sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(500))
+    assert read(tmp_path).format == read(tmp_path / "sensors" / "sensors.txt").format == "kapture"
+
+
+def test_what_is_no_capture_is_told_of_every_format(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("hello")
+    said_of_folder, said_of_file = (check(place).findings[0].message for place in (tmp_path, tmp_path / "notes.txt"))
+    for row in FORMATS:
+        assert row.words in said_of_folder and row.words in said_of_file
+    (tmp_path / "sensors").mkdir()
+    assert "sensors.txt is missing" in check(tmp_path).findings[0].message
 
 
 def edit(path: Path, change) -> None:
@@ -173,7 +193,7 @@ def test_a_path_that_does_not_exist_an_empty_folder_and_a_stranger_are_refused(t
 def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
     os.mkfifo(tmp_path / "pipe.json")
-    with pytest.raises(InputError, match="a pipe, a socket or a device"):
+    with pytest.raises(InputError, match="it is a pipe"):
         read(tmp_path / "pipe.json")
     (tmp_path / "cloud.ply").unlink()
     os.mkfifo(tmp_path / "cloud.ply")

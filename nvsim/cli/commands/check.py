@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from pathlib import Path
 
-from nvsim.cli.arguments import Positional
+from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.show import as_json
 
 
 @dataclass(frozen=True)
 class Arguments:
-    capture: Positional[Path]
-    """A folder or file: nerfstudio transforms.json, COLMAP, or kapture."""
+    capture: CapturePath
     scale: float | None = None
     """Metres per unit of the capture, when it does not know."""
     camera_height: float | None = None

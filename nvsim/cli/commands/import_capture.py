@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from nvsim.cli.arguments import Inline, Positional
+from nvsim.cli.arguments import Inline
+from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.session import working
 from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
@@ -14,8 +15,7 @@ from nvsim.project.stages import added, imported
 
 @dataclass(frozen=True)
 class Arguments:
-    capture: Positional[Path]
-    """A folder or file: nerfstudio transforms.json, COLMAP, or kapture."""
+    capture: CapturePath
     project: Path
     """The project folder to make or to write to."""
     add: bool = False

@@ -8,7 +8,8 @@ from typing import Any, cast
 
 import tyro
 
-from nvsim.cli.arguments import Inline, Positional, given
+from nvsim.cli.arguments import Inline, given
+from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.session import working
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
@@ -17,8 +18,7 @@ from nvsim.training.config import Preset, preset
 
 @dataclass(frozen=True)
 class Arguments:
-    capture: Positional[Path]
-    """A folder or file: nerfstudio transforms.json, COLMAP, or kapture."""
+    capture: CapturePath
     project: Path
     """The project folder to make or to go on with."""
     json: bool = False

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from nvsim.capture.far_frames import names_in
 from nvsim.capture.findings import Findings
+from nvsim.capture.formats import read_raw
 from nvsim.capture.multi_capture import SUFFIX, labels, listed, write_list
-from nvsim.capture.read import read_raw
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener

@@ -1,0 +1,56 @@
+"""The points of a file as columns with names, and the reader of tables that are written as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+
+Columns = dict[str, NDArray[np.generic]]  # a name -> (N,) values
+_BLOCK = 20_000  # lines that are in hand as words at a time
+
+
+def ascii_table(path: Path, body: bytes, rows: int, columns: int, first_line: int) -> NDArray[np.float64]:
+    """(rows, columns) of numbers, one row a line. Raises InputError naming the line that has too few or a non-number,
+    or that the file ends early."""
+    parts, found = [], 0
+    lines = _filled_lines(body, rows, first_line)
+    while block := list(islice(lines, _BLOCK)):
+        parts.append(_numbers(path, block, columns))
+        found += len(block)
+    if found < rows:
+        raise InputError(f"{path} is truncated: {rows} points announced, {found} present; copy it again.")
+    return np.concatenate([np.empty((0, columns)), *parts])
+
+
+def _filled_lines(body: bytes, most: int, first_line: int) -> Iterator[tuple[int, bytes]]:
+    """Number and content of the first `most` lines that are not blank."""
+    at, number, found = 0, first_line, 0
+    while at < len(body) and found < most:
+        end = body.find(b"\n", at)
+        end = len(body) if end < 0 else end
+        line = body[at:end]
+        if line.strip():
+            yield number, line
+            found += 1
+        at, number = end + 1, number + 1
+
+
+def _numbers(path: Path, lines: list[tuple[int, bytes]], columns: int) -> NDArray[np.float64]:
+    split = [line.split(maxsplit=columns)[:columns] for _, line in lines]
+    try:
+        return np.array(split, dtype=np.float64).reshape(len(lines), columns)
+    except (ValueError, OverflowError):
+        for (number, _), fields in zip(lines, split, strict=True):
+            try:
+                if len([float(v) for v in fields]) == columns:
+                    continue
+            except ValueError:
+                pass  # reported below, as a line with too few numbers is
+            raise InputError(f"{path}, line {number}: expected {columns} numbers; correct it.") from None
+        raise InputError(f"{path} holds numbers that cannot be read; export it again.") from None
