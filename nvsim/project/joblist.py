@@ -26,7 +26,7 @@ from nvsim.files.atomic import as_input_error, make_folder, write_text
 from nvsim.files.nofollow import is_folder, open_regular, read_end
 from nvsim.project import worker_lock
 from nvsim.project.layout import Layout
-from nvsim.project.orders import VERBS, Order, encode_order, order_path, read_order
+from nvsim.project.orders import Order, encode_order, order_path, read_order
 from nvsim.project.standing import (
     FULFILLED,
     STANDING,
@@ -38,6 +38,7 @@ from nvsim.project.standing import (
     read_standing,
     wish_in,
 )
+from nvsim.project.work import WORK
 
 __all__ = ["Job", "JobList", "Order", "Standing", "State", "Wish"]
 
@@ -158,7 +159,7 @@ class JobList:
     def add(self, verb: str, arguments: Sequence[str], title: str, heavy: bool = True) -> Job:
         """A new job at the end of the queue; nothing is started. Raises InputError when the disk refuses, or no job can
         be of that verb."""
-        if verb not in VERBS:
+        if verb not in WORK:
             raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")
         self._make_folder()
         with self._locked():

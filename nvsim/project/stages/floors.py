@@ -20,8 +20,9 @@ from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
+from nvsim.project.work import StageName
 
-STAGE = "floors"
+STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
 
