@@ -76,7 +76,7 @@ class StageBar(QWidget):
         painter.drawRoundedRect(self.rect().adjusted(0, 0, -1, -1), 6, 6)
 
 
-class JobStatus(QWidget):
+class RunningJob(QWidget):
     """The running job in the status bar: title, share, time left. clicked() shows more."""
 
     clicked = Signal()

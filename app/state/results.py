@@ -120,7 +120,7 @@ def _fits(value: object) -> bool:
 
 def result_of_job(job: Job) -> Result | None:
     """What an evaluation that ended well printed last; None for other jobs."""
-    if job.order.verb not in EVALUATIONS or job.standing.state != "done":
+    if job.order.verb not in EVALUATIONS or job.status.state != "done":
         return None
     try:
         lines = read_end(job.output, _MOST).decode(errors="replace").splitlines()
@@ -132,7 +132,7 @@ def result_of_job(job: Job) -> Result | None:
         except (ValueError, RecursionError):
             continue
         if isinstance(figures, dict):
-            return Result(f"job {job.number}", job.order.title, job.standing.finished or 0.0, tables_of(figures))
+            return Result(f"job {job.number}", job.order.title, job.status.finished or 0.0, tables_of(figures))
     return None
 
 

@@ -13,7 +13,7 @@ from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
 from app.panels.earlier import EarlierResults
 from app.panels.jobs import JobPanel, waiting_words
-from app.panels.stage_bar import JobStatus, StageBar
+from app.panels.stage_bar import RunningJob, StageBar
 from app.state.reasons import with_earlier
 from app.state.stages import enabled
 from app.wiring.part import Dock, Part
@@ -93,7 +93,7 @@ class JobsPart(Part):
             self.panel.splitter.restoreState(state)
         window, w = self.workspace.window, self.workspace
         self.bar = StageBar(w.scene)
-        self.status = JobStatus(w.jobs, window)
+        self.status = RunningJob(w.jobs, window)
         self.status.clicked.connect(self.show_panel)
         window.statusBar().insertPermanentWidget(0, self.status)
         for offer in (window.empty, self.bar):

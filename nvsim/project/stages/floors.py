@@ -75,7 +75,7 @@ def refresh_support(project: Project, listen: Listener) -> None:
         return
     key = _support_key(project, masks_key)
     # Projects of before masks could be corrected have no row of their own for it.
-    made_with = masks_key if found is None else found.key if found.state == "done" else ""
+    made_with = masks_key if found is None else found.key
     if made_with == key:
         return
     started = time.monotonic()
@@ -142,4 +142,4 @@ def _support(project: Project) -> float:
 def floors_key(project: Project) -> str:
     """The key of the committed masks, "" while there are none."""
     found = ledger.record(project, STAGE)
-    return found.key if found is not None and found.state == "done" else ""
+    return "" if found is None else found.key

@@ -93,6 +93,6 @@ def capture_config(project: Project) -> CaptureConfig:
 def capture_key(project: Project) -> str:
     """The key that everything after the import depends on. Raises InputError while nothing was imported."""
     found = ledger.record(project, STAGE)
-    if found is None or found.state != "done":
+    if found is None:
         raise lacks(project.layout.root, "import")
     return found.key

@@ -107,7 +107,7 @@ def map_key(project: Project, config: MappingConfig) -> str:
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
-    return ledger.key_of(STAGE, [t.key if t and t.state == "done" else "" for t in trained], config, *corrected)
+    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config, *corrected)
 
 
 def scan_name(project: Project) -> str:
