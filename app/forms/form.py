@@ -149,7 +149,7 @@ class CommandForm(QDialog):
         """What the command replaces, as it says itself when it begins; "" where that is nothing."""
         from nvsim.project.project import Project
         from nvsim.project.replaced import what_is_replaced
-        from nvsim.project.results import STAGES
+        from nvsim.project.work import STAGES
 
         if self.verb not in STAGES:
             return ""

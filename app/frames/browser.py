@@ -24,6 +24,7 @@ from app.state.document import Document
 from app.views.scene_view import SceneView
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project.results import layout_of
+from nvsim.project.work import STAGE, sentence
 
 TOOLS = ("brush", "points")
 _HINTS = {
@@ -32,8 +33,8 @@ _HINTS = {
     "Ctrl+Z takes back",
     "points": "Left: this surface is floor; right: this is none; wheel zooms, middle drag moves, Ctrl+Z takes back",
 }
-_NO_MODEL = "No submap is trained yet, so there is nothing to compare with."
-_NO_MASK = "No floor mask yet: find the floors first (nvsim floors)."
+_NO_MODEL = sentence(f"{STAGE['train'].lacking}, so there is nothing to compare with")
+_NO_MASK = sentence(f"{STAGE['floors'].lacking}; find it first (nvsim floors)")
 
 
 class FrameBrowser(QObject):

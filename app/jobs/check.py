@@ -9,6 +9,8 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QProcess, Signal
 
+from nvsim.capture.findings import SEVERITIES, Severity
+
 SCALE_UNKNOWN = "the scale is unknown"
 
 
@@ -16,7 +18,7 @@ SCALE_UNKNOWN = "the scale is unknown"
 class Group:
     """What is the matter, how bad, what it would cause, and all the places where it is so."""
 
-    severity: str
+    severity: Severity
     message: str
     consequence: str
     places: tuple[str, ...]
@@ -50,8 +52,10 @@ def result_of(text: str) -> CheckResult:
     """What `nvsim check --json` printed. Raises ValueError when it is something else."""
     try:
         data = json.loads(text)
-        groups: dict[tuple[str, str], list[dict[str, str]]] = {}
+        groups: dict[tuple[Severity, str], list[dict[str, str]]] = {}
         for finding in data["findings"]:
+            if finding["severity"] not in SEVERITIES:
+                raise ValueError(f"not a finding of a data check: {str(finding)[:80]}")
             groups.setdefault((finding["severity"], finding["message"]), []).append(finding)
         found = tuple(
             Group(severity, message, items[0]["consequence"], tuple(i["where"] for i in items))

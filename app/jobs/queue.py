@@ -50,7 +50,7 @@ class JobHandle(QObject):
 
     @property
     def state(self) -> State:
-        return self.job.standing.state
+        return self.job.status.state
 
     @property
     def running(self) -> bool:
@@ -69,11 +69,11 @@ class JobHandle(QObject):
     @property
     def message(self) -> str:
         """What went wrong and what to do, or what it is doing."""
-        standing, progress = self.job.standing, self.history.progress
+        status, progress = self.job.status, self.history.progress
         if self.state == "foreign":
             return ORDERED_ELSEWHERE
         if self.state in ("failed", "interrupted"):
-            return standing.message or self.history.failure
+            return status.message or self.history.failure
         if self.state == "running":
             if self.wish is not None:
                 return "Pausing at the last checkpoint…" if self.wish == "pause" else "Ending…"
@@ -81,14 +81,14 @@ class JobHandle(QObject):
                 lines = self.history.lines
                 return lines[-1].text if lines and lines[-1].text != "Started." else "Starting…"
             return f"{progress.stage}: {progress.detail}".rstrip(": ")
-        return standing.message if self.state == "done" else ""
+        return status.message if self.state == "done" else ""
 
     @property
     def worked(self) -> float:
         """Seconds of work, pauses left out."""
-        standing = self.job.standing
-        now = time.time() - standing.started if self.running and standing.started else 0.0
-        return standing.worked + now
+        status = self.job.status
+        now = time.time() - status.started if self.running and status.started else 0.0
+        return status.worked + now
 
     def read_events(self) -> list[object]:
         """What came since the last call, heard by the history."""
@@ -267,9 +267,9 @@ class JobQueue(QObject):
         handles = []
         for job in jobs:
             handle = known.pop(job.number, None) or JobHandle(self._jobs, job, self)
-            before, handle.job = handle.job.standing, job
-            changed |= before.state != job.standing.state
-            if before.state in ("queued", "running") and job.standing.state not in ("queued", "running"):
+            before, handle.job = handle.job.status, job
+            changed |= before.state != job.status.state
+            if before.state in ("queued", "running") and job.status.state not in ("queued", "running"):
                 ended.append(handle)
             handles.append(handle)
         for gone in known.values():

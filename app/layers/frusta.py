@@ -16,6 +16,7 @@ from app.painting.primitives import Primitives, disc
 from app.state.document import Document
 from nvsim.capture.types import Frame
 from nvsim.geometry.camera import Camera
+from nvsim.project.work import STAGE
 
 REACH = 8.0  # metres from the eye
 MOST = 150  # frusta; the nearest ones
@@ -59,7 +60,7 @@ class FrustumLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if len(self._document.trajectory.positions) else "the project has no capture yet"
+        return "" if len(self._document.trajectory.positions) else STAGE["import"].lacking
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         capture = self._document.contents.capture

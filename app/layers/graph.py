@@ -19,6 +19,7 @@ from app.painting.picking import NEAR, projected_segments
 from app.state.document import Document
 from app.state.graph_arrays import GraphArrays
 from nvsim.geometry.camera import Camera
+from nvsim.project.work import STAGE
 
 _NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor
 _NODE_PIXELS = (3.5, 42.0)  # least and most radius of a disc
@@ -96,7 +97,7 @@ class GraphLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if self._document.graph_arrays.ids else "no navigation graph is built yet"
+        return "" if self._document.graph_arrays.ids else STAGE["map"].lacking
 
     def seen(self, camera: Camera) -> Seen:
         """Where the viewpoints are for `camera`; kept for the next who asks with the same."""

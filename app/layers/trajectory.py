@@ -12,6 +12,7 @@ from app.painting.primitives import Primitives
 from app.state.document import Document
 from app.state.on_floor import trajectory_on_floor
 from nvsim.geometry.camera import Camera
+from nvsim.project.work import STAGE
 
 
 class TrajectoryLayer(Layer):
@@ -24,7 +25,7 @@ class TrajectoryLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if len(self._document.trajectory.positions) else "the project has no capture yet"
+        return "" if len(self._document.trajectory.positions) else STAGE["import"].lacking
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         trajectory = self._document.trajectory

@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
+from typing import Literal
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
@@ -19,7 +20,8 @@ from app.look.labels import Label
 from app.look.plain_text import lines
 from nvsim.errors import InputError
 
-SECONDS = {"info": 6.0, "warning": 12.0, "error": None}
+Severity = Literal["log", "info", "warning", "error"]
+SECONDS: dict[Severity, float | None] = {"info": 6.0, "warning": 12.0, "error": None}
 MOST_SHOWN = 4
 MOST_LETTERS, MOST_ROWS = 600, 12  # of one notice on the screen
 _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKED}
@@ -27,10 +29,10 @@ _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKE
 
 @dataclass(frozen=True)
 class Notice:
-    """severity "log" (kept, not shown), "info", "warning" or "error"; one sentence; what else may help, for the log;
-    seconds since the epoch."""
+    """How bad it is, where "log" is kept and not shown; one sentence; what else may help, for the log; seconds since
+    the epoch."""
 
-    severity: str
+    severity: Severity
     text: str
     detail: str = ""
     when: float = 0.0
@@ -41,7 +43,7 @@ class Notices(QObject):
 
     added = Signal(object)
 
-    def add(self, severity: str, text: str, detail: str = "") -> None:
+    def add(self, severity: Severity, text: str, detail: str = "") -> None:
         self.added.emit(Notice(severity, text, detail, time.time()))
 
     def info(self, text: str) -> None:

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton, QVBoxLayout, 
 from app.look.icons import icon
 from app.look.labels import Label
 from app.look.plain_text import SENTENCE, caption, plain, tip
-from app.panels.stage_bar import TITLES
+from nvsim.project.work import PIPELINE, WORK
 
 MOST_RECENT = 4
 
@@ -105,13 +105,13 @@ class EmptyState(QWidget):
         self.command.setCursorPosition(0)
         for widget in (self.hint, self.command, self.copy):
             widget.setVisible(bool(command))
-        stage = TITLES.get(verb, "")
-        self.stage.setText(f"{stage} only")
+        if verb in PIPELINE:
+            self.stage.setText(f"{WORK[verb].title} only")
         for button in (self.new, self.open, self.demo):
             button.setVisible(not has_project)
         self.imports.setVisible(has_project and verb == "import")
         for button in (self.everything, self.stage, self.settings):
-            button.setVisible(bool(stage))
+            button.setVisible(verb in PIPELINE)
         for button in self.recent_buttons:
             button.setVisible(not has_project)
 

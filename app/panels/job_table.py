@@ -14,6 +14,7 @@ from app.jobs.queue import JobHandle, JobQueue
 from app.look import colors
 from app.look.plain_text import plain, tip
 from app.state.document import Document
+from nvsim.project.job_status import Ran, State
 from nvsim.project.jobs import JobRecord
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -65,7 +66,7 @@ class Row:
     key: str
     handle: JobHandle | None
     title: str
-    state: str
+    state: State | Ran
     share: float
     rate: float | None
     left: float | None
@@ -75,7 +76,7 @@ class Row:
 
     @staticmethod
     def of_handle(handle: JobHandle) -> Row:
-        running, standing, history = handle.running, handle.job.standing, handle.history
+        running, status, history = handle.running, handle.job.status, handle.history
         share = 1.0 if handle.state == "done" else history.share if running else 0.0
         return Row(
             f"job {handle.number}",
@@ -85,7 +86,7 @@ class Row:
             share,
             history.rate if running else None,
             history.seconds_left if running else None,
-            standing.started or (handle.job.order.ordered if handle.state in ("queued", "foreign") else None),
+            status.started or (handle.job.order.ordered if handle.state in ("queued", "foreign") else None),
             handle.worked if handle.worked else None,
             handle.message,
         )

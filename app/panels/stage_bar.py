@@ -10,13 +10,7 @@ from app.jobs.queue import JobQueue
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
 from app.panels.job_table import duration
-
-TITLES = {
-    "submaps": "Cut into submaps",
-    "floors": "Find the floor",
-    "train": "Train",
-    "map": "Build the map",
-}
+from nvsim.project.work import PIPELINE, WORK
 
 
 class StageBar(QWidget):
@@ -53,8 +47,9 @@ class StageBar(QWidget):
         self._verb = verb
         self.sentence.setText(sentence)
         self.sentence.setToolTip(tip(f"In a terminal: {command}"))
-        self.stage.setText(f"{TITLES.get(verb, '')} only")
-        self.setVisible(verb in TITLES)
+        if verb in PIPELINE:
+            self.stage.setText(f"{WORK[verb].title} only")
+        self.setVisible(verb in PIPELINE)
         self._place()
 
     def _place(self) -> None:
@@ -81,7 +76,7 @@ class StageBar(QWidget):
         painter.drawRoundedRect(self.rect().adjusted(0, 0, -1, -1), 6, 6)
 
 
-class JobStatus(QWidget):
+class RunningJob(QWidget):
     """The running job in the status bar: title, share, time left. clicked() shows more."""
 
     clicked = Signal()

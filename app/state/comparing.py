@@ -9,6 +9,7 @@ from nvsim.errors import InputError
 from nvsim.graph.compare import Comparison, Deviation, compare
 from nvsim.graph.foreign import ForeignFile
 from nvsim.graph.types import NavGraph
+from nvsim.project.work import STAGE
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ def read_graph(path: Path) -> NavGraph:
         with Project.open(path) as project:
             graph = project.graph()
         if graph is None:
-            raise InputError(f"{path} has no navigation graph yet; choose another.")
+            raise InputError(f"{path} has no {STAGE['map'].result} yet; choose another.")
         return graph
     return ForeignFile.open(path).graph
 

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,12 @@ from app.state.graph_arrays import GraphArrays
 from app.state.graph_files import GraphFile, ProjectGraph
 from app.state.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
-from nvsim.files.tables import COUNT, NAME, NUMBER, TEXT
 from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
+from nvsim.project.stage_states import first_stale, stage_states
+from nvsim.project.work import STAGE, StageName, sentence
 from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:
@@ -31,21 +32,6 @@ CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
     "results", "training",
 )  # fmt: skip
-
-
-_STAGES = {"stage": TEXT, "part": COUNT, "key": TEXT, "state": TEXT, "finished": NUMBER.or_null}
-_GROWN = {
-    "submaps": "The capture has grown since it was divided into submaps.",
-    "floors": "The capture has grown since the floor was found.",
-    "train": "The capture has grown since the submaps were trained.",
-    "map": "The capture has grown since the map was built.",
-}
-
-
-_FORMER = {
-    "floors": "The floor was found with a former cut into submaps.",
-    "train": "The models in use are of a former cut into submaps.",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +64,11 @@ class Contents:
     jobs: tuple[JobRecord, ...] = ()
     scene_stamp: Hashable | None = None
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
-    stages: frozenset[str] = frozenset()
+    stages: frozenset[StageName] = frozenset()
     training: dict[int, int] = field(default_factory=dict)
-    former: frozenset[str] = frozenset()
-    kept: frozenset[str] = frozenset()
-    outdated: frozenset[str] = frozenset()
+    former: frozenset[StageName] = frozenset()
+    kept: frozenset[StageName] = frozenset()
+    outdated: frozenset[StageName] = frozenset()
     outline: NDArray[np.float64] | None = None
     thresholds: MappingConfig = field(default_factory=MappingConfig)
     live: bool = False
@@ -100,11 +86,11 @@ class Contents:
         return self.cloud if self.capture is None else self.capture.cloud
 
     @property
-    def missing_verb(self) -> str:
+    def missing_verb(self) -> StageName | Literal[""]:
         """The command that makes what the project lacks next: "" when nothing is missing or no project is open."""
-        trained = self.scene_stamp is not None and not self.live
-        if self._outdated_verb:
-            return self._outdated_verb
+        stale, trained = self._stale, self.scene_stamp is not None and not self.live
+        if stale is not None:
+            return stale[0]
         if self.path is None or self.outline is not None or (self.graph is not None and trained):
             return ""
         if self.capture is None:
@@ -116,33 +102,22 @@ class Contents:
         return "map" if trained else "train"
 
     @property
-    def _outdated_verb(self) -> str:
-        """The first stage that was done for another capture, or another cut, than there is now."""
-        wanted = self.outdated | self.former
-        return next((verb for verb in ("submaps", "floors", "train", "map") if verb in wanted), "")
+    def _stale(self) -> tuple[StageName, str] | None:
+        nothing = self.capture is None and self.graph is None
+        return None if nothing else first_stale(self.outdated, self.former)
 
     @property
     def missing(self) -> tuple[str, str] | None:
         """What the project lacks next, in words, and the command that makes it; None when everything is there."""
         if self.outline is not None or (self.graph_file is not None and self.graph_file.foreign):
             return None
-        project = f"--project {self.path}" if self.path else "--project PATH"
         if self.path is None:
             return "No project is open.", "nvsim demo"
-        if self.capture is None and self.graph is None:
-            return "This project has no capture yet.", f"nvsim import CAPTURE {project}"
-        if self._outdated_verb:
-            words = _GROWN if self._outdated_verb in self.outdated else _FORMER
-            return words[self._outdated_verb], f"nvsim {self._outdated_verb} {project}"
-        if self.capture is not None and not self.submaps:
-            return "The trajectory is not divided into submaps yet.", f"nvsim submaps {project}"
-        if self.missing_verb == "floors":
-            return "The floor is not found in the frames yet.", f"nvsim floors {project}"
-        if (self.scene_stamp is None or self.live) and self.capture is not None:
-            return "No submap is trained to the end yet.", f"nvsim train {project}"
-        if self.graph is None:
-            return "No navigation graph is built yet.", f"nvsim map {project}"
-        return None
+        verb = self.missing_verb
+        if not verb:
+            return None
+        words = sentence(STAGE[verb].lacking) if self._stale is None else self._stale[1]
+        return words, f"nvsim {STAGE[verb].command} --project {self.path}"
 
 
 def prepared(contents: Contents) -> Contents:
@@ -159,13 +134,6 @@ def prepared(contents: Contents) -> Contents:
     if graph is not contents.arrays_of:
         arrays = None if graph is None else GraphArrays.of(graph)
     return replace(contents, arrays=arrays, arrays_of=graph, dots=dots)
-
-
-def _outdated(rows: tuple[tuple[Any, ...], ...]) -> frozenset[str]:
-    """Of the rows (stage, part, key, state, finished) the stages that ended before the import did."""
-    ended = {row[:2]: row[4] for row in rows if row[3] == "done" and row[4]}
-    last = ended.get(("import", 0))
-    return frozenset() if last is None else frozenset(stage for (stage, _), at in ended.items() if at < last)
 
 
 def _file_stamp(path: Path) -> tuple[int, int] | None:
@@ -221,14 +189,15 @@ class ProjectReader:
             return
         self._revision = revision
         # A stage's row changes when it begins and ends; while it runs only the job's row does.
-        stages = tuple(project.read("stages", _STAGES))
+        states = stage_states(project)
+        stages = states.rows
         capture = _file_stamp(project.layout.imported / "capture.json")
         stamps: dict[str, Hashable] = {
             "capture": capture,
             "submaps": (capture, stages),
             "graph": stages,
-            "stages": (stages, *self._standing()),
-            "results": tuple(project.read("results", {"name": NAME, "created": NUMBER}, "ORDER BY name")),
+            "stages": states,
+            "results": tuple(project.result_times().items()),
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support)),
             "context": self._context_stamp(stages, (capture, _file_stamp(project.layout.support))),
@@ -236,7 +205,7 @@ class ProjectReader:
         readers: dict[str, Callable[[], Any]] = {
             "capture": project.capture,
             "submaps": project.submaps,
-            "stages": lambda: frozenset(row[0] for row in stages if row[3] == "done"),
+            "stages": lambda: states.done,
             "results": lambda: self._results(stamps["results"]),
             "graph": project.graph,
             "scene_stamp": lambda: models,
@@ -259,8 +228,9 @@ class ProjectReader:
             if part in ("capture", "occupancy"):
                 self._contents = prepared(self._contents)
             if part == "stages":
-                former, kept = self._standing()
-                self._contents = replace(self._contents, outdated=_outdated(stages), former=former, kept=kept)
+                self._contents = replace(
+                    self._contents, outdated=states.outdated, former=states.former, kept=states.kept
+                )
             if part == "graph":
                 self._contents = prepared(replace(self._contents, thresholds=thresholds_of(project)))
             if part == "scene_stamp":
@@ -302,25 +272,15 @@ class ProjectReader:
         figures = self._project.results()
         return {name: (at, figures[name]) for name, at in created if name in figures}
 
-    def _standing(self) -> tuple[frozenset[str], frozenset[str]]:
-        """What is of a former cut, and of what an earlier result is kept."""
-        from nvsim.project import results
-
-        c = self._project.connection
-        former = frozenset(stage for stage in ("floors", "train") if results.is_former(c, stage))
-        return former, frozenset(stage for stage in results.STAGES if results.kept(c, stage) is not None)
-
     def _folders(self) -> dict[int, Path]:
         from nvsim.project.results import model_folders
 
         return model_folders(self._project.layout)
 
     def _models(self) -> Hashable | None:
-        from nvsim.project.results import is_former
-
         layout, folders = self._project.layout, self._folders()
         found: list[Hashable] = [(f.name, _file_stamp(f / "model.json")) for f in folders.values()]
-        if folders and is_former(self._project.connection, "train"):
+        if folders and self._project.is_former("train"):
             return ("former", *found)
         # Who draws looks for new states of these by itself; of a submap that has a finished model none is drawn.
         live = sorted(p.parent.name for p in layout.checkpoints.glob("live_*/model.json"))
@@ -346,7 +306,7 @@ class ProjectReader:
         from nvsim.files.regular import read_json
 
         result: dict[int, dict[str, object]] = {}
-        if "train" in self._standing()[0]:
+        if self._project.is_former("train"):
             return result
         what, then = "the description of a model", "run `nvsim train` again"
         for index, folder in self._folders().items():

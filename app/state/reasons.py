@@ -6,6 +6,7 @@ import os
 
 from app.state.document import Document
 from nvsim.project.layout import Layout
+from nvsim.project.work import STAGE
 
 Reason = str | None  # why a command cannot run, None when it can
 
@@ -26,7 +27,7 @@ def with_positions(document: Document) -> Reason:
 
 
 def with_scene(document: Document) -> Reason:
-    return None if document.contents.scene_stamp is not None else "no submap is trained yet"
+    return None if document.contents.scene_stamp is not None else STAGE["train"].lacking
 
 
 def with_submaps(document: Document) -> Reason:
@@ -38,13 +39,13 @@ def with_submaps(document: Document) -> Reason:
 def with_graph(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED
-    return None if document.graph is not None else "no navigation graph is built yet"
+    return None if document.graph is not None else STAGE["map"].lacking
 
 
 def with_trajectory(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED
-    return None if len(document.trajectory.positions) else "the project has no capture yet"
+    return None if len(document.trajectory.positions) else STAGE["import"].lacking
 
 
 def with_occupancy(document: Document) -> Reason:
@@ -73,5 +74,5 @@ def with_masks(document: Document) -> Reason:
     if document.selection.frame is None or document.path is None:
         return "no frame is selected"
     if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
-        return "the floors are not found yet"
+        return STAGE["floors"].lacking
     return None if os.access(document.path, os.W_OK) else "the project's folder may not be written"

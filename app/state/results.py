@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.state.stages import GIVES_RESULT, STAGES
 from nvsim.files.nofollow import read_end
 from nvsim.project.joblist import Job
+from nvsim.project.work import EVALUATIONS, WORK
 
 SUMMARY = "Summary"
 _MOST = 16 << 20  # bytes of the end of what a job printed
@@ -120,7 +120,7 @@ def _fits(value: object) -> bool:
 
 def result_of_job(job: Job) -> Result | None:
     """What an evaluation that ended well printed last; None for other jobs."""
-    if job.order.verb not in GIVES_RESULT or job.standing.state != "done":
+    if job.order.verb not in EVALUATIONS or job.status.state != "done":
         return None
     try:
         lines = read_end(job.output, _MOST).decode(errors="replace").splitlines()
@@ -132,14 +132,14 @@ def result_of_job(job: Job) -> Result | None:
         except (ValueError, RecursionError):
             continue
         if isinstance(figures, dict):
-            return Result(f"job {job.number}", job.order.title, job.standing.finished or 0.0, tables_of(figures))
+            return Result(f"job {job.number}", job.order.title, job.status.finished or 0.0, tables_of(figures))
     return None
 
 
 def stored_result(name: str, at: float, figures: Mapping[str, Any]) -> Result:
     """What a command left in the project."""
     verb = f"evaluate {name}"
-    title = f"{STAGES[verb].title} (stored)" if verb in STAGES else f"{words_of(name)} (stored)"
+    title = f"{WORK[verb].title} (stored)" if verb in WORK else f"{words_of(name)} (stored)"
     return Result(f"stored {name}", title, at, tables_of(figures))
 
 

@@ -24,6 +24,7 @@ from app.thresholds.table import THRESHOLDS, changed, preset
 from app.thresholds.trial import Trial
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.rethreshold import Rethreshold
+from nvsim.project.work import STAGE, sentence
 
 _RULES = {"worst": "Mean, worst row and cell", "mean": "Mean alone (the paper's)"}
 
@@ -161,7 +162,7 @@ class ThresholdPanel(QScrollArea):
     def obstacle(self) -> str | None:
         """Why nothing can be applied; None when it can."""
         if self._document.graph is None:
-            return "no navigation graph is built yet"
+            return STAGE["map"].lacking
         if self._trial.preparing:
             return "the evidence is still being summed up"
         if not self._trial.outcome:
@@ -172,7 +173,7 @@ class ThresholdPanel(QScrollArea):
     def _headline(self) -> str:
         outcome = self._trial.outcome
         if self._document.graph is None:
-            return "No navigation graph is built yet."
+            return sentence(STAGE["map"].lacking)
         if self._trial.preparing:
             return "Summing up the evidence…"
         if outcome is None:

@@ -20,6 +20,7 @@ from app.state.graph_files import ForeignGraph
 from app.state.reasons import Reason, with_graph
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
+from nvsim.project.work import STAGE, sentence
 
 
 def with_viewpoint(document: Document) -> Reason:
@@ -126,7 +127,8 @@ class InspectorPart(Part):
         else:
             self.panoramas.want((x, y, z), None if file is None else partial(file.panorama, id))
         self.panel.offer_channels(file is None)
-        lacking = "No pictures lie beside the file." if file else "No submap is trained yet: there is nothing to see."
+        lacking = f"{STAGE['train'].lacking}, so there is nothing to see"
+        lacking = "No pictures lie beside the file." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
         self.workspace.scene.update()

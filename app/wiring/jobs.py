@@ -13,20 +13,36 @@ from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
 from app.panels.earlier import EarlierResults
 from app.panels.jobs import JobPanel, waiting_words
-from app.panels.stage_bar import JobStatus, StageBar
+from app.panels.stage_bar import RunningJob, StageBar
 from app.state.reasons import with_earlier
-from app.state.stages import EVALUATIONS, GIVES_RESULT, PIPELINE, STAGES, with_capture
+from app.state.stages import enabled
 from app.wiring.part import Dock, Part
 from nvsim.errors import InputError
 from nvsim.events import Preview
 from nvsim.project.project import Project
 from nvsim.project.restored import kept_results
+from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
+
+_SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}
 
 
-def _action(verb: str, section: int, tip: str, shortcut: str = "") -> Action:
-    stage = STAGES[verb]
-    return Action(
-        f"job_{verb.replace(' ', '_')}", f"{stage.title}…", tip, "&Jobs", section, shortcut, enabled=stage.needs
+def _name(verb: str) -> str:
+    return f"job_{verb.replace(' ', '_')}"
+
+
+def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
+    rows = (WORK[verb] for verb in verbs)
+    return tuple(
+        Action(
+            _name(row.verb),
+            f"{row.title}…",
+            f"{row.does[0].upper()}{row.does[1:]}",
+            "&Jobs",
+            section,
+            _SHORTCUTS.get(row.verb, ""),
+            enabled=enabled(row.verb),
+        )
+        for row in rows
     )
 
 
@@ -35,21 +51,15 @@ class JobsPart(Part):
         Action(
             "run_everything",
             "&Run everything",
-            "Queue every stage with its settings: submaps, floors, training, map; what is up to date ends at once",
+            f"Queue every stage with its settings: {', '.join(PIPELINE)}; what is up to date ends at once",
             "&Jobs",
             shortcut="Ctrl+R",
             icon="run",
             toolbar=True,
-            enabled=with_capture,
+            enabled=enabled(PIPELINE[0]),
         ),
-        _action("submaps", 1, "Divide the walk into overlapping parts that become one model each"),
-        _action("floors", 1, "Find the floor in every frame"),
-        _action("train", 1, "Fit the Gaussian models of the submaps", "Ctrl+Shift+T"),
-        _action("map", 1, "Walk the models and build the navigation graph", "Ctrl+Shift+M"),
-        _action("evaluate views", 2, "PSNR, SSIM and LPIPS of the frames that were held out of training"),
-        _action("evaluate floor", 2, "Overlap of the floor masks with a truth"),
-        _action("evaluate graph", 2, "Validity and coverage of the graph against an occupancy map"),
-        _action("evaluate ablation", 2, "Train the rows of the paper's ablation table and compare the presets"),
+        *_actions(PIPELINE, 1),
+        *_actions(EVALUATIONS, 2),
         Action(
             "earlier_results",
             "Ea&rlier results…",
@@ -58,8 +68,7 @@ class JobsPart(Part):
             4,
             enabled=with_earlier,
         ),
-        _action("export r2r", 3, "Write the graph as R2R connectivity, which agents load unchanged"),
-        _action("export splats", 3, "Write the trained submaps as splat files for other programs"),
+        *_actions(EXPORTS, 3),
     )
 
     def docks(self) -> tuple[Dock, ...]:
@@ -74,8 +83,7 @@ class JobsPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {
-            f"job_{verb.replace(' ', '_')}": lambda _=False, v=verb: self.open_form(v)
-            for verb in (*PIPELINE, *EVALUATIONS, "export r2r", "export splats")
+            _name(verb): lambda _=False, v=verb: self.open_form(v) for verb in (*PIPELINE, *EVALUATIONS, *EXPORTS)
         }
         return {"run_everything": self.run_everything, "earlier_results": self.open_earlier, **opened}
 
@@ -85,7 +93,7 @@ class JobsPart(Part):
             self.panel.splitter.restoreState(state)
         window, w = self.workspace.window, self.workspace
         self.bar = StageBar(w.scene)
-        self.status = JobStatus(w.jobs, window)
+        self.status = RunningJob(w.jobs, window)
         self.status.clicked.connect(self.show_panel)
         window.statusBar().insertPermanentWidget(0, self.status)
         for offer in (window.empty, self.bar):
@@ -105,11 +113,11 @@ class JobsPart(Part):
         project = self.workspace.document.project
         if project is None:
             return None
-        stage = STAGES[verb]
+        row = WORK[verb]
         try:
             chosen = Settings(project).arguments(verb) if arguments is None else list(arguments)
-            words = ["--project", str(project), *chosen, *(["--json"] if verb in GIVES_RESULT else [])]
-            handle = self.workspace.jobs.start(verb, words, project, stage.title, stage.heavy)
+            words = ["--project", str(project), *chosen, *(["--json"] if row.prints_figures else [])]
+            handle = self.workspace.jobs.start(verb, words, project, row.title, row.heavy)
         except InputError as error:
             self.workspace.notices.error(str(error))
             return None
@@ -130,12 +138,12 @@ class JobsPart(Part):
         begin = {"out": str(project.parent / OUT[verb])} if verb in OUT else {}
         form = CommandForm(
             verb,
-            STAGES[verb].title,
+            WORK[verb].title,
             project,
             Settings(project),
             self.workspace.window,
             {**begin, **(begin_with or {})},
-            "Add to the queue" if self.workspace.jobs.busy and STAGES[verb].heavy else "Start",
+            "Add to the queue" if self.workspace.jobs.busy and WORK[verb].heavy else "Start",
         )
         form.started.connect(lambda arguments: self.run_stage(verb, arguments))
         form.open()
@@ -204,7 +212,7 @@ class JobsPart(Part):
             window.empty.say(f"{making.title} …", "", "", True)
 
     def _open_again(self, handle: JobHandle) -> None:
-        if handle.job.order.verb in STAGES:
+        if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS):
             self.open_form(handle.job.order.verb)
         else:
             self.workspace.notices.info(f"“{handle.title}” has no settings to change; Go on runs it again.")
@@ -218,7 +226,7 @@ class JobsPart(Part):
     def _on_ended(self, handle: JobHandle) -> None:
         notices, state = self.workspace.notices, handle.state
         if state == "done":
-            default = "the figures are in Results" if handle.job.order.verb in GIVES_RESULT else "done"
+            default = "the figures are in Results" if handle.job.order.verb in EVALUATIONS else "done"
             notices.info(f"{handle.title}: {handle.message or default}")
         elif state == "failed":
             notices.error(f"{handle.title} failed: {handle.message or 'its messages say why'}")

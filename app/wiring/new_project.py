@@ -21,6 +21,7 @@ from nvsim.capture import formats
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX as GRAPH
+from nvsim.project.work import STAGE
 from nvsim.splats.formats.choice import named_as_splats
 
 MOST_RECENT = 10
@@ -36,7 +37,7 @@ def without_capture(document: Document) -> Reason:
 def with_own_capture(document: Document) -> Reason:
     if document.project is None:
         return "no project is open"
-    return None if document.contents.capture is not None else "the project has no capture yet; import one first"
+    return None if document.contents.capture is not None else f"{STAGE['import'].lacking}; import one first"
 
 
 class NewProjectPart(Part):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from app.jobs.queue import JobHandle
 from app.panels.results import ResultPanel
 from app.state.results import Result, result_of_job, stored_result
-from app.state.stages import GIVES_RESULT
 from app.wiring.part import Dock, Part
+from nvsim.project.work import EVALUATIONS
 
 
 class ResultPart(Part):
@@ -31,7 +31,7 @@ class ResultPart(Part):
             self._gather()
 
     def _on_ended(self, handle: JobHandle) -> None:
-        if handle.job.order.verb in GIVES_RESULT and handle.state == "done":
+        if handle.job.order.verb in EVALUATIONS and handle.state == "done":
             self._read.pop(handle.number, None)  # it may have been run again
             self._gather()
             dock = self.panel.parentWidget()

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 from nvsim.errors import InputError
 
 Severity = Literal["error", "warning", "note"]
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 _LISTED = 40
 _LONGEST = 1000  # characters of a message
 _KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory

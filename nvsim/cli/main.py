@@ -11,17 +11,19 @@ import os
 import sys
 from collections.abc import Sequence
 
+from nvsim.project.work import STAGES, WORK
+
 # verb -> (module under nvsim.cli.commands, what it does)
 COMMANDS: dict[str, tuple[str, str]] = {
-    "demo": ("demo", "the whole job on the built-in building, then the window"),
-    "run": ("run", "the whole job on your capture: import, submaps, floors, train, map"),
+    "demo": ("demo", WORK["demo"].does),
+    "run": ("run", f"the whole job on your capture: {', '.join(STAGES)}"),
     "check": ("check", "what is wrong with a capture, before any work starts"),
-    "import": ("import_capture", "read a capture into a project"),
-    "submaps": ("submaps", "cut the trajectory into overlapping submaps"),
-    "floors": ("floors", "find the floor in every frame"),
-    "train": ("train", "fit the floor-aware Gaussian model of each submap"),
-    "map": ("map", "walk the models and build the navigation graph"),
-    "restore": ("restore", "go back to the result of a stage before its last run, or let go of what is kept"),
+    "import": ("import_capture", WORK["import"].does),
+    "submaps": ("submaps", WORK["submaps"].does),
+    "floors": ("floors", WORK["floors"].does),
+    "train": ("train", WORK["train"].does),
+    "map": ("map", WORK["map"].does),
+    "restore": ("restore", WORK["restore"].does),
     "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
     "graph select": ("graph_select", "list the viewpoints and edges for which an expression holds"),
     "graph edit": ("graph_edit", "edit the graph of a project or an R2R connectivity file by name"),
@@ -32,20 +34,17 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "graph review": ("graph_review", "the edges to look at, the least certain first"),
     "graph compare": ("graph_compare", "what one graph has otherwise than another, and a merge of the two"),
     "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),
-    "video": ("video", "draw a camera path as video frames"),
-    "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
+    "video": ("video", WORK["video"].does),
+    "export r2r": ("export_r2r", WORK["export r2r"].does),
     "export graph": (
         "export_graph",
         "write a graph as GraphML, GeoJSON, SVG, PNG or R2R, from a project or an R2R file",
     ),
-    "export splats": ("export_splats", "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF"),
-    "evaluate views": ("evaluate_views", "PSNR, SSIM and LPIPS of the frames held out of training"),
-    "evaluate ablation": (
-        "evaluate_ablation",
-        "train and print the paper's ablation and the comparison of the presets",
-    ),
-    "evaluate floor": ("evaluate_floor", "IoU of the floor masks against a truth"),
-    "evaluate graph": ("evaluate_graph", "validity and coverage of the graph against an occupancy map"),
+    "export splats": ("export_splats", WORK["export splats"].does),
+    "evaluate views": ("evaluate_views", WORK["evaluate views"].does),
+    "evaluate ablation": ("evaluate_ablation", WORK["evaluate ablation"].does),
+    "evaluate floor": ("evaluate_floor", WORK["evaluate floor"].does),
+    "evaluate graph": ("evaluate_graph", WORK["evaluate graph"].does),
     "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),

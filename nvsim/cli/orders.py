@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim.project.orders import VERBS
+from nvsim.project.work import WORK
 
 
 def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool = False) -> None:
@@ -20,7 +20,7 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
     from nvsim.cli.arguments import parse
     from nvsim.cli.main import COMMANDS
 
-    if verb not in VERBS:
+    if verb not in WORK:
         raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")
     # The parser has options of its own, one of which writes a file.
     own = [word for word in arguments if word.replace("_", "-").startswith("--tyro-")]

@@ -51,9 +51,9 @@ def main(arguments: list[str]) -> int:
         os.nice(NICE if job.order.heavy else LIGHT_NICE)
     code, message = _run(jobs, job)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the work is over; only its end is to be written down
-    standing = jobs.finish(job, code, message)
+    status = jobs.finish(job, code, message)
     # What waits behind a failure most often builds on it, and waits for the person.
-    if job.order.heavy and standing.state in ("done", "cancelled"):
+    if job.order.heavy and status.state in ("done", "cancelled"):
         start_worker(jobs.root)
     return code
 
@@ -84,7 +84,7 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
                 message = event.summary if isinstance(event, Done) else event.text
             write(event)
 
-        hear(Log("Started." if job.standing.worked == 0 else "Goes on."))
+        hear(Log("Started." if job.status.worked == 0 else "Goes on."))
         try:
             check_order(jobs.root, job.order.verb, job.order.arguments)
             with heard_by(hear):

@@ -26,6 +26,7 @@ from nvsim.evaluation.views import held_out_frames, novel_views
 from nvsim.events import Event, Listener, Log, Progress
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
+from nvsim.project.work import lacks
 from nvsim.submaps.types import Submap, nearest_submap
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def _tables(config: AblationConfig) -> dict[str, tuple[Row, ...]]:
 def _submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
     submaps = project.need_submaps()
     if not floors_key(project):
-        raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
+        raise lacks(project.layout.root, "floors")
     unknown = sorted(set(only) - {s.index for s in submaps})
     if unknown:
         raise InputError(f"There is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")

@@ -28,6 +28,7 @@ from nvsim.perception.segment import read_mask
 from nvsim.project.config import held_out
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
+from nvsim.project.work import lacks
 from nvsim.render.scene import render_scene
 
 Render = Callable[[Camera], tuple[int, Image, NDArray[np.float32]]]
@@ -62,7 +63,7 @@ def evaluate_views(
     """
     scene = project.scene()
     if scene is None:
-        raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
+        raise lacks(project.layout.root, "train")
     folder = truth_of(project, truth)
     frames = held_out_frames(project)
     views = novel_views(project, folder) if novel else []

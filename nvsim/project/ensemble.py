@@ -14,8 +14,9 @@ from typing import Any
 from nvsim.project import results
 from nvsim.project.project import Project
 from nvsim.project.results import Result, Row, remove_folder
+from nvsim.project.work import StageName
 
-STAGE = "train"
+STAGE: StageName = "train"
 _BATCH = "batch train"
 
 

@@ -18,6 +18,7 @@ from nvsim.perception.prompted_network import DECODER, ENCODER, PromptedNetwork,
 from nvsim.perception.roles import Mask
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
+from nvsim.project.work import lacks
 
 _VERSION = 2  # raised when the same inputs give something else
 _FINE = 1024  # pixels: the size that prompted networks look at
@@ -64,7 +65,7 @@ class CandidateMaker:
         not found, and for an image that cannot be read."""
         project = self._project
         if not floors_key(project):
-            raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
+            raise lacks(project.layout.root, "floors")
         path = candidates_path(project, index)
         if path.is_file() and read_candidates(path) is not None:
             return path

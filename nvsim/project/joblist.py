@@ -25,21 +25,22 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, make_folder, write_text
 from nvsim.files.nofollow import is_folder, open_regular, read_end
 from nvsim.project import worker_lock
-from nvsim.project.layout import Layout
-from nvsim.project.orders import VERBS, Order, encode_order, order_path, read_order
-from nvsim.project.standing import (
+from nvsim.project.job_status import (
     FULFILLED,
-    STANDING,
+    STATUS,
     WISH,
-    Standing,
+    JobStatus,
     State,
     Wish,
-    encode_standing,
-    read_standing,
+    encode_status,
+    read_status,
     wish_in,
 )
+from nvsim.project.layout import Layout
+from nvsim.project.orders import Order, encode_order, order_path, read_order
+from nvsim.project.work import WORK
 
-__all__ = ["Job", "JobList", "Order", "Standing", "State", "Wish"]
+__all__ = ["Job", "JobList", "Order", "JobStatus", "State", "Wish"]
 
 KEPT = 60  # ended jobs whose folders are kept
 _MOST_JOBS = 500  # the newest, of which anything is read
@@ -57,7 +58,7 @@ class Job:
     number: int
     folder: Path
     order: Order
-    standing: Standing
+    status: JobStatus
     ours: bool = True
 
     @property
@@ -100,12 +101,12 @@ class JobList:
             order, ours = self._order(number, folder)
         except (OSError, ValueError):
             return None
-        standing = read_standing(folder)
-        if standing.state == "running" and not worker_lock.is_held(folder):
-            standing = self._left_by_the_dead(folder, standing)
-        if not ours and standing.state in ("queued", "paused", "interrupted"):
-            standing = replace(standing, state="foreign", message="")
-        return Job(number, folder, order, standing, ours)
+        status = read_status(folder)
+        if status.state == "running" and not worker_lock.is_held(folder):
+            status = self._left_by_the_dead(folder, status)
+        if not ours and status.state in ("queued", "paused", "interrupted"):
+            status = replace(status, state="foreign", message="")
+        return Job(number, folder, order, status, ours)
 
     def _order(self, number: int, folder: Path) -> tuple[Order, bool]:
         """Read anew only when the file is another one."""
@@ -126,18 +127,18 @@ class JobList:
         return []
 
     @staticmethod
-    def _left_by_the_dead(folder: Path, standing: Standing) -> Standing:
+    def _left_by_the_dead(folder: Path, status: JobStatus) -> JobStatus:
         wish = wish_in(folder)
         try:
-            finished = os.lstat(folder / STANDING).st_mtime
+            finished = os.lstat(folder / STATUS).st_mtime
             with contextlib.suppress(FileNotFoundError):
                 finished = max(finished, os.lstat(folder / "events.jsonl").st_mtime)
         except OSError:
-            finished = standing.started or 0.0
+            finished = status.started or 0.0
         message = "Its process ended without a word, most often by a kill or for want of memory." if not wish else ""
-        worked = standing.worked + max(0.0, finished - (standing.started or finished))
+        worked = status.worked + max(0.0, finished - (status.started or finished))
         state: State = "interrupted" if wish is None else FULFILLED[wish]
-        return replace(standing, state=state, finished=finished, message=message, worked=worked)
+        return replace(status, state=state, finished=finished, message=message, worked=worked)
 
     def ran(self) -> dict[int, float]:
         """Process number -> when it took its job, for every run there was, of forgotten jobs too: the project's own
@@ -158,7 +159,7 @@ class JobList:
     def add(self, verb: str, arguments: Sequence[str], title: str, heavy: bool = True) -> Job:
         """A new job at the end of the queue; nothing is started. Raises InputError when the disk refuses, or no job can
         be of that verb."""
-        if verb not in VERBS:
+        if verb not in WORK:
             raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")
         self._make_folder()
         with self._locked():
@@ -170,7 +171,7 @@ class JobList:
             text = encode_order(self.root, number, order)
             folder = make_folder(self.folder / f"{number:06d}")
             write_text(order_path(folder), text)
-        return Job(number, folder, order, Standing())
+        return Job(number, folder, order, JobStatus())
 
     def again(self, number: int) -> None:
         """Puts a job that does not run back into the queue; it goes on from where it was. Raises InputError where
@@ -179,13 +180,13 @@ class JobList:
             job = self._need(number)
             if not job.ours:
                 raise InputError(f"“{job.order.title}” was ordered elsewhere; look at what it does and order it anew.")
-            if job.standing.state in ("queued", "running"):
+            if job.status.state in ("queued", "running"):
                 return
             try:
                 (job.folder / WISH).unlink(missing_ok=True)
             except OSError as error:
                 raise as_input_error(job.folder / WISH, error) from error
-            self._write(job, Standing(worked=job.standing.worked))
+            self._write(job, JobStatus(worked=job.status.worked))
 
     def order_anew(self, seen: Job) -> None:
         """What somebody else ordered becomes this user's own order, and waits. `seen` is the job as the user was shown
@@ -194,7 +195,7 @@ class JobList:
             job = self._need(seen.number)
             if job.order != seen.order:
                 raise InputError(f"“{seen.order.title}” was changed meanwhile; look at what it does once more.")
-            if job.ours or job.standing.state == "running":
+            if job.ours or job.status.state == "running":
                 return
             self._orders.pop(job.number, None)
             order = replace(job.order, ordered=time.time())
@@ -209,24 +210,24 @@ class JobList:
         """Asks a job to pause or to be cancelled. One that waits obeys at once, one that runs as soon as it can."""
         with self._locked():
             job = self._need(number)
-            state = job.standing.state
+            state = job.status.state
             if state == "running":
                 write_text(job.folder / WISH, wish)
-                worker_lock.send(job.folder, job.standing.pid, signal.SIGTERM)
+                worker_lock.send(job.folder, job.status.pid, signal.SIGTERM)
             elif state in ("queued", "paused", "interrupted", "failed"):
-                self._write(job, replace(job.standing, state=FULFILLED[wish], message=""))
+                self._write(job, replace(job.status, state=FULFILLED[wish], message=""))
 
     def kill(self, number: int) -> None:
         """Ends a running job that does not obey, with everything it started."""
         job = self._need(number)
-        if job.standing.state == "running":
-            worker_lock.send(job.folder, job.standing.pid, signal.SIGKILL, everything=True)
+        if job.status.state == "running":
+            worker_lock.send(job.folder, job.status.pid, signal.SIGKILL, everything=True)
 
     def forget(self, number: int) -> None:
         """Removes a job that does not run from the list; what it made stays in the project."""
         with self._locked():
             job = self._need(number)
-            if job.standing.state != "running":
+            if job.status.state != "running":
                 shutil.rmtree(job.folder, ignore_errors=True)
 
     # The worker's side ------------------------------------------------------------------------------------------
@@ -236,10 +237,10 @@ class JobList:
         wait, when it is heavy and another heavy one runs, or when somebody else ordered it."""
         with self._locked():
             jobs = self.jobs()
-            busy = any(j.order.heavy and j.standing.state == "running" for j in jobs)
+            busy = any(j.order.heavy and j.status.state == "running" for j in jobs)
             for job in jobs:
                 wanted = job.order.heavy if number is None else job.number == number
-                if not wanted or not job.ours or job.standing.state != "queued" or (job.order.heavy and busy):
+                if not wanted or not job.ours or job.status.state != "queued" or (job.order.heavy and busy):
                     continue
                 try:
                     worker_lock.hold(job.folder)
@@ -248,17 +249,17 @@ class JobList:
                 except OSError as error:
                     raise as_input_error(job.folder, error) from error
                 try:
-                    taken = Standing("running", os.getpid(), time.time(), worked=job.standing.worked)
+                    taken = JobStatus("running", os.getpid(), time.time(), worked=job.status.worked)
                     self._write(job, taken)
                     ran = open_regular(self.folder / _RAN, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
                 except OSError as error:
                     raise as_input_error(self.folder / _RAN, error) from error
                 with open(ran, "a") as file:
                     file.write(f"{taken.pid} {taken.started}\n")
-                return replace(job, standing=taken)
+                return replace(job, status=taken)
         return None
 
-    def finish(self, job: Job, code: int, message: str) -> Standing:
+    def finish(self, job: Job, code: int, message: str) -> JobStatus:
         """Writes down how the job of this process ended, by its exit code and by what was asked of it."""
         wish = wish_in(job.folder)
         state: State = "failed"
@@ -268,11 +269,11 @@ class JobList:
             state = "interrupted" if wish is None else FULFILLED[wish]
             message = "Something outside of NVSim asked it to stop." if wish is None else ""
         now = time.time()
-        worked = job.standing.worked + max(0.0, now - (job.standing.started or now))
-        standing = replace(job.standing, state=state, finished=now, worked=worked, code=code, message=message)
-        self._write(job, standing)
+        worked = job.status.worked + max(0.0, now - (job.status.started or now))
+        status = replace(job.status, state=state, finished=now, worked=worked, code=code, message=message)
+        self._write(job, status)
         worker_lock.let_go(job.folder)
-        return standing
+        return status
 
     # Inside -----------------------------------------------------------------------------------------------------
 
@@ -283,11 +284,11 @@ class JobList:
         return job
 
     @staticmethod
-    def _write(job: Job, standing: Standing) -> None:
-        write_text(job.folder / STANDING, encode_standing(standing))
+    def _write(job: Job, status: JobStatus) -> None:
+        write_text(job.folder / STATUS, encode_status(status))
 
     def _prune(self) -> None:
-        ended = [j for j in self.jobs() if j.standing.state in ("done", "failed", "cancelled")]
+        ended = [j for j in self.jobs() if j.status.state in ("done", "failed", "cancelled")]
         for job in ended[: max(0, len(ended) - KEPT)]:
             shutil.rmtree(job.folder, ignore_errors=True)
 

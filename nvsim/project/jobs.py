@@ -13,6 +13,7 @@ from nvsim.events import Event, Listener, Progress
 from nvsim.files import tables
 from nvsim.files.tables import COUNT, NUMBER, TEXT
 from nvsim.project.database import explain
+from nvsim.project.job_status import RAN, Ran
 from nvsim.project.worker_lock import has_open
 
 _BEAT = 1.0  # seconds between updates of a job's row
@@ -20,12 +21,12 @@ _BEAT = 1.0  # seconds between updates of a job's row
 
 @dataclass(frozen=True)
 class JobRecord:
-    """stage: the command's verb. state: "running", "done", "failed", "stopped", or "interrupted" (its process is gone).
+    """stage: the command's verb. state: "interrupted" where its process is gone.
     progress: 0 to 1. started, finished: seconds since the epoch. pid: of the process that runs or ran it."""
 
     id: int
     stage: str
-    state: str
+    state: Ran
     progress: float
     started: float
     finished: float | None
@@ -52,7 +53,7 @@ def read_jobs(connection: sqlite3.Connection, path: Path, lock: Path) -> list[Jo
     rows = tables.read(connection, path, "jobs", _JOB, "ORDER BY id DESC LIMIT 200")
     result = []
     for id, stage, pid, state, started, finished, done, total, message in rows:
-        if state == "running" and not has_open(pid, lock):
+        if state not in RAN or (state == "running" and not has_open(pid, lock)):
             state = "interrupted"
         share = 1.0 if state == "done" else (done / total if total else 0.0)
         result.append(JobRecord(id, stage, state, share, started, finished, message, pid))
@@ -81,7 +82,7 @@ class JobJournal:
             )
         self._listen(event)
 
-    def end(self, state: str, message: str = "") -> None:
+    def end(self, state: Ran, message: str = "") -> None:
         now = time.time()
         self._write(
             "UPDATE jobs SET state = ?, message = ?, updated = ?, finished = ? WHERE id = ?",

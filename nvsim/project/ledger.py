@@ -24,7 +24,6 @@ class StageRecord:
     """The finished result in use: key of its inputs, seconds of work, summary figures."""
 
     key: str
-    state: str
     seconds: float
     summary: dict[str, Any]
 
@@ -41,7 +40,7 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-_STAGE = {"key": TEXT, "state": TEXT, "seconds": NUMBER, "summary": TEXT}
+_STAGE = {"key": TEXT, "seconds": NUMBER, "summary": TEXT}
 
 
 def record(project: Project, stage: str, part: int = 0) -> StageRecord | None:
@@ -49,12 +48,12 @@ def record(project: Project, stage: str, part: int = 0) -> StageRecord | None:
     rows = project.read("stages", _STAGE, "WHERE stage = ? AND part = ? AND state = 'done'", (stage, part))
     if not rows:
         return None
-    key, state, seconds, text = rows[0]
+    key, seconds, text = rows[0]
     with reading(project.layout.database, f"a database with a summary of the stage {stage}", "run the stage again"):
         summary = json.loads(text)
     if not isinstance(summary, dict):
         raise InputError(f"{project.layout.database}: the stage {stage} has no summary; run it again.")
-    return StageRecord(key, state, seconds, summary)
+    return StageRecord(key, seconds, summary)
 
 
 def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:

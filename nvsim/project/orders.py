@@ -11,14 +11,8 @@ from typing import Any
 
 from nvsim.files.nofollow import read_regular
 from nvsim.project.proof import is_proven, proof_of
+from nvsim.project.work import WORK
 
-VERBS = frozenset(
-    (
-        *("import", "demo", "submaps", "floors", "train", "map", "video", "export r2r", "export splats"),
-        *("evaluate views", "evaluate floor", "evaluate graph", "evaluate ablation"),
-    )
-)
-"""The commands that a job may be: those that the window offers."""
 _NAME = "order.json"
 _MOST = 1 << 20  # bytes of the file
 _WHAT = "order"
@@ -50,7 +44,7 @@ def read_order(root: Path, number: int, folder: Path) -> tuple[Order, bool]:
     except RecursionError as error:
         raise ValueError("it is nested too deep") from error
     order = _order(data)
-    return order, order.verb in VERBS and is_proven(root, _WHAT, [number, asdict(order)], data.get("proof"))
+    return order, order.verb in WORK and is_proven(root, _WHAT, [number, asdict(order)], data.get("proof"))
 
 
 def order_path(folder: Path) -> Path:

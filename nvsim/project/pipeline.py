@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from nvsim.events import Listener
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import floors, imported, mapped, submaps, trained
+from nvsim.project.work import STAGES, StageName
 
 
 def run(project: Project, source: Path, understood: CaptureConfig, config: RunConfig, listen: Listener) -> None:
     """A posed walk in, a navigation graph in the project out. Raises InputError for what a person can mend."""
-    imported.run(project, source, understood, listen)
-    submaps.run(project, config.submaps, listen)
-    floors.run(project, listen)
-    trained.run(project, config.train, listen)
-    mapped.run(project, config.map, listen)
+    runs: dict[StageName, Callable[[], object]] = {
+        "import": lambda: imported.run(project, source, understood, listen),
+        "submaps": lambda: submaps.run(project, config.submaps, listen),
+        "floors": lambda: floors.run(project, listen),
+        "train": lambda: trained.run(project, config.train, listen),
+        "map": lambda: mapped.run(project, config.map, listen),
+    }
+    for stage in STAGES:
+        runs[stage]()

@@ -20,13 +20,14 @@ from nvsim.files.locking import WriterLock
 from nvsim.files.opening import refuse_links_out
 from nvsim.files.read_only_database import Snapshot, stamp
 from nvsim.files.reading import reading
-from nvsim.files.tables import COUNT, FLAG, NAME, TEXT, Kind, Row
+from nvsim.files.tables import COUNT, FLAG, NAME, NUMBER, TEXT, Kind, Row
 from nvsim.graph.types import NavGraph
 from nvsim.project import database, graph_table, results
 from nvsim.project.corrections import mask_in_use
 from nvsim.project.cuts import load_cut, same_cut, save_cut
 from nvsim.project.jobs import JobRecord, read_jobs
 from nvsim.project.layout import Layout
+from nvsim.project.work import FROM_A_CUT, StageName, lacks
 from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ class Project:
         """Raises InputError while nothing was imported."""
         capture = self.capture()
         if capture is None:
-            raise InputError(f"{self.layout.root} has no capture yet; run `nvsim import CAPTURE --project` first.")
+            raise lacks(self.layout.root, "import")
         return capture
 
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
@@ -215,7 +216,7 @@ class Project:
         """Raises InputError while the trajectory was not cut."""
         submaps = self.submaps()
         if not submaps:
-            raise InputError(f"{self.layout.root} has no submaps yet; run `nvsim submaps --project` first.")
+            raise lacks(self.layout.root, "submaps")
         return submaps
 
     def graph(self) -> NavGraph | None:
@@ -225,7 +226,7 @@ class Project:
         """Raises InputError while no map was built."""
         graph = self.graph()
         if graph is None:
-            raise InputError(f"{self.layout.root} has no navigation graph yet; run `nvsim map --project` first.")
+            raise lacks(self.layout.root, "map")
         return graph
 
     def surface(self, submap: int) -> FloorSurface | None:
@@ -248,7 +249,7 @@ class Project:
         None while there is none. With `live` the models in training stand in for those that were never finished, as
         long as all are of one cut."""
         submaps, layout = self.submaps("train"), self.layout
-        live = live and not results.is_former(self.connection, "train")
+        live = live and not self.is_former("train")
         places = [[layout.model(s.index), *([layout.live(s.index)] if live else [])] for s in submaps]
         found = [next((f for f in folders if (f / "model.json").is_file()), None) for folders in places]
         if not any(found):
@@ -291,6 +292,14 @@ class Project:
             if not isinstance(found[name], dict):
                 raise InputError(f"{self.layout.database}: the result {name} has no figures; run the evaluation again.")
         return found
+
+    def result_times(self) -> dict[str, float]:
+        """Name of an evaluation -> when its figures were stored, in seconds since the epoch."""
+        return dict(self.read("results", {"name": NAME, "created": NUMBER}, "ORDER BY name"))
+
+    def is_former(self, stage: StageName) -> bool:
+        """Whether the result of `stage` in use belongs to another cut into submaps than the newest."""
+        return results.is_former(self.connection, stage)
 
     def mask_path(self, frame: int) -> Path:
         """The floor mask of a frame that counts: a person's correction, else what the floors stage found."""
@@ -345,7 +354,7 @@ class Project:
                 places["cut/submaps"] = f"cuts/{results.new_number(c)}.npz"
             save_cut(self.root / places["cut/submaps"], submaps)
         with self.transaction():
-            for stage in ("floors", "train"):
+            for stage in FROM_A_CUT:
                 if results.in_use(c, self.root, stage) is not None:
                     places.setdefault(f"cut/{stage}", places["cut/submaps"])
                 former = results.kept(c, stage)

@@ -11,7 +11,8 @@ from nvsim.project.cuts import load_cut
 from nvsim.project.graph_files import graph_in_file
 from nvsim.project.project import Project
 from nvsim.project.replaced import describe
-from nvsim.project.results import STAGES, Result
+from nvsim.project.results import Result
+from nvsim.project.work import STAGES
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.project.layout import Layout, model_name
+from nvsim.project.work import STAGES
 
-STAGES = ("import", "submaps", "floors", "train", "map")
 NOWHERE = "models/none"
 """The place of a model that a result does not have."""
 _PLACE = re.compile(r"((imported|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)")
@@ -271,8 +271,8 @@ def _all_places(c: sqlite3.Connection) -> set[str]:
             result = kept(c, stage, slot)
             if result is not None:
                 found |= set(result.places.values()) | {v for v in result.values.values() if _PLACE.fullmatch(v)}
-    for stage, part in works(c):
-        found |= set(made_at(c, stage, part).values())
+    for name, part in works(c):
+        found |= set(made_at(c, name, part).values())
     return found
 
 

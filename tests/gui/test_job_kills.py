@@ -92,7 +92,7 @@ def steps_of(job: Job) -> list[int]:
 
 def is_training(project: Path) -> bool:
     jobs = JobList(project).jobs()
-    return bool(jobs) and jobs[-1].standing.state == "running" and max(steps_of(jobs[-1]), default=0) > 0
+    return bool(jobs) and jobs[-1].status.state == "running" and max(steps_of(jobs[-1]), default=0) > 0
 
 
 def test_a_training_outlives_the_window_that_is_killed(project: Path, start_window) -> None:
@@ -100,12 +100,12 @@ def test_a_training_outlives_the_window_that_is_killed(project: Path, start_wind
     until(lambda: is_training(project))
     children = psutil.Process(window.pid).children(recursive=True)
     job = job_of(project)
-    mine = [c for c in children if c.pid != job.standing.pid]
+    mine = [c for c in children if c.pid != job.status.pid]
     os.kill(window.pid, signal.SIGKILL)
     window.wait()
     assert is_held(job.folder)
-    until(lambda: job_of(project).standing.state != "running")
-    assert job_of(project).standing.state == "done"
+    until(lambda: job_of(project).status.state != "running")
+    assert job_of(project).status.state == "done"
     assert (project / "models" / "submap_000" / "model.json").is_file()
     until(lambda: not any(c.is_running() and c.status() != psutil.STATUS_ZOMBIE for c in mine))  # who drew is gone too
 
@@ -124,7 +124,7 @@ def test_a_killed_worker_is_offered_again_and_goes_on_from_its_checkpoint(
     assert handle is not None
     checkpoint = project / "checkpoints" / "submap_000.ckpt"
     qtbot.waitUntil(lambda: is_training(project) and checkpoint.is_file(), timeout=int(1000 * SECONDS))
-    os.killpg(handle.job.standing.pid, signal.SIGKILL)
+    os.killpg(handle.job.status.pid, signal.SIGKILL)
     panel = session.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
     qtbot.waitUntil(panel.offer.isVisible, timeout=int(1000 * SECONDS))
@@ -142,7 +142,7 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
 ) -> None:
     window = start_window("train")
     until(lambda: is_training(project))
-    os.killpg(job_of(project).standing.pid, signal.SIGKILL)
+    os.killpg(job_of(project).status.pid, signal.SIGKILL)
     os.kill(window.pid, signal.SIGKILL)
     window.wait()
     session = Session(settings)

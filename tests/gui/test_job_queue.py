@@ -54,7 +54,7 @@ def test_a_job_runs_and_tells_how_it_ended(qtbot: QtBot, queue: JobQueue, projec
 def test_a_mistake_is_told_in_one_sentence(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
     wrong = queue.start("submaps", ["--project", str(project), "--count", "0"], project, "Cut into submaps")
     until(qtbot, wrong, "failed")
-    assert "give at least 1" in wrong.message and wrong.job.standing.code == 2
+    assert "give at least 1" in wrong.message and wrong.job.status.code == 2
     unknown = queue.start("submaps", ["--project", str(project), "--colour", "red"], project, "Cut into submaps")
     until(qtbot, unknown, "failed")
     assert "option is wrong" in unknown.message
@@ -74,7 +74,7 @@ def test_heavy_jobs_wait_for_each_other_and_the_worker_hands_on_by_itself(
 
     def both_done() -> bool:
         nonlocal most
-        states = [j.standing.state for j in jobs.jobs()]
+        states = [j.status.state for j in jobs.jobs()]
         most = max(most, states.count("running"))
         return states == ["done", "done"]
 
@@ -101,7 +101,7 @@ def test_a_job_outlives_the_process_that_ordered_it(qtbot: QtBot, project: Path)
 def test_a_cancelled_job_leaves_no_process(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
     handle = queue.start("floors", ["--project", str(project)], project, "Find the floor")
     until(qtbot, handle, "running")
-    pid = handle.job.standing.pid
+    pid = handle.job.status.pid
     queue.cancel(handle)
     until(qtbot, handle, "cancelled", "failed")
     qtbot.waitUntil(lambda: not is_held(handle.job.folder), timeout=SECONDS)

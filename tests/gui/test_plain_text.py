@@ -31,7 +31,7 @@ from app.wiring.new_project import NewProjectPart
 from app.wiring.window import MainWindow
 from nvsim.events import Failed, Log, Progress
 from nvsim.graph.selection import GraphSelection
-from nvsim.project.joblist import JobList, Standing
+from nvsim.project.joblist import JobList, JobStatus
 from nvsim.project.project import Project
 
 ANY = st.text(st.characters(exclude_categories=()), max_size=300)
@@ -142,7 +142,7 @@ def attacked(fifo: Path, make_window: Callable[[Document], MainWindow], qtbot: Q
     Project.create_or_open(project).close()
     jobs = JobList(project)
     job = jobs.add("train", ["--preset", hostile.text(fifo)], hostile.text(fifo, long=True))
-    jobs._write(job, Standing("failed", started=1.7e9, finished=1.7e9 + 5, code=1, message=hostile.text(fifo)))
+    jobs._write(job, JobStatus("failed", started=1.7e9, finished=1.7e9 + 5, code=1, message=hostile.text(fifo)))
     job.messages.write_text(hostile.text(fifo, long=True), errors="replace")
     document = Document()
     window = make_window(document)

@@ -29,4 +29,4 @@ def write_settings(project: Path) -> None:
 
 def states(project: Path) -> dict[str, str]:
     """Verb -> state of its last job."""
-    return {j.order.verb: j.standing.state for j in JobList(project).jobs()}
+    return {j.order.verb: j.status.state for j in JobList(project).jobs()}

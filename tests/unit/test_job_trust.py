@@ -52,7 +52,7 @@ def running_elsewhere(jobs: JobList) -> subprocess.Popen[str]:
     return process
 
 
-def write_standing(job: Job, **values: object) -> None:
+def write_status(job: Job, **values: object) -> None:
     (job.folder / "standing.json").write_text(json.dumps({"state": "running", "started": time.time(), **values}))
 
 
@@ -66,25 +66,25 @@ def test_a_clock_that_is_set_does_not_end_a_job(jobs: JobList, monkeypatch: pyte
         now = time.time()
         for shift in (-3600.0, -5.0, 5.0, 1e6):
             monkeypatch.setattr(time, "time", lambda shift=shift: now + shift)
-            assert needed(jobs).standing.state == "running"
+            assert needed(jobs).status.state == "running"
         job = needed(jobs)
-        write_standing(job, pid=job.standing.pid, started=now - 1e6)  # what was noted is off as well
+        write_status(job, pid=job.status.pid, started=now - 1e6)  # what was noted is off as well
         jobs.add("map", [], "Map")
-        assert needed(jobs).standing.state == "running" and jobs.claim() is None
+        assert needed(jobs).status.state == "running" and jobs.claim() is None
     finally:
         process.kill()
         process.wait()
-    assert needed(jobs).standing.state == "interrupted"
+    assert needed(jobs).status.state == "interrupted"
 
 
 def test_a_number_that_is_used_again_is_not_the_job(jobs: JobList) -> None:
     job = jobs.add("train", [], "Train")
     stranger = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], start_new_session=True)
     try:
-        write_standing(job, pid=stranger.pid)
-        assert needed(jobs).standing.state == "interrupted"
+        write_status(job, pid=stranger.pid)
+        assert needed(jobs).status.state == "interrupted"
         for number in (stranger.pid, os.getpid(), 1, 0, -1, 2**70):
-            write_standing(job, pid=number)
+            write_status(job, pid=number)
             jobs.ask(1, "pause")
             jobs.kill(1)
             assert not worker_lock.send(job.folder, number, signal.SIGKILL)
@@ -100,12 +100,12 @@ def test_a_forged_number_is_not_signalled_while_the_job_runs(jobs: JobList) -> N
     stranger = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], start_new_session=True)
     try:
         job = needed(jobs)
-        write_standing(job, pid=stranger.pid)
-        assert needed(jobs).standing.state == "running"  # somebody holds its lock
+        write_status(job, pid=stranger.pid)
+        assert needed(jobs).status.state == "running"  # somebody holds its lock
         jobs.ask(1, "cancel")
         jobs.kill(1)
         assert stranger.poll() is None and process.poll() is None
-        write_standing(job, pid=process.pid)
+        write_status(job, pid=process.pid)
         jobs.kill(1)
         assert process.wait(10) == -signal.SIGKILL
     finally:
@@ -120,8 +120,8 @@ def test_a_folder_copied_from_where_its_job_runs_is_not_live(jobs: JobList, tmp_
     try:
         shutil.copytree(jobs.root, tmp_path / "copy.nvsim")
         copy = JobList(tmp_path / "copy.nvsim")
-        assert needed(jobs).standing.state == "running"
-        assert needed(copy).standing.state == "foreign"
+        assert needed(jobs).status.state == "running"
+        assert needed(copy).status.state == "foreign"
     finally:
         process.kill()
         process.wait()
@@ -142,10 +142,10 @@ def test_an_order_that_was_not_given_here_is_foreign_and_never_taken(jobs: JobLi
         {name: value for name, value in data.items() if name != "proof"},
         {**data, "verb": "graph replay"},
     ]
-    assert needed(jobs).ours and needed(jobs).standing.state == "queued"
+    assert needed(jobs).ours and needed(jobs).status.state == "queued"
     for order in forged:
         (folder / "order.json").write_text(json.dumps(order))
-        assert needed(JobList(jobs.root)).standing.state == "foreign"
+        assert needed(JobList(jobs.root)).status.state == "foreign"
         assert jobs.claim() is None and jobs.claim(1) is None
         with pytest.raises(InputError, match="ordered elsewhere"):
             jobs.again(1)
@@ -158,10 +158,10 @@ def test_an_order_does_not_travel_to_another_project_or_number(jobs: JobList, tm
     for place in (theirs, jobs.folder / "000007"):
         place.mkdir(exist_ok=True)
         shutil.copy(folder / "order.json", place / "order.json")
-    assert needed(other).standing.state == "foreign"
-    assert needed(jobs, 7).standing.state == "foreign"
+    assert needed(other).status.state == "foreign"
+    assert needed(jobs, 7).status.state == "foreign"
     shutil.move(jobs.root, tmp_path / "moved.nvsim")
-    assert needed(JobList(tmp_path / "moved.nvsim")).standing.state == "foreign"
+    assert needed(JobList(tmp_path / "moved.nvsim")).status.state == "foreign"
 
 
 def test_a_worker_hands_on_to_no_foreign_job(jobs: JobList) -> None:
@@ -182,7 +182,7 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
     with pytest.raises(InputError, match="changed meanwhile"):
         jobs.order_anew(seen)
     jobs.order_anew(needed(jobs))
-    assert needed(jobs).ours and needed(jobs).standing.state == "queued" and jobs.claim() is not None
+    assert needed(jobs).ours and needed(jobs).status.state == "queued" and jobs.claim() is not None
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_a_damaged_order_is_no_job_and_hides_no_other(jobs: JobList, number: int
 )  # fmt: skip
 def test_a_job_whose_standing_is_damaged_is_not_run_again_unasked(jobs: JobList, text: str) -> None:
     (jobs.add("train", [], "Train").folder / "standing.json").write_text(text)
-    assert needed(jobs).standing.state == "interrupted" and "damaged" in needed(jobs).standing.message
+    assert needed(jobs).status.state == "interrupted" and "damaged" in needed(jobs).status.message
     assert jobs.claim() is None
 
 

@@ -39,13 +39,13 @@ def other_process(jobs: JobList, number: int | None = None) -> subprocess.Popen[
 def state(jobs: JobList, number: int) -> str:
     found = jobs.job(number)
     assert found is not None
-    return found.standing.state
+    return found.status.state
 
 
 def wait_for(jobs: JobList, number: int, wanted: str) -> Job:
     for _ in range(200):
         found = jobs.job(number)
-        if found is not None and found.standing.state == wanted:
+        if found is not None and found.status.state == wanted:
             return found
         time.sleep(0.02)
     raise AssertionError(f"job {number} is {state(jobs, number)}, not {wanted}")
@@ -99,7 +99,7 @@ def test_a_killed_job_is_interrupted_and_can_be_run_again(jobs: JobList) -> None
     process = other_process(jobs)
     os.kill(process.pid, signal.SIGKILL)
     found = wait_for(jobs, job.number, "interrupted")  # although nobody has waited for it: a zombie is dead
-    assert "ended without a word" in found.standing.message
+    assert "ended without a word" in found.status.message
     process.wait()
     jobs.again(job.number)
     assert state(jobs, job.number) == "queued"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from nvsim.cli import show
 from nvsim.errors import InputError
+from nvsim.project.work import lacks
 
 _EYE, _AHEAD = (1.8, 1.6, 1.6), (4.2, 3.2, -0.6)  # of the view into a splat file's room, metres
 _FIELD = 70.0  # degrees
@@ -51,7 +52,7 @@ def run(arguments: Arguments) -> int:
         with Project.open(arguments.project) as project:
             scene, capture = project.scene(), project.need_capture()
         if scene is None:
-            raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
+            raise lacks(arguments.project, "train")
         pose = capture.frames[len(capture.frames) // 2].camera_to_world
         _, model = scene.model_at(pose[:3, 3])
     elif arguments.scene is not None:

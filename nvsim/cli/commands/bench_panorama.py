@@ -9,6 +9,7 @@ from typing import Literal
 from nvsim.cli import show
 from nvsim.cli.arguments import Memory, memory_budget
 from nvsim.errors import InputError
+from nvsim.project.work import lacks
 
 _PLACES = 8
 
@@ -43,7 +44,7 @@ def run(arguments: Arguments) -> int:
         with Project.open(arguments.project) as project:
             scene = project.scene(memory_budget(arguments.memory))
             if scene is None:
-                raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
+                raise lacks(arguments.project, "train")
             positions, floor = project.need_capture().positions, floor_of(project)
         # Spread over the walk, and in its order, as a search goes from neighbour to neighbour.
         places = positions[np.linspace(0, len(positions) - 1, _PLACES).round().astype(int)]

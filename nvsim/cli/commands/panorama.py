@@ -15,6 +15,7 @@ from typing import Literal
 from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
 from nvsim.errors import InputError
 from nvsim.project.project import Project
+from nvsim.project.work import lacks
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def run(arguments: Arguments) -> int:
         position = np.array(_place(arguments, project))
         scene = project.scene(memory_budget(arguments.memory))
     if scene is None:
-        raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
+        raise lacks(arguments.project, "train")
     heading, channels = math.radians(arguments.heading), frozenset({"rgb", *arguments.also})
     if arguments.faces:
         views = render_cube(scene, position, arguments.size or 512, channels, heading, arguments.backend)

@@ -14,13 +14,14 @@ from nvsim.errors import InputError
 from nvsim.events import Done
 from nvsim.project.project import Project
 from nvsim.project.restored import discard, kept_results, megabytes, restore
+from nvsim.project.work import StageName
 
 
 @dataclass(frozen=True)
 class Arguments:
     project: Path
     """The project folder."""
-    stage: Positional[Literal["", "import", "submaps", "floors", "train", "map"]] = ""
+    stage: Positional[Literal["", StageName]] = ""
     """Whose result to put back; the stages after it stay as they are."""
     discard: bool = False
     """Let go of what is kept, to free the disk; what is in use stays."""

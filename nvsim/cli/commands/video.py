@@ -9,6 +9,7 @@ from pathlib import Path
 from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
 from nvsim.cli.console import listening
 from nvsim.errors import InputError
+from nvsim.project.work import lacks
 
 _MOST = 20_000  # frames
 
@@ -51,7 +52,7 @@ def run(arguments: Arguments) -> int:
     with Project.open(arguments.project) as project, listening(arguments.json) as listen:
         scene = project.scene(memory_budget(arguments.memory))
         if scene is None:
-            raise InputError(f"{arguments.project} has no trained submap yet; run `nvsim train --project` first.")
+            raise lacks(arguments.project, "train")
         make_folder(arguments.out)
         film = cv2.VideoWriter(
             _film_path(arguments.out / "video.mp4"),

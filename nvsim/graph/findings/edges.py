@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from nvsim.graph.findings.context import Context
-from nvsim.graph.findings.types import Finding, Fix
+from nvsim.graph.findings.types import Finding, Fix, Severity
 from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import EdgeKey, NavGraph
 
@@ -20,7 +20,7 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
     remove = Fix("Remove the edge", "remove_edges", {"pairs": [list(key)]})
     found = []
 
-    def add(kind: str, severity: str, message: str, *fixes: Fix) -> None:
+    def add(kind: str, severity: Severity, message: str, *fixes: Fix) -> None:
         found.append(Finding(kind, severity, f"{names} {message}.", key, (key,), fixes))
 
     if key in context.one_way and not graph.edges[key].reviewed:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, get_args
 
 from nvsim.graph.types import EdgeKey
 
-SEVERITIES = ("error", "warning", "notice")
+Severity = Literal["error", "warning", "notice"]
 """error: agents fail, or walk into something. warning: probably wrong. notice: worth a look."""
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 BLOCKS_EXPORT = frozenset({"scan", "id", "empty", "isolated", "one_way", "length"})
 """Kinds that break the programs which read the files, so that an export is refused."""
 
@@ -39,7 +40,7 @@ class Finding:
     """
 
     kind: str
-    severity: str
+    severity: Severity
     message: str
     viewpoints: tuple[str, ...] = ()
     edges: tuple[EdgeKey, ...] = ()

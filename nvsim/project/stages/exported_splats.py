@@ -14,6 +14,7 @@ from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
 from nvsim.project import results
 from nvsim.project.project import Project
+from nvsim.project.work import lacks
 from nvsim.splats.floor_mesh import FloorMesh, floor_mesh
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.formats.glb import write_glb
@@ -38,7 +39,7 @@ def export_splats(
     """
     scene, capture = project.scene(), project.need_capture()
     if scene is None:
-        raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
+        raise lacks(project.layout.root, "train")
     missing = sorted(set(only) - set(scene.indices))
     if missing:
         raise InputError(f"submap {missing[0]} is not trained; trained are {', '.join(map(str, scene.indices))}.")

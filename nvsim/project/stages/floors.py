@@ -20,8 +20,9 @@ from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
+from nvsim.project.work import StageName
 
-STAGE = "floors"
+STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
 
@@ -74,7 +75,7 @@ def refresh_support(project: Project, listen: Listener) -> None:
         return
     key = _support_key(project, masks_key)
     # Projects of before masks could be corrected have no row of their own for it.
-    made_with = masks_key if found is None else found.key if found.state == "done" else ""
+    made_with = masks_key if found is None else found.key
     if made_with == key:
         return
     started = time.monotonic()
@@ -141,4 +142,4 @@ def _support(project: Project) -> float:
 def floors_key(project: Project) -> str:
     """The key of the committed masks, "" while there are none."""
     found = ledger.record(project, STAGE)
-    return found.key if found is not None and found.state == "done" else ""
+    return "" if found is None else found.key

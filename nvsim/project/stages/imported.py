@@ -16,8 +16,9 @@ from nvsim.project import ledger, results
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
+from nvsim.project.work import StageName, lacks
 
-STAGE = "import"
+STAGE: StageName = "import"
 _CONFIG = "capture_config"
 
 
@@ -92,6 +93,6 @@ def capture_config(project: Project) -> CaptureConfig:
 def capture_key(project: Project) -> str:
     """The key that everything after the import depends on. Raises InputError while nothing was imported."""
     found = ledger.record(project, STAGE)
-    if found is None or found.state != "done":
-        raise InputError(f"{project.layout.root} has no capture yet; run `nvsim import CAPTURE --project` first.")
+    if found is None:
+        raise lacks(project.layout.root, "import")
     return found.key

@@ -23,11 +23,12 @@ from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.floors import refresh_support, supporting_frames
 from nvsim.project.thresholds import recorded
+from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
 
-STAGE = "map"
+STAGE: StageName = "map"
 
 
 class SceneViews:
@@ -69,7 +70,7 @@ def run(
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
-        raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
+        raise lacks(project.layout.root, "train")
     previous = project.graph() if reapply else None
     if reapply and previous is None:
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
@@ -106,7 +107,7 @@ def map_key(project: Project, config: MappingConfig) -> str:
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
-    return ledger.key_of(STAGE, [t.key if t and t.state == "done" else "" for t in trained], config, *corrected)
+    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config, *corrected)
 
 
 def scan_name(project: Project) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -12,6 +11,7 @@ from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_n
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews
+from nvsim.project.work import lacks
 
 
 def measure(
@@ -25,7 +25,7 @@ def measure(
     """See measure_newcomers. Raises InputError while no submap is trained, or when an id is not in `graph`."""
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
-        raise InputError(f"{project.layout.root} has no trained submap yet; run `nvsim train --project` first.")
+        raise lacks(project.layout.root, "train")
     return measure_new_viewpoints(
         graph, ids, SceneViews(scene), floor_of(project).height_at, support.at, config, listen=listen
     )

@@ -12,10 +12,11 @@ from nvsim.project import ledger
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_key
+from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig, split
 from nvsim.submaps.types import Submap
 
-STAGE = "submaps"
+STAGE: StageName = "submaps"
 
 
 def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Submap, ...]:

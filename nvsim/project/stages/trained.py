@@ -19,11 +19,12 @@ from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.submap_training import train, training_frames, training_views
 from nvsim.project.stages.submaps import submaps_of_capture
+from nvsim.project.work import StageName, lacks
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
 
 __all__ = ["STAGE", "run", "train_key", "training_views"]
-STAGE = "train"
+STAGE: StageName = "train"
 
 
 def run(
@@ -37,7 +38,7 @@ def run(
     number. Raises InputError when the masks are missing or a submap is."""
     submaps = submaps_of_capture(project)
     if not floors_key(project):
-        raise InputError(f"{project.layout.root} has no floor masks yet; run `nvsim floors --project` first.")
+        raise lacks(project.layout.root, "floors")
     if results.is_former(project.connection, "floors"):
         raise InputError(
             f"The floors of {project.layout.root} were found with another cut into submaps; run "

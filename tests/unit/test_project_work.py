@@ -1,0 +1,84 @@
+"""One table of the work on a project, from which the command line, the jobs and the pipeline read."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from nvsim.cli.main import COMMANDS
+from nvsim.errors import InputError
+from nvsim.project import pipeline
+from nvsim.project.config import CaptureConfig, RunConfig
+from nvsim.project.joblist import JobList
+from nvsim.project.project import Project
+from nvsim.project.stage_states import StageStates, first_stale, stage_states
+from nvsim.project.stages import floors, imported, mapped, submaps, trained
+from nvsim.project.work import FROM_A_CUT, PIPELINE, STAGE, STAGES, WORK, sentence
+
+
+def test_every_work_is_a_command_that_helps_with_the_words_of_the_table() -> None:
+    assert {verb: COMMANDS[verb][1] for verb in WORK} == {verb: row.does for verb, row in WORK.items()}
+
+
+def test_a_stage_needs_the_one_before_it() -> None:
+    assert [WORK[stage].needs for stage in STAGES] == [None, *STAGES[:-1]]
+    assert STAGES[1:] == PIPELINE
+
+
+def test_the_modules_of_the_stages_call_themselves_by_the_names_of_the_table() -> None:
+    assert tuple(m.STAGE for m in (imported, submaps, floors, trained, mapped)) == STAGES
+
+
+def test_the_main_job_runs_the_stages_in_the_order_of_the_table(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ran: list[str] = []
+    for module in (mapped, trained, floors, submaps, imported):
+        monkeypatch.setattr(module, "run", lambda *_, name=module.STAGE: ran.append(name))
+    with Project.create_or_open(tmp_path / "house.nvsim") as project:
+        pipeline.run(project, tmp_path, CaptureConfig(), RunConfig(), lambda _: None)
+    assert tuple(ran) == STAGES
+
+
+@pytest.mark.parametrize("verb", WORK)
+def test_what_the_window_may_order_can_be_a_job(verb: str, tmp_path: Path) -> None:
+    assert JobList(tmp_path / "house.nvsim").add(verb, [], WORK[verb].title).order.verb == verb
+
+
+@pytest.mark.parametrize("verb", ["app", "bench train", "graph edit", "run"])
+def test_nothing_else_can_be_a_job(verb: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be a job"):
+        JobList(tmp_path / "house.nvsim").add(verb, [], "Anything")
+
+
+def test_what_is_said_of_a_stage_is_whole() -> None:
+    for stage in PIPELINE:
+        assert STAGE[stage].outdated.endswith(".") and STAGE[stage].lacking.endswith("yet")
+    assert FROM_A_CUT == ("floors", "train")
+    assert sentence(STAGE["submaps"].lacking) == "The trajectory is not divided into submaps yet."
+
+
+def test_the_first_stale_stage_is_the_one_to_run_again() -> None:
+    assert first_stale(frozenset(), frozenset()) is None
+    assert first_stale(frozenset({"map", "train"}), frozenset({"floors"})) == ("floors", STAGE["floors"].former)
+    assert first_stale(frozenset({"map", "floors"}), frozenset({"floors"})) == ("floors", STAGE["floors"].outdated)
+
+
+def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
+    with Project.create_or_open(tmp_path / "house.nvsim") as project:
+        assert stage_states(project) == StageStates()
+        with project.transaction() as c:
+            for stage, at in (("import", 20.0), ("submaps", 10.0), ("floors", 30.0)):
+                c.execute(
+                    "INSERT INTO stages (stage, part, key, state, seconds, finished, summary) "
+                    "VALUES (?, 0, 'k', 'done', 1, ?, '{}')",
+                    (stage, at),
+                )
+        found = stage_states(project)
+    assert found.done == {"import", "submaps", "floors"} and found.outdated == {"submaps"}
+
+
+def test_the_help_loads_nothing_heavy() -> None:
+    code = "import sys, nvsim.cli.main; print(*sorted({'numpy', 'torch', 'dataclasses', 'sqlite3'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
