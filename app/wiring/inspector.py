@@ -126,7 +126,7 @@ class InspectorPart(Part):
         else:
             self.panoramas.want((x, y, z), None if file is None else partial(file.panorama, id))
         self.panel.offer_channels(file is None)
-        lacking = "No pictures lie beside the file." if file else "No submap is trained yet: there is nothing to see."
+        lacking = "No images lie beside the file." if file else "No submap is trained yet: there is nothing to see."
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
         self.workspace.scene.update()

@@ -42,7 +42,7 @@ class JobsPart(Part):
             toolbar=True,
             enabled=with_capture,
         ),
-        _action("submaps", 1, "Divide the walk into overlapping parts that become one model each"),
+        _action("submaps", 1, "Divide the trajectory into overlapping parts that become one model each"),
         _action("floors", 1, "Find the floor in every frame"),
         _action("train", 1, "Fit the Gaussian models of the submaps", "Ctrl+Shift+T"),
         _action("map", 1, "Walk the models and build the navigation graph", "Ctrl+Shift+M"),

@@ -21,16 +21,16 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "floors": ("floors", "find the floor in every frame"),
     "train": ("train", "fit the floor-aware Gaussian model of each submap"),
     "map": ("map", "walk the models and build the navigation graph"),
-    "restore": ("restore", "go back to the result of a stage before its last run, or let go of what is kept"),
-    "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
+    "restore": ("restore", "go back to the result of a stage before its last run, or delete it"),
+    "panorama": ("panorama", "draw an equirectangular image or a skybox at any place"),
     "graph select": ("graph_select", "list the viewpoints and edges for which an expression holds"),
     "graph edit": ("graph_edit", "edit the graph of a project or an R2R connectivity file by name"),
     "graph replay": ("graph_replay", "do the edits of a script again"),
     "graph log": ("graph_log", "list the edits that were made, or write them as a script"),
-    "graph check": ("graph_check", "what agents or a person would trip over in a graph, yours or any R2R file"),
+    "graph check": ("graph_check", "what agents or a user would stumble over in a graph, yours or any R2R file"),
     "graph propose": ("graph_propose", "edges and viewpoints that a graph lacks, with reasons, as a list or a script"),
     "graph review": ("graph_review", "the edges to look at, the least certain first"),
-    "graph compare": ("graph_compare", "what one graph has otherwise than another, and a merge of the two"),
+    "graph compare": ("graph_compare", "how one graph differs from another, and a merge of the two"),
     "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),
     "video": ("video", "draw a camera path as video frames"),
     "export r2r": ("export_r2r", "write R2R connectivity and scans.txt"),
@@ -96,7 +96,7 @@ def _help(group: str = "") -> str:
     rows = [(v, text) for v, (_, text) in COMMANDS.items() if not group or v.split()[0] == group]
     width = max(len(v) for v, _ in rows)
     lines = [f"  {v:<{width}}  {text}" for v, text in rows]
-    head = "NVSim: from a posed walk through a building to a navigation simulator.\n\nusage: nvsim COMMAND [options]"
+    head = "NVSim: from images of a building with poses to a navigation simulator.\n\nusage: nvsim COMMAND [options]"
     tail = "`nvsim COMMAND --help` explains its options. A project is a folder, NAME.nvsim."
     return "\n".join([head, "", *lines, "", tail])
 
