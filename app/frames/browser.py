@@ -28,7 +28,7 @@ from nvsim.project.work import STAGE, sentence
 
 TOOLS = ("brush", "points")
 _HINTS = {
-    "": "Wheel zooms, drag moves, double-click fits; Page Up and Page Down go through the walk, Esc goes back",
+    "": "Wheel zooms, drag moves, double-click fits; Page Up and Page Down go through the trajectory, Esc goes back",
     "brush": "Left paints floor, right erases it; wheel or [ ] sets the size, Shift draws straight, Ctrl+wheel zooms, "
     "Ctrl+Z takes back",
     "points": "Left: this surface is floor; right: this is none; wheel zooms, middle drag moves, Ctrl+Z takes back",

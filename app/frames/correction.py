@@ -51,7 +51,7 @@ class Correction:
     def __init__(self, mask: Mask, machine: Mask) -> None:
         """Raises ValueError when the masks have different sizes."""
         if mask.shape != machine.shape:
-            raise ValueError("the mask and the machine's mask differ in size")
+            raise ValueError("the mask and the one before correction differ in size")
         self.mask, self.machine = mask.copy(), machine
         self._prompts = Prompts()
         self._steps: list[Step] = []
@@ -121,7 +121,7 @@ class Correction:
 
     def revert(self) -> Box | None:
         """Back to what the machine found; can be undone like everything else."""
-        return self.replace(self.machine, "Revert to the machine's mask")
+        return self.replace(self.machine, "Revert to the mask before correction")
 
     def prompt(self, prompt: Prompt, add: Mask, take: Mask) -> Box:
         """Sets a point. With all those since the last stroke it makes floor of the regions `add` and takes the regions

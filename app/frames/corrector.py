@@ -95,7 +95,7 @@ class Corrector(QObject):
             self._after(self.correction.redo())
 
     def revert(self) -> None:
-        """Back to the machine's mask."""
+        """Goes back to the mask that the floors stage found."""
         if self.correction is not None:
             self._after(self.correction.revert())
 

@@ -62,7 +62,7 @@ def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
 
 
 def write_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_] | None) -> None:
-    """None goes back to the machine's mask. Raises InputError when the disk refuses."""
+    """None goes back to the mask that the floors stage found. Raises InputError when the disk refuses."""
     from nvsim.project.corrections import remove_correction, save_correction
 
     if mask is None:

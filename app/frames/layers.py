@@ -41,7 +41,7 @@ def standard_layers() -> tuple[FrameLayer, ...]:
                    "#4e79a7", False, 0.55),
         FrameLayer("prompted", "Grown from prompts", "M_final of the hybrid segmentation: what three points of both "
                    "others give on the map of normals", "#f28e2b", False, 0.55),
-        FrameLayer("machine", "Machine's mask", "What the floors stage found, before any correction",
+        FrameLayer("machine", "Mask before correction", "The mask that the floors stage found",
                    "#edc948", False, 0.5),
         FrameLayer("floor", "Floor mask", "The mask that training uses", FLOOR_COLOR, True, 0.45),
     )  # fmt: skip

@@ -139,12 +139,12 @@ class InspectorPanel(QScrollArea):
                 self.view.set_channel(channel)
 
     def offer_channels(self, drawn: bool) -> None:
-        """Pictures that were taken have colours alone; alpha and normals are those of a model, which is drawn."""
+        """Enables the channels that exist: a model renders all of them, images beside a file have colours only."""
         for button in self.channels.buttons():
             channel = str(button.property("channel"))
             button.setEnabled(drawn or channel == "rgb")
             shown = f"Show {CHANNELS[channel].lower()} in the panorama"
-            button.setToolTip(tip(shown) if button.isEnabled() else "Photographs have none")
+            button.setToolTip(tip(shown) if button.isEnabled() else "The images beside a file have colours only")
 
     def _on_current(self, item: QTreeWidgetItem | None) -> None:
         if item is not None:
@@ -197,7 +197,7 @@ class InspectorPanel(QScrollArea):
         if self._inspection.viewpoint is None:
             return "Select a viewpoint to see what was measured around it."
         if not found:
-            return "No evidence is stored for this viewpoint: a person or a file put it there, or it was moved."
+            return "No evidence is stored for this viewpoint: a user or a file put it there, or it was moved."
         free = sum(d.open for d in found)
         return f"{free} of {len(found)} directions pass the thresholds. Point at one to see its values."
 

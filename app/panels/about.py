@@ -13,8 +13,9 @@ from app.look.labels import Label, MarkedLabel
 from app.panels.system_report import report, version_of
 
 _WHAT = (
-    "Turns a posed walk through a building into a simulator for vision-and-language navigation: floor-aware Gaussian "
-    "models, a navigation graph with the evidence behind every edge, and R2R data that existing agents load."
+    "Turns images of a building with their camera poses into a simulator for vision-and-language navigation: "
+    "floor-aware Gaussian models, a navigation graph with the evidence behind every edge, and R2R data that existing "
+    "agents load."
 )
 
 

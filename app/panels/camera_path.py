@@ -37,8 +37,8 @@ class CameraPathPanel(QWidget):
         self.width_box, self.height_box = _pixels(1920), _pixels(1080)
         self.layers = QCheckBox("With the layers")
         self.layers.setChecked(True)
-        self.layers.setToolTip("Draw the layers that are shown over the picture")
-        self.picture = QPushButton("Save picture…")
+        self.layers.setToolTip("Draw the layers that are shown over the image")
+        self.picture = QPushButton("Save image…")
         self.picture.setToolTip("Draw what the view sees in this size and save it")
         self.keys = QListWidget()
         self.keys.setToolTip("Double-click to go there")
@@ -90,7 +90,7 @@ class CameraPathPanel(QWidget):
             (self.video, "Draw the path as PNG frames and an MP4"),
         ):
             button.setEnabled(enough)
-            button.setToolTip(tip(words if enough else f"{words}\nNot now: a path needs two key poses."))
+            button.setToolTip(tip(words if enough else f"{words}\nNot now: a path needs at least two key poses."))
 
     def _lay_out(self) -> None:
         column = QVBoxLayout(self)

@@ -156,7 +156,7 @@ class DetailsPanel(QScrollArea):
                 {
                     "Frame": f"{selection.frame + 1} of {len(contents.capture.frames)}",
                     "Position": f"{x:.2f}, {y:.2f}, {z:.2f} m",
-                    "Picture": f"{frame.lens.width}×{frame.lens.height}, {frame.lens.model}",
+                    "Image": f"{frame.lens.width}×{frame.lens.height}, {frame.lens.model}",
                     "Submap": str(owner) if owner >= 0 else "none",
                     "Sensor": frame.sensor,
                 },
@@ -199,7 +199,7 @@ class DetailsPanel(QScrollArea):
 _ORIGINS = {
     "start": "the start of the search",
     "step": "a step of the search",
-    "person": "a person",
+    "person": "a user",
     "file": "an imported file",
 }
 

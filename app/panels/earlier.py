@@ -21,7 +21,7 @@ class EarlierResults(QDialog):
         self.setWindowTitle("Earlier results")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         intro = Label(
-            "Each is what its stage had made before its last run. Restoring it keeps the present one in its place; the "
+            "Each is the result of a stage before its last run. Restoring it puts the present result in its place; the "
             "stages after it stay as they are.",
             self,
         )

@@ -121,7 +121,7 @@ class FramePanel(QWidget):
         if self.filter.rowCount():
             return ""
         all_frames = self.model.rowCount()
-        return "No frame is like that." if all_frames else "The frames of the walk appear here, with their floor."
+        return "No frame fits the filter." if all_frames else "The frames of the capture appear here, with their floor."
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "submaps" not in parts:

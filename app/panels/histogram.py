@@ -106,7 +106,7 @@ class HistogramPanel(QWidget):
 
     def _count(self, name: str, kind: Kind) -> None:
         graph = self._document.graph
-        self._ids, self._values, self._trouble = (), np.zeros(0), "nothing is known of this here"
+        self._ids, self._values, self._trouble = (), np.zeros(0), "this graph has no such values"
         if graph is None:
             return
         known = Known(self._document.contents.occupancy, clearness=self._document.evidence.at)

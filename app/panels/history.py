@@ -69,7 +69,7 @@ class HistoryModel(QAbstractListModel):
             return plain(step.text)
         if role == Qt.ItemDataRole.ToolTipRole:
             when = time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
-            return tip(f"{when}, not edited here" if step.outside else when)
+            return tip(f"{when}, not edited in this window" if step.outside else when)
         if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
             return QColor(colors.QUIET_TEXT)
         if role == Qt.ItemDataRole.FontRole and (row == history.index or step.outside):

@@ -70,7 +70,7 @@ class JobPreview(QWidget):
         pictures = self.pictures
         if not pictures or self._handle is None:
             painter.setPen(self.palette().placeholderText().color())
-            words = "A picture appears here while a submap trains."
+            words = "An image appears here while a submap trains."
             painter.drawText(self.rect().adjusted(12, 8, -12, -8), Qt.AlignmentFlag.AlignTop, words)
             return
         caption = painter.fontMetrics().height() + 4

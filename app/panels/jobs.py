@@ -75,7 +75,7 @@ def waiting_words(handles: Sequence[JobHandle]) -> str:
     words = {"interrupted": "was interrupted", "paused": "is paused", "queued": "waits", "failed": "failed"}
     named = [f"“{plain(h.title)}” {words.get(h.state, h.state)}" for h in handles[:3]]
     more = f" and {len(handles) - 3} more wait" if len(handles) > 3 else ""
-    return f"{', '.join(named)}{more}. What was done is kept."
+    return f"{', '.join(named)}{more}. What was finished is not lost."
 
 
 class JobPanel(QWidget):

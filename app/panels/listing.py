@@ -90,9 +90,9 @@ VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
     Column("y", "Metres", _axis(1), _metres, True),
     Column("z", "Metres", _axis(2), _metres, True),
     Column("In", "Whether agents use it", _of_viewpoint("included"), _yes),
-    Column("Reviewed", "Whether a person looked at it", _of_viewpoint("reviewed"), _yes),
+    Column("Reviewed", "Whether a user looked at it", _of_viewpoint("reviewed"), _yes),
     Column("Locked", "Whether edits leave it alone", _of_viewpoint("locked"), _yes),
-    Column("From", "Who put it there", _of_viewpoint("origin"), str),
+    Column("From", "What put it there: a step of the search, a merge, a person, a file", _of_viewpoint("origin"), str),
 )
 
 EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
@@ -101,9 +101,9 @@ EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
     Column("Length", "Metres", Facts.length, _metres, True),
     Column("Evidence", "1 where every corridor that was measured is clear, 0 where one is full; – without evidence",
            lambda f, key: f.evidence.at(f.graph, key), _share, True),
-    Column("Reviewed", "Whether a person looked at it", _of_edge("reviewed"), _yes),
+    Column("Reviewed", "Whether a user looked at it", _of_edge("reviewed"), _yes),
     Column("Locked", "Whether edits leave it alone", _of_edge("locked"), _yes),
-    Column("Made by", "Who put it there", _of_edge("origin"), str),
+    Column("Made by", "What put it there: a step of the search, a merge, a person, a file", _of_edge("origin"), str),
 )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 _COLUMNS = ("Submap", "Frames", "Overlap", "PSNR", "Gaussians", "Model")
 _TIPS = (
-    "A part of the walk that becomes one model",
+    "A part of the trajectory that becomes one model",
     "Frames that belong to this submap alone",
     "Frames it shares with its neighbours",
     "Decibels; of the training frames where nothing better is known",
@@ -98,9 +98,7 @@ class SubmapPanel(QWidget):
         layout.addWidget(self.table)
 
     def _missing(self) -> str:
-        return (
-            "" if self.model.rowCount() else "The submaps of the walk appear here.\nJobs > Cut into submaps makes them."
-        )
+        return "" if self.model.rowCount() else "The submaps appear here.\nJobs > Cut into submaps makes them."
 
     def _on_selected(self) -> None:
         rows = self.table.selectionModel().selectedRows()

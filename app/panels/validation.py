@@ -154,7 +154,7 @@ class ValidationPanel(QWidget):
         bottom = QHBoxLayout()
         bottom.addWidget(self.reason, 1)
         bottom.addWidget(self.ignore_button)
-        self.clean = Label("Nothing is wrong that we know of.", self)
+        self.clean = Label("Nothing wrong was found.", self)
         self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
         layout = QVBoxLayout(self)
@@ -191,7 +191,7 @@ class ValidationPanel(QWidget):
         self.model.renew()
         self.table.setVisible(bool(self.model.rows))
         self.clean.setVisible(not self.model.rows)
-        self.clean.setText("Nothing that the filter shows." if found else "Nothing is wrong that we know of.")
+        self.clean.setText("No finding fits the filter." if found else "Nothing wrong was found.")
         if kept is not None:
             for row, finding in enumerate(self.model.rows):
                 if finding.key == kept.key:
@@ -252,7 +252,7 @@ class ValidationPanel(QWidget):
         ignored = finding is not None and graph is not None and finding.key in graph.ignored
         self.fix.setEnabled(bool(fixes) and editing.writable)
         self.fix.setText(caption(f"Fix: {fixes[0].text}") if fixes else "Fix")
-        nothing = "Choose a finding" if finding is None else "For this there is no fix that does not need a person"
+        nothing = "Choose a finding" if finding is None else "No fix can be made without you: look at the place"
         self.fix.setToolTip(tip(fixes[0].text if fixes else nothing))
         menu = QMenu(self.fix)
         for fix in fixes:
@@ -262,10 +262,12 @@ class ValidationPanel(QWidget):
         if old is not None:
             old.deleteLater()
         self.reason.setEnabled(finding is not None and not ignored and editing.writable)
-        self.ignore_button.setText("Heed again" if ignored else "Ignore")
+        self.ignore_button.setText("Show again" if ignored else "Ignore")
         self.ignore_button.setEnabled(
             finding is not None and editing.writable and (ignored or bool(self.reason.text().strip()))
         )
         self.ignore_button.setToolTip(
-            "Takes it up again" if ignored else "Say why in the field beside; it stays ignored in this project"
+            "Shows it among the findings again"
+            if ignored
+            else "Say why in the field beside; it stays ignored in this project"
         )

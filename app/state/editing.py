@@ -112,7 +112,7 @@ class Editing(QObject):
             self.history.take_over("Map built again by a job", graph)
         else:
             self.told.emit(
-                "The graph of the project was built again while you edit; yours is kept, and saving replaces the "
+                "The graph of the project was built again while you edit. You still edit yours; saving replaces the "
                 "built one. Compare shows the two."
             )
         return True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from nvsim.graph.history import counted
+from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
@@ -15,13 +16,13 @@ MOST = 500  # things that are counted through; of more only the number is said
 _ORIGINS = {
     "step": "a step of the search",
     "merge": "a corridor to a viewpoint that was there",
-    "person": "a person",
+    "person": "a user",
     "file": "an imported file",
 }
 
 
 def marks_of(viewpoint: Viewpoint) -> dict[str, str]:
-    """What a person did to it, as far as anything."""
+    """What a user did to the viewpoint: excluded, reviewed or locked it. Empty where nothing was done."""
     marks = {} if viewpoint.included else {"In navigation": "no, excluded"}
     if viewpoint.reviewed:
         marks["Reviewed"] = "yes"
@@ -54,8 +55,8 @@ def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
     if math.isnan(slack):
         return "none, nothing was measured along it"
     if slack >= 0:
-        return f"speaks for it, by {slack:.2f}"
-    return f"speaks against it, by {-slack:.2f}: {against(config)(graph, key)}".rstrip(": ")
+        return f"speaks for it, by {distance(slack)}"
+    return f"speaks against it, by {distance(slack)}: {against(config)(graph, key)}".rstrip(": ")
 
 
 def of_several(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, str]]:

@@ -11,7 +11,7 @@ from nvsim.project.work import STAGE
 Reason = str | None  # why a command cannot run, None when it can
 
 
-UNDECIDED = "a splat file is open, which has no walk and no graph"
+UNDECIDED = "a splat file is open, which has no trajectory and no graph"
 
 
 def always(document: Document) -> Reason:
@@ -62,7 +62,7 @@ def with_selection(document: Document) -> Reason:
 
 def with_earlier(document: Document) -> Reason:
     kept = document.contents.kept
-    return None if kept else "no earlier result is kept; there is one when a stage has been run again"
+    return None if kept else "there is no earlier result yet; a stage that runs again leaves one"
 
 
 def with_frame(document: Document) -> Reason:

@@ -20,6 +20,14 @@ _WORDS = {
     "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "iou": "IoU", "miou": "mean IoU", "m2": "m²",
     "nonfloor": "no floor",
 }  # fmt: skip
+_NAMES = {
+    "nodes": "viewpoints", "node_validity": "validity of viewpoints", "edge_validity": "validity of edges",
+    "node_validity_robot": "validity of viewpoints, for a robot",
+    "edge_validity_robot": "validity of edges, for a robot",
+    "reachable_m2": "reachable floor, m²", "largest_component": "share of viewpoints in the largest component",
+    "isolated": "viewpoints without an edge", "mean_degree": "edges at a viewpoint, mean",
+    "edge_length": "length of edges, mean, m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,7 @@ def _is_number(value: object) -> bool:
 
 def words_of(name: str) -> str:
     """psnr_floor -> "PSNR floor"."""
-    return " ".join(_WORDS.get(word, word) for word in name.split("_"))
+    return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
 
 
 def value_words(value: object) -> str:

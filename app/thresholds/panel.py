@@ -199,15 +199,13 @@ def notes(outcome: Rethreshold) -> list[str]:
             f"{outcome.lonely:,} {_things(outcome.lonely, 'viewpoint loses its', 'viewpoints lose their')} last edge."
         )
     if outcome.kept:
-        found.append(
-            f"{outcome.kept:,} {_things(outcome.kept, 'edge stays', 'edges stay')}: made or locked by a person."
-        )
+        found.append(f"{outcome.kept:,} {_things(outcome.kept, 'edge stays', 'edges stay')}: made or locked by a user.")
     if outcome.unanswered:
-        found.append(f"Of {outcome.unanswered:,} that appear nobody measured the way back.")
+        found.append(f"For {outcome.unanswered:,} that appear, the way back was not measured.")
     if outcome.beyond:
         found.append(
-            f"{outcome.beyond:,} {_things(outcome.beyond, 'step leads', 'steps lead')} to new ground; "
-            "only a new build looks there."
+            f"{outcome.beyond:,} {_things(outcome.beyond, 'step leads', 'steps lead')} to places without a viewpoint; "
+            "only Build again looks there."
         )
     return found
 

@@ -181,7 +181,7 @@ class MapView(QWidget):
         self.hint.refresh()
 
     def _missing(self) -> str:
-        return "" if len(self._document.extent) else "The walk and the graph appear here from above."
+        return "" if len(self._document.extent) else "The trajectory and the graph appear here from above."
 
     def _draw_occupancy(self) -> None:
         occupancy = self._document.contents.occupancy

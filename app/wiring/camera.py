@@ -14,7 +14,7 @@ class CameraPart(Part):
         Action(
             "home",
             "&Home",
-            "Back to where the walk began",
+            "Back to the start of the trajectory",
             "&Camera",
             shortcut="H",
             icon="home",

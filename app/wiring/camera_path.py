@@ -29,7 +29,7 @@ class CameraPathPart(Part):
         Action(
             "add_key",
             "&Add view to the camera path",
-            "Make the present view the next key pose of the path in the Pictures panel",
+            "Make the present view the next key pose of the path in the panel Camera path",
             "&Camera",
             3,
             "Ctrl+Shift+V",
@@ -46,8 +46,8 @@ class CameraPathPart(Part):
         ),
         Action(
             "save_sized",
-            "&Save a picture of any size…",
-            "Draw what the view sees in the size that the Pictures panel says",
+            "&Save an image of any size…",
+            "Draw what the view sees in the size that the panel Camera path says",
             "&Camera",
             3,
             enabled=with_positions,
@@ -73,7 +73,7 @@ class CameraPathPart(Part):
         workspace.document.projectChanged.connect(self._clear)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("camera_path", "Pictures", self.panel, "left", tab="submaps"),)
+        return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps"),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
@@ -137,10 +137,10 @@ class CameraPathPart(Part):
         if share >= 1:
             self.panel.play.setChecked(False)
 
-    # Pictures and videos -----------------------------------------------------------------------------------------
+    # Images and videos ------------------------------------------------------------------------------------------
 
     def _choose_picture(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self.workspace.window, "Save picture", "view.png", "PNG (*.png)")
+        name, _ = QFileDialog.getSaveFileName(self.workspace.window, "Save image", "view.png", "PNG (*.png)")
         if name:
             self.save_picture(Path(name))
 

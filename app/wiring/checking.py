@@ -77,7 +77,7 @@ class CheckPart(Part):
         self.workspace.window.show_dock("validation")
         found = self.panel.step()
         if found is None:
-            self.workspace.notices.info("Nothing is wrong that we know of.")
+            self.workspace.notices.info("Nothing wrong was found.")
         else:
             self._show(selection_of(found))
             self._told = selection_of(found)

@@ -29,7 +29,7 @@ SETTLE = 200  # milliseconds after an edit until it is compared again
 
 class ComparePart(Part):
     ACTIONS = (
-        Action("compare", "&Compare…", "What another graph, or an earlier step, has otherwise", "&Graph", 2, "F9",
+        Action("compare", "&Compare…", "How another graph, or an earlier step, differs from this", "&Graph", 2, "F9",
                enabled=with_editing),
     )  # fmt: skip
 

@@ -21,15 +21,15 @@ KINDS = {
     "r2r": "R2R connectivity and scans.txt, for agents",
     "graphml": "GraphML, for Gephi, yEd and networkx",
     "geojson": "GeoJSON, for maps",
-    "png": "PNG picture of the map, of the storey that is shown",
-    "svg": "SVG picture of the map, of the storey that is shown",
+    "png": "PNG image of the map, of the storey that is shown",
+    "svg": "SVG image of the map, of the storey that is shown",
 }
 _INSIST = {False: "refuse and say why", True: "write it all the same"}
 
 
 class ExportPart(Part):
     ACTIONS = (
-        Action("export_graph", "&Export graph…", "Write the graph for agents, other tools, or as a picture", "&File", 1,
+        Action("export_graph", "&Export graph…", "Write the graph for agents, other tools, or as an image", "&File", 1,
                "Ctrl+E", "export", enabled=with_editing),
     )  # fmt: skip
 
@@ -50,7 +50,7 @@ class ExportPart(Part):
             "Writes the graph as it is now, saved or not.",
             (
                 Choice("kind", "As", KINDS),
-                Choice("force", "What agents choke on", _INSIST, "For R2R connectivity"),
+                Choice("force", "If agents cannot use it", _INSIST, "For R2R connectivity"),
             ),
             self._choose_place,
             self.workspace.settings,

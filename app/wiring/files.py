@@ -36,7 +36,7 @@ class FilePart(Part):
         Action(
             "open_graph",
             "Open &graph…",
-            "Open a connectivity file of anyone's: Matterport3D, R2R, ours",
+            "Open any connectivity file: of Matterport3D, R2R, or NVSim",
             "&File",
             shortcut="Ctrl+G",
         ),
@@ -67,7 +67,7 @@ class FilePart(Part):
         ),
         Action(
             "screenshot",
-            "&Save picture of the view…",
+            "&Save image of the view…",
             "Save what the 3D view shows as a PNG file",
             "&File",
             1,
@@ -127,7 +127,7 @@ class FilePart(Part):
 
     def choose_picture(self) -> None:
         window = self.workspace.window
-        name, _ = QFileDialog.getSaveFileName(window, "Save picture", "view.png", "PNG (*.png)")
+        name, _ = QFileDialog.getSaveFileName(window, "Save image", "view.png", "PNG (*.png)")
         if name:
             window.save_picture(Path(name), self.workspace.scene)
 

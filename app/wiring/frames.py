@@ -30,7 +30,7 @@ _MODES = {
 }
 _SHORT = {
     "leave_frame": "‹ 3D view",
-    "frame_beside": "Beside",
+    "frame_beside": "Compare",
     "mask_brush": "Brush",
     "mask_points": "Points",
     "mask_undo": "Undo",
@@ -102,7 +102,7 @@ class FramePart(Part):
         Action(
             "mask_revert",
             "Re&vert mask",
-            "Go back to the mask that the machine found",
+            "Go back to the mask that the floors stage found",
             _MENU,
             3,
             enabled=with_masks,

@@ -128,7 +128,7 @@ class InspectorPart(Part):
             self.panoramas.want((x, y, z), None if file is None else partial(file.panorama, id))
         self.panel.offer_channels(file is None)
         lacking = f"{STAGE['train'].lacking}, so there is nothing to see"
-        lacking = "No pictures lie beside the file." if file else sentence(lacking)
+        lacking = "No images lie beside the file." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
         self.workspace.scene.update()

@@ -32,7 +32,7 @@ class LayersPart(Part):
         Action(
             "show_trajectory",
             "&Trajectory",
-            "Draw the walk over the view, in the colours of its submaps",
+            "Draw the trajectory over the view, in the colours of its submaps",
             "&View",
             1,
             "J",
@@ -65,7 +65,7 @@ class LayersPart(Part):
         Action(
             "show_frusta",
             "Camera &frusta",
-            "Draw the cameras of the walk that are near",
+            "Draw the cameras of the frames that are near",
             "&View",
             1,
             check="off",

@@ -37,7 +37,7 @@ class ModePart(Part):
         _mode("select", "&Select", "Click selects, dragging a viewpoint moves it", "V", False, first=True),
         _mode("box", "Select by &box", "Drag a box around viewpoints", "B", False),
         _mode("lasso", "Select by &lasso", "Draw around viewpoints", "K", False),
-        _mode("add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the walk or an edge", "P", True),
+        _mode("add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the trajectory or an edge", "P", True),
         _mode("add_edge", "Add &edges", "Click two viewpoints to join them", "C", True),
         _mode("measure", "&Measure", "Click places to measure between them", "M", False),
         Action(

@@ -70,7 +70,7 @@ class NewProjectPart(Part):
         Action(
             "add_capture",
             "A&dd a capture…",
-            "Import another walk through the same building into the open project",
+            "Import another capture of the same building into the open project",
             "&File",
             -1,
             enabled=with_own_capture,

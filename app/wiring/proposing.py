@@ -56,11 +56,11 @@ class ProposePart(Part):
             "&Graph", 3, enabled=with_map,
         ),
         Action(
-            "accept_proposals", "&Take proposals", "Add the edges that are drawn as ghosts", "&Graph", 3,
+            "accept_proposals", "&Take proposals", "Add the proposed edges and viewpoints to the graph", "&Graph", 3,
             "Ctrl+Return", enabled=lambda document: _with_proposals(document),
         ),
         Action(
-            "dismiss_proposals", "&Dismiss proposals", "Draw them no more", "&Graph", 3,
+            "dismiss_proposals", "&Dismiss proposals", "Draw the proposed edges and viewpoints no longer", "&Graph", 3,
             "Ctrl+Backspace", enabled=lambda document: _with_proposals(document),
         ),
     )  # fmt: skip
@@ -140,7 +140,7 @@ class ProposePart(Part):
                 count = len(found.proposed)
                 self.workspace.notices.info(
                     f"{count} {'edge is' if count == 1 else 'edges are'} proposed where you edited: Ctrl+Return takes "
-                    f"{'it' if count == 1 else 'them'}, Ctrl+Backspace does not."
+                    f"{'it' if count == 1 else 'them'}, Ctrl+Backspace dismisses {'it' if count == 1 else 'them'}."
                 )
         if len(stayed) < len(places) or unmeasured(graph):
             self._soon.start()
@@ -188,7 +188,7 @@ class ProposePart(Part):
             one = len(edges) + len(places) == 1
             self.workspace.notices.info(
                 f"{words} {'is' if one else 'are'} proposed: Ctrl+Return takes {'it' if one else 'them'}, "
-                "Ctrl+Backspace does not; a right click takes a single edge."
+                f"Ctrl+Backspace dismisses {'it' if one else 'them'}; a right click takes a single edge."
             )
         else:
             self.workspace.notices.info("There is nothing to propose.")

@@ -142,7 +142,7 @@ def _readme(scene: Scene, cloud: Cloud, novel: int) -> str:
     c = scene.config
     return f"""The truth of a built-in building (seed {c.seed}, {c.size}): for evaluation, never an input.
 
-{len(scene.plan.rooms)} rooms on {scene.plan.extent.area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m of walk,
+{len(scene.plan.rooms)} rooms on {scene.plan.extent.area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m,
 {len(cloud.points)} points. World: metres, z up, floor at z = 0; cameras level, {CAMERA_HEIGHT} m above the floor.
 
 floor/      every frame: the floor is visible here, rugs included, also through glass; people are not floor
@@ -150,8 +150,8 @@ transient/  every frame: a person is visible here
 depth/      every {_TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass,
             people included
 normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
-novel/      {novel} views from beside the walk, turned 35 to 145 degrees off it, without people and noise;
+novel/      {novel} views from beside the trajectory, turned 35 to 145 degrees off it, without people and noise;
             holdout_frames.txt has their poses, novel_floor/ their true floor
 map.pgm     ROS map_server, {RESOLUTION} m: occupied is anything solid between {LOW} and {HIGH} m (glass and the step
-map.yaml    included, people not), free the floor connected with the walk, the rest unknown
+map.yaml    included, people not), free the floor connected with the trajectory, the rest unknown
 """

@@ -51,7 +51,7 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
         names = ",".join(f.name for f in frames[:_LISTED]) + (",..." if len(frames) > _LISTED else "")
         plural = "s are" if len(frames) > 1 else " is"
         findings.error(
-            f"{len(frames)} camera{plural} up to {distance:.4g} away from the walk; correct the pose or give "
+            f"{len(frames)} camera{plural} up to {distance:.4g} away from the trajectory; correct the pose or give "
             f"--leave-out {names}",
             ", ".join(where[f.name] for f in frames[:_LISTED]),
             "the map would have to reach there, which no memory holds",

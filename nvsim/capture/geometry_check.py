@@ -73,7 +73,7 @@ def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
     if share < 0.5 or extent < 0.05 * walked or gap > max(3 * walked, 15.0 if capture.alignment.scale_known else 0.0):
         findings.error(
             f"the cloud does not meet the cameras: {share:.0%} of them look at it, it is {extent:.3g} wide beside a "
-            f"walk of {walked:.3g}, and {gap:.3g} away",
+            f"trajectory of {walked:.3g}, and {gap:.3g} away",
             place,
             "the cloud is in another frame or unit; floor heights and the models would be wrong",
         )

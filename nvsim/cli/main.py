@@ -24,15 +24,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("train", WORK["train"].does),
     "map": ("map", WORK["map"].does),
     "restore": ("restore", WORK["restore"].does),
-    "panorama": ("panorama", "draw an equirectangular picture or a skybox at any place"),
+    "panorama": ("panorama", "draw an equirectangular image or a skybox at any place"),
     "graph select": ("graph_select", "list the viewpoints and edges for which an expression holds"),
     "graph edit": ("graph_edit", "edit the graph of a project or an R2R connectivity file by name"),
     "graph replay": ("graph_replay", "do the edits of a script again"),
     "graph log": ("graph_log", "list the edits that were made, or write them as a script"),
-    "graph check": ("graph_check", "what agents or a person would trip over in a graph, yours or any R2R file"),
+    "graph check": ("graph_check", "what agents or a user would stumble over in a graph, yours or any R2R file"),
     "graph propose": ("graph_propose", "edges and viewpoints that a graph lacks, with reasons, as a list or a script"),
     "graph review": ("graph_review", "the edges to look at, the least certain first"),
-    "graph compare": ("graph_compare", "what one graph has otherwise than another, and a merge of the two"),
+    "graph compare": ("graph_compare", "how one graph differs from another, and a merge of the two"),
     "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),
     "video": ("video", WORK["video"].does),
     "export r2r": ("export_r2r", WORK["export r2r"].does),
@@ -95,7 +95,7 @@ def _help(group: str = "") -> str:
     rows = [(v, text) for v, (_, text) in COMMANDS.items() if not group or v.split()[0] == group]
     width = max(len(v) for v, _ in rows)
     lines = [f"  {v:<{width}}  {text}" for v, text in rows]
-    head = "NVSim: from a posed walk through a building to a navigation simulator.\n\nusage: nvsim COMMAND [options]"
+    head = "NVSim: from images of a building with poses to a navigation simulator.\n\nusage: nvsim COMMAND [options]"
     tail = "`nvsim COMMAND --help` explains its options. A project is a folder, NAME.nvsim."
     return "\n".join([head, "", *lines, "", tail])
 

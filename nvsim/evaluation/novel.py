@@ -82,7 +82,7 @@ def read_novel_views(folder: Path, alignment: Alignment) -> list[NovelView]:
             pose = np.array([float(n) for n in numbers]).reshape(4, 4)
         except ValueError as error:
             raise InputError(
-                f"{path}, line {number}, is not a picture's name and the 16 numbers of its pose; correct the line."
+                f"{path}, line {number}, is not the name of an image and the 16 numbers of its pose; correct the line."
             ) from error
         if intrinsics is None:
             raise InputError(f"{path} names views before a line '# PINHOLE width height fx F fy F cx C cy C'; add it.")

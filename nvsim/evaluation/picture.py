@@ -77,7 +77,7 @@ def draw_graph(
     except cv2.error:
         done, data = False, None
     if not done or data is None:
-        raise InputError(f"{path} has no suffix of a picture; name a .png file.")
+        raise InputError(f"{path} has no suffix of an image; name a .png file.")
     atomic.write_bytes(path, data.tobytes())
     return path
 

@@ -61,7 +61,7 @@ def _at_frame(graph: NavGraph, surroundings: EditContext, frame: int, **argument
     if walk is None:
         raise EditError("There is no trajectory whose frames could be named.")
     if not 0 <= frame < len(walk):
-        raise EditError(f"There is no frame {frame}; the walk has {len(walk)}.")
+        raise EditError(f"There is no frame {frame}; the trajectory has {len(walk)}.")
     x, y, z = walk[frame].tolist()
     return edits.place_viewpoint(graph, (x, y, z), **arguments)
 
@@ -118,7 +118,7 @@ OPERATIONS: dict[str, Operation] = _table(
     ),
     Operation(
         "add_viewpoint_at_frame",
-        "Add a viewpoint where a frame of the walk was taken",
+        "Add a viewpoint where a frame of the trajectory was taken",
         _at_frame,
         (Argument("frame", "integer", "index of the frame"), _HEIGHT, _SUBMAP, _ID),
         lambda a: f"Add a viewpoint at frame {a['frame']}",

@@ -1,4 +1,4 @@
-"""The walk through what a person should look at: the least certain edges first."""
+"""The order in which a user reviews edges: the least certain first."""
 
 from __future__ import annotations
 
@@ -13,11 +13,16 @@ Margin = Callable[[NavGraph, EdgeKey], float]
 """How far the evidence along an edge is from the thresholds, at the least; below 0 it speaks against it, NaN: none."""
 
 
+def distance(margin: float) -> str:
+    """How far evidence is from the thresholds, for the user: 0.12, or "less than 0.01"."""
+    return f"{abs(margin):.2f}" if abs(margin) >= 0.005 else "less than 0.01"
+
+
 @dataclass(frozen=True)
 class Doubt:
     """edge    its key
     margin  how far its evidence is from the thresholds; NaN where there is none
-    why     words for a person
+    why     words for the user
     """
 
     edge: EdgeKey
@@ -26,7 +31,7 @@ class Doubt:
 
 
 class Review:
-    """Orders the edges of a graph that is being edited: margins are asked for again only where evidence changed."""
+    """Orders the edges of a graph that is being edited. A margin is computed again only where evidence changed."""
 
     def __init__(self, margin: Margin | None = None) -> None:
         """Without `margin` no edge has evidence that could be judged."""
@@ -34,8 +39,8 @@ class Review:
         self._known: dict[EdgeKey, tuple[tuple[int, ...], float]] = {}
 
     def order(self, graph: NavGraph) -> list[Doubt]:
-        """Edges between included viewpoints that nobody reviewed: first those that nothing was measured along, a
-        person's before others and the longest first, then by margin, the smallest first."""
+        """Edges between included viewpoints that nobody reviewed: first those that nothing was measured along (a
+        user's before others, and the longest first), then by margin, the smallest first."""
         doubts = []
         for key, edge in graph.edges.items():
             a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
@@ -45,11 +50,11 @@ class Review:
             if math.isnan(margin):
                 length = math.dist(a.position, b.position)
                 person = edge.origin == "person"
-                why = f"{'a person joined them and ' if person else ''}nothing was measured along its {length:.1f} m"
+                why = f"{'a user joined them and ' if person else ''}nothing was measured along its {length:.1f} m"
                 doubts.append(((0 if person else 1, -length), Doubt(key, margin, why)))
             else:
                 sense = "speaks against it" if margin < 0 else "speaks for it"
-                why = f"the evidence {sense}, by {abs(margin):.2f}"
+                why = f"the evidence {sense}, by {distance(margin)}"
                 doubts.append(((2, margin), Doubt(key, margin, why)))
         doubts.sort(key=lambda item: item[0])
         return [doubt for _, doubt in doubts]

@@ -68,7 +68,7 @@ def build_map(
     Source: paper, section III-D, Algorithm 1.
     """
     if len(trajectory) == 0 or not np.isfinite(trajectory).all():
-        raise InputError("The walk has no camera with a finite position; check the capture with `nvsim check`.")
+        raise InputError("The trajectory has no camera with a finite position; check the capture with `nvsim check`.")
     started = time.monotonic()
     remembered = () if previous is None else tuple(previous.evidence.values())
     lattice = Lattice(config)
@@ -86,8 +86,8 @@ def build_map(
     draft = search.draft
     if not draft.viewpoints and not should_stop():
         raise InputError(
-            "Nobody can stand anywhere on the walk: the models show obstacles, or no known floor, under every camera; "
-            "look at the floor masks and the floor heights."
+            "Nobody can stand anywhere on the trajectory: the models show obstacles, or no known floor, under every "
+            "camera; look at the floor masks and the floor heights."
         )
     uncovered = sum(not explorer.is_covered(p) for p in walk.places)
     isolated = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
@@ -129,13 +129,15 @@ def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Lis
         )
     if report["decisions"].get("distance"):
         count = report["decisions"]["distance"]
-        listen(Log(f"{count} free steps would have led farther than {config.max_distance} m from the walk.", STAGE))
+        listen(
+            Log(f"{count} free steps would have led farther than {config.max_distance} m from the trajectory.", STAGE)
+        )
     if report["components"] > 1:
         sizes = ", ".join(map(str, report["component_sizes"]))
         text = f"The graph has {report['components']} parts that do not reach each other ({sizes} viewpoints)."
         listen(Warning(text, STAGE))
     if report["walk_uncovered"]:
-        text = f"{report['walk_uncovered']} of {places} places of the walk have no viewpoint near."
+        text = f"{report['walk_uncovered']} of {places} places of the trajectory have no viewpoint near."
         listen(Log(text, STAGE))
 
 

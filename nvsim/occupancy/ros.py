@@ -92,10 +92,10 @@ def _read_picture(path: Path, named_by: Path) -> NDArray[np.uint8 | np.uint16]:
         data = read_bytes(path)
     except InputError as error:
         raise InputError(
-            f"{str(error).rstrip('.')} ({named_by} names it as its picture; put the picture there or mend the line "
+            f"{str(error).rstrip('.')} ({named_by} names it as its image; put the image there or mend the line "
             "'image:')."
         ) from error
-    picture = decoded(data, path, cv2.IMREAD_UNCHANGED, what="the picture of a map", then="export the map again")
+    picture = decoded(data, path, cv2.IMREAD_UNCHANGED, what="the image of a map", then="export the map again")
     if picture.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path} has pixels of type {picture.dtype}; export the map again with 8 or 16 bits.")
     if picture.ndim == 3:
@@ -140,7 +140,9 @@ def _parse(path: Path) -> _Description:
         if name not in values:
             raise InputError(f"{path} has no line '{name}:'; add it (see the ROS map_server format).")
     if not values["image"][1] or not values["image"][1].isprintable() or len(values["image"][1]) > 500:
-        raise InputError(f"{path}, line {values['image'][0]}: image names no file; write the picture's name there.")
+        raise InputError(
+            f"{path}, line {values['image'][0]}: image names no file; write the name of the map's image there."
+        )
     line, value = values["origin"]
     parts = [p for p in value.strip("[]").split(",") if p.strip()]
     where = f"{path}, line {line}: origin"
@@ -148,7 +150,7 @@ def _parse(path: Path) -> _Description:
         raise InputError(f"{where} is {value[:60]!r}; it must be [x, y, yaw].")
     x, y, yaw = (*(_number(p.strip(), where) for p in parts), 0.0)[:3]
     if abs(math.remainder(yaw, 2 * math.pi)) > 1e-4:
-        raise InputError(f"{where} turns the map by {yaw} rad; turn the picture instead and write yaw 0.")
+        raise InputError(f"{where} turns the map by {yaw} rad; turn the image instead and write yaw 0.")
     if max(abs(x), abs(y)) > _FARTHEST:
         raise InputError(f"{where} is {value[:60]!r}, more than {_FARTHEST:.0e} m away; write it in metres.")
     resolution = number_of("resolution")

@@ -29,7 +29,8 @@ def what_is_replaced(project: Project, stage: str, only: tuple[int, ...] = ()) -
     if former:
         end = "the old stay until the new of all submaps are finished"
     kept = results.kept(project.connection, stage) is not None
-    then = "takes the place of what `nvsim restore` keeps" if kept else "can be restored afterwards"
+    instead = "takes the place of the earlier result, which `nvsim restore` brings back until then"
+    then = instead if kept else "can be restored afterwards"
     return f"{stage} replaces {describe(found, stage, former)}; {end}, and {then}."
 
 

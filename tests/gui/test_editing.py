@@ -182,7 +182,7 @@ def test_a_graph_built_again_does_not_replace_edits(window: MainWindow, document
     built = demo_room.graph(document.contents.submaps)
     document.set_contents(replace(document.contents, graph=replace(built, edges=dict(list(built.edges.items())[3:]))))
     assert document.graph is mine
-    assert "yours is kept" in window.notice_area.texts[-1]
+    assert "You still edit yours" in window.notice_area.texts[-1]
 
 
 def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:

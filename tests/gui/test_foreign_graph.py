@@ -191,7 +191,7 @@ def test_the_inspector_shows_the_pictures_beside_the_file_and_leads_along_edges(
     panel.view.walked.emit(near)
     assert document.selection.viewpoint == near
     document.select(viewpoint=other)
-    qtbot.waitUntil(lambda: "no picture" in part.panoramas.trouble, timeout=20_000)
+    qtbot.waitUntil(lambda: "no image" in part.panoramas.trouble, timeout=20_000)
 
 
 def test_a_cloud_beside_the_file_can_be_shown(session: Session, folder: Path, qtbot: QtBot) -> None:

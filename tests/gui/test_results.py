@@ -41,7 +41,8 @@ def test_a_table_survives_the_way_through_csv_and_tabs() -> None:
 
 
 def test_figures_and_names_are_written_as_the_field_does() -> None:
-    assert words_of("psnr_nonfloor") == "PSNR no floor" and words_of("reachable_m2") == "reachable m²"
+    assert words_of("psnr_nonfloor") == "PSNR no floor" and words_of("reachable_m2") == "reachable floor, m²"
+    assert words_of("node_validity_robot") == "validity of viewpoints, for a robot"
     assert [value_words(v) for v in (None, 0.12345, 21.4727, 12345.6, 7)] == ["–", "0.1235", "21.47", "12,346", "7"]
 
 
@@ -55,7 +56,7 @@ def test_the_result_of_a_job_is_the_last_object_it_printed(tmp_path: Path) -> No
     ended = jobs.job(job.number)
     assert ended is not None
     result = result_of_job(ended)
-    assert result is not None and result.tables[0].rows == (("nodes", 5),)
+    assert result is not None and result.tables[0].rows == (("viewpoints", 5),)
 
 
 def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypatch) -> None:

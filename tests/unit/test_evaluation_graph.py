@@ -77,5 +77,5 @@ def test_picture_shows_what_is_invalid_in_red(tmp_path: Path) -> None:
     assert pixel(1, 1) != red and min(pixel(2, 3)) > 240
     draw_graph(graph({"a": (1, 1)}), None, WALK, tmp_path / "none.png")
     draw_graph(NavGraph("test"), None, np.zeros((0, 2)), tmp_path / "nothing.png")
-    with pytest.raises(InputError, match="picture"):
+    with pytest.raises(InputError, match="image"):
         draw_graph(NavGraph("test"), None, WALK, tmp_path / "g.txt")

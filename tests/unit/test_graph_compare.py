@@ -17,7 +17,7 @@ from nvsim.graph import edits
 from nvsim.graph.compare import compare, merge
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.edits import EditError
-from nvsim.graph.review import Review
+from nvsim.graph.review import Review, distance
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.edge_doubts import margin
@@ -139,3 +139,12 @@ def test_the_least_certain_edges_come_first() -> None:
     seen = edits.mark_reviewed(graph, edges=[("b", "d"), ("c", "d")])
     assert review.next(seen).edge == ("b", "c") and review.next(seen, ("b", "c")).edge == ("a", "b")
     assert review.next(edits.mark_reviewed(seen, edges=list(seen.edges))) is None
+
+
+def test_an_edge_close_to_the_thresholds_is_not_said_to_be_zero_away() -> None:
+    assert [distance(margin) for margin in (0.004, -0.001, 0.006, -0.25)] == [
+        "less than 0.01",
+        "less than 0.01",
+        "0.01",
+        "0.25",
+    ]

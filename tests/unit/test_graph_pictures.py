@@ -82,5 +82,5 @@ def test_a_skybox_that_is_none_is_refused_with_its_size(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="90 x 20 pixels"):
         opened(tmp_path, json.dumps([entry_looking(0.0)])).panorama(id, 64)
     (folder / f"{id}_skybox_small.jpg").write_bytes(b"none")
-    with pytest.raises(InputError, match="not a picture"):
+    with pytest.raises(InputError, match="not an image"):
         opened(tmp_path, json.dumps([entry_looking(0.0)])).panorama(id, 64)

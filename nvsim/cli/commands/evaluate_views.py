@@ -58,7 +58,7 @@ def _text(result: dict[str, Any]) -> str:
     text = table.text_table(columns, [*rows, {**result, "submap": "mean"}])
     notes = [f"LPIPS is empty: {result['lpips_why']}."] if result["lpips_why"] else []
     if result["psnr_floor_constant"] is not None:
-        notes.append(f"The floor in its one best colour would get {result['psnr_floor_constant']:.2f} dB.")
+        notes.append(f"The floor painted in its best single colour would get {result['psnr_floor_constant']:.2f} dB.")
     if "novel_views" in result and result["novel_alpha_floor"] is None:
         notes.append("Alpha on the floor of novel views is empty: the truth has no novel_floor/ masks.")
     return "\n".join([text, *notes])

@@ -31,8 +31,8 @@ def run(arguments: Arguments) -> int:
             leave_out = arguments.understood.leave_out
             if arguments.understood != CaptureConfig(leave_out=leave_out):
                 raise InputError(
-                    "What is added is understood as the first capture was; leave out --scale, --camera-height and "
-                    "--hold-out."
+                    "An added capture takes the scale and the held-out frames of the first; leave out --scale, "
+                    "--camera-height and --hold-out."
                 )
             added.run(project, arguments.capture, listen, leave_out)
         else:

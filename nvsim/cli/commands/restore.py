@@ -50,7 +50,7 @@ def _list(arguments: Arguments) -> int:
     if arguments.json:
         print(json.dumps([asdict(k) for k in kept]))
     elif kept:
-        show.table(["stage", "what is kept", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "kept")
+        show.table(["stage", "earlier result", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "kept")
     else:
-        print("Nothing is kept; an earlier result is, once a stage has been run again.")
+        print("There is no earlier result yet; a stage that runs again leaves one.")
     return 0

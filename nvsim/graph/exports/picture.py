@@ -67,7 +67,7 @@ def draw(graph: NavGraph, occupancy: OccupancyMap | None = None, longest_side: i
     """What is to be seen; lines by who made the edge: steps green, merges violet, a person's blue. Raises InputError
     when there is nothing to draw, or the side is not between 64 and 16,384 pixels."""
     if not 64 <= longest_side <= _LARGEST:
-        raise InputError(f"A picture cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
+        raise InputError(f"An image cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
     places = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
     low, high = _extent(occupancy, places)
     scale = longest_side / float((high - low).max())

@@ -44,5 +44,5 @@ def about_graph(graph: NavGraph) -> list[Finding]:
     except InputError as error:
         found.append(Finding("scan", "error", str(error)))
     if not any(v.included for v in graph.viewpoints.values()):
-        found.append(Finding("empty", "error", "No viewpoint is included: there is nothing to walk on."))
+        found.append(Finding("empty", "error", "No viewpoint is included: agents cannot stand anywhere."))
     return found

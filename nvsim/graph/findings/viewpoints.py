@@ -53,7 +53,7 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
         found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
     taken = context.taken.get(id) if context.images is not None and id in context.images else None
     if taken is not None and (away := math.dist(taken, viewpoint.position)) > context.limits.moved:
-        message = f"Viewpoint {name} was moved {away:.2f} m away from where its picture was taken."
+        message = f"Viewpoint {name} was moved {away:.2f} m away from where its image was taken."
         back = Fix("Put it back", "move_viewpoints", {"positions": {id: list(taken)}})
         found.append(Finding("moved", "warning", message, (id,), fixes=(back,)))
     return found
@@ -74,7 +74,7 @@ def _id_problem(id: str) -> str:
     if not id:
         return "is empty"
     if "/" in id or "\\" in id:
-        return "has a slash, so that no picture can be named after it"
+        return "has a slash, so that no image can be named after it"
     if any(c.isspace() for c in id):
         return "has white space, where agents split their keys"
     return ""

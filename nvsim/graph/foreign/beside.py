@@ -70,6 +70,6 @@ def _ids_in(pictures: Path) -> frozenset[str]:
         with os.scandir(pictures) as rows:
             names = [(row.name, row.is_dir()) for row in rows]
     except OSError as error:
-        raise InputError(f"Cannot list the pictures in {pictures}: {error.strerror}; check the folder.") from error
+        raise InputError(f"Cannot list the images in {pictures}: {error.strerror}; check the folder.") from error
     ids = {name.split("_skybox")[0] for name, is_dir in names if not is_dir and "_skybox" in name}
     return frozenset(ids | {name for name, is_dir in names if is_dir})

@@ -108,7 +108,7 @@ def _read(path: Path, together: int = 1) -> NDArray[np.uint8]:
         raise InputError(
             f"{path} has {found.width} x {found.height} pixels, too many for its {len(data)} bytes; write it again."
         )
-    image = decoded(data, path, cv2.IMREAD_COLOR, what="a picture", then="write it again as JPEG")
+    image = decoded(data, path, cv2.IMREAD_COLOR, what="an image", then="write it again as JPEG")
     return np.asarray(image, np.uint8)
 
 

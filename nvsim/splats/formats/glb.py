@@ -22,7 +22,7 @@ def write_glb(path: Path, mesh: FloorMesh, name: str) -> None:
     their coordinates. Whole or not at all; raises InputError when the disk refuses."""
     encoded, png = cv2.imencode(".png", mesh.image[..., [2, 1, 0, 3]])
     if not encoded:
-        raise ValueError(f"a picture of {mesh.image.shape} cannot be encoded")
+        raise ValueError(f"an image of {mesh.image.shape} cannot be encoded")
     blobs = [mesh.vertices.astype("<f4").tobytes(), mesh.uvs.astype("<f4").tobytes()]
     blobs += [mesh.triangles.astype("<u4").tobytes(), png.tobytes()]
     views, body = [], b""
