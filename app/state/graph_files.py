@@ -16,7 +16,6 @@ from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, connectivity_files, words_of_saving
 from nvsim.graph.journal import sidecar
 from nvsim.graph.types import NavGraph
-from nvsim.splats.formats.choice import named_as_splats
 
 if TYPE_CHECKING:
     from app.state.loading import Contents
@@ -155,14 +154,3 @@ class GraphSource:
 def _siblings(path: Path) -> list[Path]:
     """The connectivity files in the folder of one, in order of their names."""
     return sorted(path.parent.glob("*_connectivity.json")) if path.is_file() else [path]
-
-
-def holds_graph(path: Path) -> bool:
-    """Whether `path` looks like a connectivity file or a folder of them rather than a project or splats."""
-    if path.is_file():
-        return path.suffix.lower() == ".json" and not named_as_splats(path)
-    return (
-        path.is_dir()
-        and not (path / "project.db").exists()
-        and ((path / "scans.txt").is_file() or any(path.glob("*_connectivity.json")))
-    )

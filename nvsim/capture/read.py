@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
-from nvsim.capture.colmap import find_model, model_extension, read_colmap
+from nvsim.capture.colmap import read_colmap
 from nvsim.capture.far_frames import without
 from nvsim.capture.findings import Findings, shown
 from nvsim.capture.kapture import find_kapture, read_kapture
-from nvsim.capture.multi_capture import SUFFIX, read_several
+from nvsim.capture.multi_capture import read_several
 from nvsim.capture.nerfstudio import read_nerfstudio
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
+from nvsim.capture.recognition import CaptureFolder, format_of_file
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
@@ -80,13 +81,14 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
 
 
 def _read_file(path: Path, findings: Findings) -> RawCapture:
-    if path.suffix.lower() == ".json":
+    format = format_of_file(path)
+    if format == "nerfstudio":
         return read_nerfstudio(path, findings)
-    if path.suffix == SUFFIX:
+    if format == "several":
         return read_several(path, read_raw, findings)
-    if path.stem in ("cameras", "images", "points3D") and model_extension(path.parent) is not None:
+    if format == "colmap":
         return read_colmap(path.parent, path.parent, findings)
-    if path.name == "sensors.txt" and (root := find_kapture(path.parent)) is not None:
+    if format == "kapture" and (root := find_kapture(path.parent)) is not None:
         return read_kapture(root, findings)
     raise InputError(f"{shown(path)} is not a capture; name the folder of {FORMATS}.")
 
@@ -94,11 +96,11 @@ def _read_file(path: Path, findings: Findings) -> RawCapture:
 def _read_folder(folder: Path, findings: Findings) -> RawCapture:
     """kapture, transforms.json or COLMAP. Where a folder has the last two, they tell of the same walk, and the one that
     brings a cloud says more."""
-    kapture = find_kapture(folder)
-    if kapture is not None:
-        return read_kapture(kapture, findings)
-    transforms, model = folder / "transforms.json", find_model(folder)
-    if file_size(transforms) is not None:
+    found = CaptureFolder.of(folder)
+    if found.kapture is not None:
+        return read_kapture(found.kapture, findings)
+    transforms, model = found.transforms, found.model
+    if transforms is not None:
         if model is None:
             return read_nerfstudio(transforms, findings)
         own = Findings()
