@@ -11,13 +11,13 @@ from PySide6.QtCore import QObject, QSettings, QTimer
 from app.drawing.render_child import ProjectSource
 from app.look.notices import Notices
 from app.state.document import Document
-from app.state.graph_files import holds_graph
 from app.state.graph_source import GraphSource
 from app.state.loading import Contents
 from app.state.splat_file import SplatFile
 from app.state.watcher import FileReader, ProjectWatcher
 from app.wiring.window import MainWindow
 from nvsim.errors import InputError
+from nvsim.project.path_kind import GRAPHS, check_openable, path_kind
 from nvsim.splats.formats.upright import UPS
 
 
@@ -44,7 +44,7 @@ class Session(QObject):
 
     def open(self, path: Path) -> None:
         """Reads the project from now on, or a file once. The path was checked before."""
-        if holds_graph(path):
+        if path_kind(path) in GRAPHS:
             try:
                 source = GraphSource(path)
             except InputError as error:
@@ -115,10 +115,8 @@ class Session(QObject):
             self._watcher.refresh()
 
     def _on_chosen(self, path: Path) -> None:
-        from app.state.opening import check_project
-
         try:
-            check_project(path)
+            check_openable(path)
         except InputError as error:
             self.notices.error(str(error))
             return

@@ -118,13 +118,13 @@ def _run(
 
 def left_open(settings: QSettings) -> Path | None:
     """What was open when the last window closed; None where nothing was, or where it can be opened no more."""
-    from app.state.opening import check_project
+    from nvsim.project.path_kind import check_openable
 
     stored = str(settings.value(OPEN, "") or "")
     if not stored or not Path(stored).exists():
         return None
     try:
-        check_project(Path(stored))
+        check_openable(Path(stored))
     except InputError:
         return None
     return Path(stored)

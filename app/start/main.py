@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from app.state.opening import check_project
 from nvsim.errors import InputError
+from nvsim.project.path_kind import check_openable
 
 
 def run(
@@ -35,7 +35,7 @@ def run(
         if (reason := obstacle()) is not None:
             raise InputError(reason)
         if project is not None:
-            check_project(project)
+            check_openable(project)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2

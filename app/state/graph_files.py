@@ -16,7 +16,6 @@ from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, words_of_saving
 from nvsim.graph.journal import sidecar
 from nvsim.graph.types import NavGraph
-from nvsim.splats.formats.choice import named_as_splats
 
 PANORAMA_WIDTH = 1536  # pixels
 
@@ -120,14 +119,3 @@ class ForeignGraph:
     def context(self, known: Context) -> Context:
         own = self._file.context(known.limits, known.occupancy, known.against)
         return replace(own, floor=known.floor)
-
-
-def holds_graph(path: Path) -> bool:
-    """Whether `path` looks like a connectivity file or a folder of them rather than a project or splats."""
-    if path.is_file():
-        return path.suffix.lower() == ".json" and not named_as_splats(path)
-    return (
-        path.is_dir()
-        and not (path / "project.db").exists()
-        and ((path / "scans.txt").is_file() or any(path.glob("*_connectivity.json")))
-    )

@@ -13,16 +13,14 @@ from app.actions import Action
 from app.look.plain_text import caption, tip
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.state.document import Document
-from app.state.graph_files import holds_graph
 from app.state.reasons import Reason
 from app.wiring.jobs import JobsPart
 from app.wiring.part import Part
 from nvsim.capture import formats
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
-from nvsim.graph.connectivity import SUFFIX as GRAPH
+from nvsim.project.path_kind import GRAPHS, path_kind, sentence_about
 from nvsim.project.work import STAGE
-from nvsim.splats.formats.choice import named_as_splats
 
 MOST_RECENT = 10
 _KEY = "recent"
@@ -187,7 +185,7 @@ class NewProjectPart(Part):
         """Projects that were open lately and are still there, newest first."""
         stored = self.workspace.settings.value(_KEY, [])
         names = [stored] if isinstance(stored, str) else stored if isinstance(stored, list) else []
-        return [Path(str(n)) for n in names if (Path(str(n)) / "project.db").is_file()][:MOST_RECENT]
+        return [Path(str(n)) for n in names if path_kind(Path(str(n))) == "project"][:MOST_RECENT]
 
     def _remember(self) -> None:
         path = self.workspace.document.project
@@ -225,10 +223,11 @@ class NewProjectPart(Part):
 
     def take(self, paths: Sequence[Path]) -> None:
         """Opens what was dropped: a project, a graph, a splat file, or else captures."""
-        path = paths[0]
-        graph = holds_graph(path) if path.is_dir() else path.name.endswith(GRAPH)  # captures come as JSON too
-        if graph or (path / "project.db").is_file() or (path.is_file() and named_as_splats(path)):
+        path, kind = paths[0], path_kind(paths[0])
+        if kind in ("project", "splats", *GRAPHS):
             self.workspace.window.projectChosen.emit(path)
+        elif kind in ("occupancy map", "nothing", "unreadable"):
+            self.workspace.notices.error(sentence_about(path, kind))
         else:
             self.open_dialog(paths)
 

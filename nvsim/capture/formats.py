@@ -68,6 +68,11 @@ def words() -> str:
     return _listed([format.words for format in FORMATS])
 
 
+def is_capture(path: Path) -> bool:
+    """Whether a folder or a file is recognised as a capture, by the names of its files alone."""
+    return any(format.find(path) is not None for format in FORMATS)
+
+
 def read_raw(path: Path, findings: Findings) -> RawCapture:
     """The capture as its files say it. What is wrong goes to `findings`; raises InputError when nothing can be read."""
     path = Path(path)

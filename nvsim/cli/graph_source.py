@@ -38,9 +38,9 @@ class Source:
 
 def is_project(path: Path) -> bool:
     """Whether `path` is a project's folder."""
-    from nvsim.project.layout import Layout
+    from nvsim.project.path_kind import path_kind
 
-    return Layout(Path(path).expanduser().absolute()).database.is_file()
+    return path_kind(path) == "project"
 
 
 def sources(path: Path, limits: Limits | None = None, occupancy: Path | None = None) -> Iterator[Source]:

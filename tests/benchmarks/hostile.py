@@ -184,13 +184,13 @@ def play_window(root: Path) -> int:
     from app.panels.jobs import JobPanel
     from app.session import Session
     from app.start.application import make_application
-    from app.start.main import check_project
     from nvsim.errors import InputError
+    from nvsim.project.path_kind import check_openable
 
     settings = QSettings(str(root.parent / "window.ini"), QSettings.Format.IniFormat)
     application = make_application("dark", settings)
     try:
-        check_project(root)
+        check_openable(root)
     except InputError as error:
         print(error)  # the program says this and does not open
         return 2

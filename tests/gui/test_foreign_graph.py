@@ -13,7 +13,6 @@ from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
 from app.session import Session
-from app.state.opening import check_project
 from app.wiring.foreign import ForeignPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.new_project import NewProjectPart
@@ -21,6 +20,7 @@ from app.wiring.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.journal import sidecar
+from nvsim.project.path_kind import check_openable
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def opened(session: Session, path: Path, qtbot: QtBot) -> None:
 def test_a_file_alone_opens_and_is_left_as_it_was(session: Session, folder: Path, qtbot: QtBot) -> None:
     path = folder / "first_connectivity.json"
     before = path.read_bytes()
-    check_project(path)
+    check_openable(path)
     opened(session, path, qtbot)
     assert len(session.document.graph.viewpoints) == 22 and session.document.project is None
     assert session.window.windowTitle().startswith("first_connectivity.json")
@@ -127,7 +127,7 @@ def test_edits_of_a_file_that_were_not_saved_wait_beside_it(session: Session, fo
 
 
 def test_a_folder_opens_its_first_scan_and_steps_to_the_next(session: Session, folder: Path, qtbot: QtBot) -> None:
-    check_project(folder)
+    check_openable(folder)
     opened(session, folder, qtbot)
     assert session.document.graph.scan == "first"
     assert session.window.actions_table["next_scan"].isEnabled()
@@ -145,7 +145,7 @@ def test_a_file_that_is_no_graph_is_a_notice(session: Session, tmp_path: Path, q
 
 def test_an_empty_folder_is_refused_at_the_door(tmp_path: Path) -> None:
     with pytest.raises(InputError):
-        check_project(tmp_path)
+        check_openable(tmp_path)
 
 
 def tab_bars(window: MainWindow) -> list[QTabBar]:

@@ -99,11 +99,11 @@ def test_a_session_opens_a_file_and_turns_it(spz: Path, settings: QSettings, qtb
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
-    from app.state.opening import check_project
+    from nvsim.project.path_kind import check_openable
 
     (tmp_path / "a.txt").write_text("hello")
     with pytest.raises(InputError, match=r"a\.txt is no splat file"):
-        check_project(tmp_path / "a.txt")
+        check_openable(tmp_path / "a.txt")
     assert os.path.exists(tmp_path / "a.txt")
 
 
@@ -130,26 +130,20 @@ def unpacked_sog(folder: Path) -> Path:
 
 
 def test_the_meta_json_of_an_unpacked_sog_opens_as_splats_and_not_as_a_graph(tmp_path: Path) -> None:
-    from app.start.main import check_project
-    from app.state.graph_files import holds_graph
-    from nvsim.cli.commands.app import _check
+    from nvsim.project.path_kind import check_openable
 
     path = unpacked_sog(tmp_path / "scene")
-    assert not holds_graph(path)
-    check_project(path)
-    _check(path)
+    check_openable(path)
     found = SplatFile.of(path).contents()
     assert found.outline is not None
     np.testing.assert_allclose(np.abs(found.outline).max(), np.expm1(1), rtol=1e-3)
 
 
 def test_what_no_reader_can_open_is_a_sentence_and_not_waited_for(tmp_path: Path) -> None:
-    from app.start.main import check_project
-    from nvsim.cli.commands.app import _check
+    from nvsim.project.path_kind import check_openable
 
     (tmp_path / "lod-meta.json").write_text('{"lodLevels": 2}')
     os.mkfifo(tmp_path / "pipe.ply")
     for name, words in (("lod-meta.json", "streamed SOG"), ("pipe.ply", "it is a pipe"), ("x" * 300, "too long")):
-        for check in (check_project, _check):
-            with pytest.raises(InputError, match=words):
-                check(tmp_path / name)
+        with pytest.raises(InputError, match=words):
+            check_openable(tmp_path / name)

@@ -8,11 +8,7 @@ from pathlib import Path
 from nvsim.cli import window
 from nvsim.cli.arguments import Memory, Positional, memory_budget
 from nvsim.errors import InputError
-from nvsim.files.reading import reading
-from nvsim.graph.foreign import connectivity_files
-from nvsim.project.layout import Layout
-from nvsim.project.project import Project
-from nvsim.splats.formats.choice import named_as_splats, recognise
+from nvsim.project.path_kind import check_openable
 
 
 @dataclass(frozen=True)
@@ -29,7 +25,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     path = arguments.project or arguments.path
     if path is not None:
-        _check(path)
+        check_openable(path)
     import importlib.util
 
     if importlib.util.find_spec("PySide6") is None:
@@ -40,18 +36,3 @@ def run(arguments: Arguments) -> int:
             memory_budget(arguments.memory)  # refuses what is no size
         words.append(f"--memory={arguments.memory}")
     return window.open_window(words)
-
-
-def _check(path: Path) -> None:
-    """A sentence here rather than a window that opens on nothing. Raises InputError."""
-    with reading(path, "a project, a connectivity file or a splat file", "name one that is"):
-        if named_as_splats(path) and not path.is_dir():
-            recognise(path)
-        elif path.suffix.lower() == ".json" or (path.is_dir() and not Layout(path).database.exists()):
-            if not path.exists():
-                raise InputError(f"{path} does not exist; name a project, a connectivity file or a splat file.")
-            connectivity_files(path)
-        elif path.exists() and not path.is_dir():
-            recognise(path)
-        else:
-            Project.open(path).close()

@@ -1,0 +1,123 @@
+"""What a path that anybody may have named is: the one answer for the command line, dialogs and what is dropped."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import stat
+from pathlib import Path
+from typing import Literal
+
+from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.regular import is_regular, opened
+from nvsim.project.layout import Layout
+
+PathKind = Literal[
+    "project", "graph", "graph folder", "splats", "capture", "occupancy map", "nothing", "unreadable", "unknown"
+]
+GRAPHS: tuple[PathKind, ...] = ("graph", "graph folder")
+_SENTENCES: dict[PathKind, str] = {
+    "project": "is a project; open it, or give it to a command with --project.",
+    "graph": "is an R2R connectivity file; open it, or give it to a command that takes a graph.",
+    "graph folder": "is a folder of R2R connectivity files; open it, or give it to a command that takes a graph.",
+    "splats": "is a splat file; open it.",
+    "capture": "is a capture; make a project of it with `nvsim import CAPTURE --project PATH`.",
+    "occupancy map": "is an occupancy map; give it to `nvsim evaluate graph`.",
+    "nothing": "does not exist; check the path.",
+    "unreadable": "cannot be looked at: it is a pipe or a device, or may not be read; check the path.",
+    "unknown": "is neither a project, a graph, a splat file, a capture nor an occupancy map; check the path.",
+}
+_MAPS = (".yaml", ".yml", ".bt")
+_MOST_ENTRIES = 100_000  # of a folder that are looked at
+_HEAD = 4096  # bytes of a file
+
+
+def path_kind(path: Path) -> PathKind:
+    """By names and the first bytes; opens regular files only, and waits for nothing. A link means what it leads to.
+    Never raises."""
+    path = Path(path)
+    try:
+        path = path.expanduser()
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return "nothing"
+    except (OSError, ValueError, RuntimeError):  # not allowed, a ring of links, a NUL, a home that nobody has
+        return "unreadable"
+    if stat.S_ISDIR(mode):
+        return _folder_kind(path)
+    return _file_kind(path) if stat.S_ISREG(mode) else "unreadable"
+
+
+def sentence_about(path: Path, kind: PathKind) -> str:
+    """What it is, and what to do with it."""
+    return f"{path} {_SENTENCES[kind]}"
+
+
+def check_openable(path: Path) -> None:
+    """Raises InputError when `path` is nothing that the window can open: neither a project that this version can read,
+    nor a connectivity file or a folder of them, nor a file of a kind that may hold splats."""
+    kind = path_kind(path)
+    if kind in ("capture", "occupancy map"):
+        raise InputError(sentence_about(path, kind))
+    with reading(path, "a project, a connectivity file or a splat file", "choose one that is"):
+        if kind in GRAPHS:
+            from nvsim.graph.foreign import connectivity_files
+
+            connectivity_files(path)
+        elif kind in ("splats", "unknown", "unreadable") and not path.is_dir():
+            from nvsim.splats.formats.choice import recognise
+
+            recognise(path)
+        else:
+            from nvsim.project.project import Project
+
+            Project.open(path).close()
+
+
+def _folder_kind(folder: Path) -> PathKind:
+    from nvsim.graph.connectivity import SUFFIX
+
+    if is_regular(Layout(folder).database):
+        return "project"
+    try:
+        with os.scandir(folder) as entries:
+            names = {entry.name for entry in itertools.islice(entries, _MOST_ENTRIES)}
+    except OSError:
+        return "unreadable"
+    if is_regular(folder / "scans.txt") or any(name.endswith(SUFFIX) for name in names):
+        return "graph folder"
+    from nvsim.capture.formats import is_capture
+
+    return "capture" if is_capture(folder) else "unknown"
+
+
+def _file_kind(path: Path) -> PathKind:
+    from nvsim.capture.formats import is_capture
+    from nvsim.graph.connectivity import SUFFIX
+    from nvsim.splats.formats.choice import named_as_splats, recognise
+
+    if named_as_splats(path):
+        return "splats"
+    if path.name.endswith(SUFFIX):
+        return "graph"
+    if path.suffix.lower() in _MAPS:
+        return "occupancy map"
+    try:
+        if path.suffix.lower() == ".json":
+            with opened(path) as file:
+                return _json_kind(file.read(_HEAD) or b"")
+        if is_capture(path):
+            return "capture"
+        recognise(path)
+    except InputError:
+        return "unknown" if os.access(path, os.R_OK) else "unreadable"
+    except (OSError, ValueError):
+        return "unreadable"
+    return "splats"
+
+
+def _json_kind(head: bytes) -> PathKind:
+    """A connectivity file is a list of viewpoints, a transforms.json an object."""
+    begin = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+    return "graph" if begin == b"[" else "capture" if begin == b"{" else "unknown"
