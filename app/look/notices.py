@@ -1,4 +1,4 @@
-"""Notices: sentences that need no answer, shown at the edge of the view and kept in the log. No modal boxes."""
+"""Notices: sentences that need no answer, shown at the edge of the view and written to the log. No modal boxes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKE
 
 @dataclass(frozen=True)
 class Notice:
-    """severity "log" (kept, not shown), "info", "warning" or "error"; one sentence; what else may help, for the log;
+    """severity "log" (stored, not shown), "info", "warning" or "error"; one sentence; what else may help, for the log;
     seconds since the epoch."""
 
     severity: str
@@ -123,7 +123,7 @@ class _Card(QFrame):
 
 
 class NoticeArea(QWidget):
-    """A stack of cards in the upper right corner of its parent; newest at the bottom. detailsWanted(Notice): a person
+    """A stack of cards in the upper right corner of its parent; newest at the bottom. detailsWanted(Notice): a user
     asks for more about one."""
 
     detailsWanted = Signal(object)

@@ -78,7 +78,7 @@ def find_model(folder: Path) -> Path | None:
 
 
 def read_colmap(model: Path, root: Path, findings: Findings) -> RawCapture:
-    """The capture of a model folder. `root` is the folder that the person named; images are looked for in `images`
+    """The capture of a model folder. `root` is the folder that the user named; images are looked for in `images`
     beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
     from nvsim.capture import colmap_binary, colmap_text
 

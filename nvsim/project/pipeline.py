@@ -11,7 +11,7 @@ from nvsim.project.stages import floors, imported, mapped, submaps, trained
 
 
 def run(project: Project, source: Path, understood: CaptureConfig, config: RunConfig, listen: Listener) -> None:
-    """A posed walk in, a navigation graph in the project out. Raises InputError for what a person can mend."""
+    """A posed walk in, a navigation graph in the project out. Raises InputError for what a user can mend."""
     imported.run(project, source, understood, listen)
     submaps.run(project, config.submaps, listen)
     floors.run(project, listen)
