@@ -28,7 +28,7 @@ class SubmapConfig:
     megabytes_per_frame: float = 8.0
     """What one training frame adds to that peak."""
     # A 480x360 image as float32 with mask and loss buffers (6 MB), and the 1200 Gaussians that a new view brings on a
-    # trajectory with a frame each 0.3 m (parameters, gradient, two Adam moments, per-thread gradient rows: 1.5 kB each).
+    # trajectory with a frame every 0.3 m (parameters, gradient, two Adam moments, gradient rows per thread: 1.5 kB).
 
     @property
     def frames_per_submap(self) -> int:
