@@ -55,7 +55,7 @@ class Action:
 
 
 class ActionTable(QObject):
-    """The QActions of the table, kept enabled or disabled as the document changes."""
+    """The QActions of the table; they are enabled or disabled as the document changes."""
 
     def __init__(
         self,

@@ -161,7 +161,7 @@ class Bench(QObject):
             yield lambda: self._session.document.path is None
             self._session.open(path)
             yield lambda: self._scene.picture is not None
-            self._shown.clear()  # the pictures kept here would count as the window's
+            self._shown.clear()  # the images kept here would count as the window's
             if cycle == min(5, self._cycles // 2):
                 early = me.memory_info().rss  # what is kept once and for all is there by now
         self.figures["cycles"] = self._cycles

@@ -23,14 +23,14 @@ CUT = 1.9  # metres above the floor; what is higher is left out
 OUTSIDE = 2.6  # metres above the floor from which the eye looks at the building, not in a room
 MOST = 400_000  # Gaussians; those that cover least are left out first
 TEXEL = 0.05  # metres
-REACH = 6.0  # metres from the walk within which floor is shown
+REACH = 6.0  # metres from the trajectory within which floor is shown
 HIDDEN = 0.4  # metres of floor beside seen floor that are shown too
 GROUND = (0.10, 0.11, 0.13)  # what lies around the building
 
 
 class Cutaway:
-    """Built when first asked for. `submaps` are those of the scene; `is_floor` says at which x, y (..., 2) somebody
-    saw floor, None where nobody recorded it."""
+    """Built when first asked for. `submaps` are those of the scene; `is_floor` says at which x, y (..., 2) an image
+    shows floor, None where nothing is recorded."""
 
     def __init__(
         self,
@@ -47,7 +47,8 @@ class Cutaway:
         self._model: SubmapModel | None = None
 
     def is_outside(self, position: NDArray[np.floating], eye_height: float = 1.5) -> bool:
-        """Whether the eye at `position` (3,) is above the rooms; the walk's cameras stand `eye_height` above floor."""
+        """Whether the eye at `position` (3,) is above the rooms; the trajectory's cameras stand `eye_height` above
+        floor."""
         heights = np.concatenate([s.positions[:, 2] for s in self._submaps])
         _, nearest = self._tree.query(np.asarray(position)[:2])
         return bool(position[2] - (heights[nearest] - eye_height) > OUTSIDE)
@@ -112,8 +113,8 @@ def _joined(parts: list[Gaussians]) -> Gaussians:
 
 
 def floor_colors(model: SubmapModel, xy: NDArray[np.floating], eye: NDArray[np.floating]) -> NDArray[np.float32]:
-    """(N, 3) what the model paints on the floor at world x, y (N, 2), seen from `eye` (3,), where the walk was: its
-    background is not defined for an eye above the roof."""
+    """(N, 3) what the model paints on the floor at world x, y (N, 2), seen from `eye` (3,), where the trajectory was:
+    its background is not defined for an eye above the roof."""
     from scipy.ndimage import map_coordinates
 
     result = np.zeros((len(xy), 3), np.float32)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-SMALLEST = (480, 270)  # a moving picture is never coarser than this
+SMALLEST = (480, 270)  # a moving image is never coarser than this
 
 
 class Pacing:
-    """Learns what a pixel costs and answers with the picture size that holds the pace.
+    """Learns what a pixel costs and answers with the image size that holds the pace.
 
     target_ms   milliseconds from asking for a moving frame to having it (40: about 20 frames a second with painting)
     """

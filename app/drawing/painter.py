@@ -1,4 +1,4 @@
-"""Who draws in the drawing process: the kernels, or OpenGL where a person wants it or it is faster. Knows no Qt."""
+"""Who draws in the drawing process: the kernels, or OpenGL where a user wants it or it is faster. Knows no Qt."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ NEUTRAL = (0.36, 0.37, 0.39)
 """What is behind splats that come without a background, such as those of other programs."""
 HOPELESS = 2.0
 """OpenGL that takes this many times as long as the CPU is not tried on other submaps: a software driver, most likely,
-and it keeps 100 MB."""
-TIMED_SHARE = 0.5  # of the sides of the last still picture: about what a moving camera gets
+and it holds 100 MB."""
+TIMED_SHARE = 0.5  # of the sides of the last still image: about what a moving camera gets
 
 Pixels = NDArray[np.uint8]
 Renderer = Callable[[Camera, frozenset[str]], tuple[int, RenderOutput]]  # -> (submap that answered, view)
@@ -42,7 +42,7 @@ class Models:
 
 @dataclass(frozen=True)
 class Remark:
-    """Something for the log; a warning when it is against what a person asked for."""
+    """Something for the log; a warning when it is against what a user asked for."""
 
     message: str
     trace: str = ""
@@ -77,7 +77,7 @@ class Painter:
         self._broken = self._hopeless = False
         self._choice = Choice()
         self._budget = SplatBudget()
-        self._still: Camera | None = None  # of the last still colour picture that either renderer may draw
+        self._still: Camera | None = None  # of the last still colour image that either renderer may draw
 
     def paint(
         self, camera: Camera, channel: str, wanted: str, moving: bool, budget: int = 0
@@ -112,7 +112,7 @@ class Painter:
         return submap, render_model(model, camera, channels)
 
     def compare(self) -> bool:
-        """Times one frame of one renderer where the last still picture stood; False when nothing is left to time."""
+        """Times one frame of one renderer where the last still image stood; False when nothing is left to time."""
         if self._still is None or self._broken or self._hopeless or not isinstance(self._opened, Models):
             return False
         submap, model = self._opened.at(self._still)
@@ -147,7 +147,7 @@ class Painter:
             self.release()
 
     def rest(self) -> None:
-        """Compares nothing until the next still picture."""
+        """Compares nothing until the next still image."""
         self._still = None
 
     def release(self) -> None:

@@ -1,4 +1,4 @@
-"""Panoramas in the drawing process: view by view in the pauses between pictures, coarse first. Knows no Qt."""
+"""Panoramas in the drawing process: view by view in the pauses between images, coarse first. Knows no Qt."""
 
 from __future__ import annotations
 

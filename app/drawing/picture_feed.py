@@ -14,17 +14,17 @@ from app.drawing.render_link import RenderLink
 from app.drawing.renderer_choice import AUTOMATIC
 from app.painting.cameras import ViewPose
 
-REST = 100  # milliseconds without movement until the sharp picture is asked for
-PATIENCE = 4000  # milliseconds of loading until the person is told what may take so long
+REST = 100  # milliseconds without movement until the sharp image is asked for
+PATIENCE = 4000  # milliseconds of loading until the user is told what may take so long
 LOADING = "Loading the reconstruction…"
 COMPILING = "Loading the reconstruction… What draws it is compiled for this machine once, which takes half a minute."
 SCENE = "scene"  # the name under which it asks
 
 
 class PictureFeed(QObject):
-    """changed(): another picture or another note; troubled(Trouble); remarked(Remark).
+    """changed(): another image or another note; troubled(Trouble); remarked(Remark).
 
-    size, pose   the device pixels of the view, and where its eye is, when they are needed
+    size, pose   the device pixels of the view, and where its camera is, when they are needed
     """
 
     changed = Signal()
@@ -57,7 +57,7 @@ class PictureFeed(QObject):
 
     @property
     def drawing(self) -> bool:
-        """Whether a picture is under way or about to be asked for."""
+        """Whether an image is under way or about to be asked for."""
         return self._rest.isActive() or self.link.busy
 
     def show(self, source: RenderSource | None) -> None:
@@ -74,7 +74,7 @@ class PictureFeed(QObject):
         self.changed.emit()
 
     def follow(self) -> bool:
-        """The eye moved. Returns whether a picture of it will come, so that nothing is to be painted before."""
+        """The camera moved. Returns whether an image of it will come, so that nothing is to be painted before."""
         self._rest.start()
         if self.picture is None and not self.link.ready:
             return False
@@ -82,7 +82,7 @@ class PictureFeed(QObject):
         return True
 
     def resize(self) -> None:
-        """The view has another size: a sharp picture follows."""
+        """The view has another size: a sharp image follows."""
         self._rest.start()
 
     def ask_sharp(self) -> None:

@@ -1,4 +1,4 @@
-"""The process that draws: asked for views through a pipe, answers with pictures ready to be painted. Knows no Qt.
+"""The process that draws: asked for views through a pipe, answers with images ready to be painted. Knows no Qt.
 
 A process of its own, because importing and compiling the kernels holds Python's global lock for up to 150 ms at a
 time, and because a window must survive whatever happens in a kernel.
@@ -131,7 +131,7 @@ class Opened:
 
 @dataclass(frozen=True)
 class Trouble:
-    """A sentence for the person, and the trace for the log."""
+    """A sentence for the user, and the trace for the log."""
 
     message: str
     trace: str = ""
@@ -188,7 +188,7 @@ def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, warming: Warmin
     try:
         while not connection.poll() and painter.compare():
             pass
-    except Exception as error:  # the pictures themselves do not depend on it
+    except Exception as error:  # the images themselves do not depend on it
         painter.remarks.append(Remark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
         painter.rest()
     _send_remarks(painter, connection)

@@ -113,7 +113,7 @@ class RenderLink(QObject):
         self._start()
 
     def ask(self, request: Request) -> None:
-        """Sends the request, or keeps it until the answer that is under way has come."""
+        """Sends the request, or holds it back until the answer that is under way has come."""
         if not self._ready or self._sent is not None or self._life is None:
             self._waiting[request.view] = request
             return
@@ -125,7 +125,7 @@ class RenderLink(QObject):
             self._waiting[request.view] = request  # the reading thread reports the death
 
     def ask_panorama(self, request: PanoramaRequest | None) -> None:
-        """Has a panorama drawn in the pauses between pictures, in place of the one that was asked for before; None asks
+        """Has a panorama drawn in the pauses between images, in place of the one that was asked for before; None asks
         for none. It comes several times, each finer than the one before."""
         self._panorama = request
         if request is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 CPU, OPENGL = "CPU", "OpenGL"
 AUTOMATIC = "automatic"
 PREFERENCES = (AUTOMATIC, CPU, OPENGL)
-"""What a person may ask for."""
+"""What a user may ask for."""
 ROUNDS = 3
 
 

@@ -35,7 +35,7 @@ class _Thinned:
 
 
 class SplatBudget:
-    """Keeps the thinned model of the last submap: a moving camera asks for it again and again."""
+    """Caches the thinned model of the last submap: a moving camera asks for it again and again."""
 
     def __init__(self) -> None:
         self._last: _Thinned | None = None

@@ -1,4 +1,4 @@
-"""Which submap answers where: the picture in the colours of the submaps. Knows no Qt."""
+"""Which submap answers where: the image in the colours of the submaps. Knows no Qt."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from nvsim.render.types import RenderOutput
 from nvsim.submaps.types import Submap
 
 CELL = 0.2  # metres
-REACH = 15.0  # metres around the walk; beyond, nothing has a colour
+REACH = 15.0  # metres around the trajectory; beyond, nothing has a colour
 _SOLID = 0.5  # alpha from which on a surface is met before the floor
-_SHARE = 0.6  # of the submap's colour in the picture
+_SHARE = 0.6  # of the submap's colour in the image
 
 
 class Territory:
@@ -61,7 +61,7 @@ class Territory:
         light = np.clip(view.rgb @ np.array([0.299, 0.587, 0.114], np.float32), 0, 1)[..., None]
         tint = self._colors[owners + 1]
         result = np.empty((k.height, k.width, 4), np.uint8)
-        # The lightness stays readable: the colour is mixed with the grey, brighter where the picture is.
+        # The lightness stays readable: the colour is mixed with the grey, brighter where the image is.
         result[..., :3] = (255 * (_SHARE * tint * (0.35 + 0.65 * light) + (1 - _SHARE) * light))[..., ::-1]
         result[..., 3] = 255
         return result

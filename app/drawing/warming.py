@@ -1,4 +1,4 @@
-"""Compiles in the drawing process what a person would otherwise wait for when it is first asked for. Once on a machine
+"""Compiles in the drawing process what a user would otherwise wait for when it is first asked for. Once on a machine
 this takes half a minute; later it is read from the cache in a moment. Knows no Qt."""
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.drawing.renderer_choice import CPU
 from nvsim.geometry.camera import Camera, Intrinsics
 
-COLD = 3.0  # seconds; a first picture that took longer was compiled
+COLD = 3.0  # seconds; a first image that took longer was compiled
 _EYE = np.eye(4)
 _SIDE = 32  # pixels
 
 
 class Warming:
-    """First what every picture needs, then, in pauses, what panoramas need besides."""
+    """First what every image needs, then, in pauses, what panoramas need besides."""
 
     def __init__(self, painter: Painter) -> None:
         self._painter = painter
@@ -30,8 +30,8 @@ class Warming:
         return self._panorama.waits
 
     def begin(self) -> None:
-        """Draws a small picture. Where that had to be compiled the rest follows at once: who waits already had rather
-        not wait again."""
+        """Draws a small image. Where that had to be compiled the rest follows at once: a user who waits already would
+        rather not wait again."""
         begin = time.perf_counter()
         self._painter.paint(Camera(Intrinsics.from_fov(_SIDE, _SIDE, 1.0), _EYE), "rgb", CPU, moving=True)
         if not self._painter.by_kernels:

@@ -54,12 +54,12 @@ def _text(value: object) -> str:
 
 
 def command_line(verb: str, arguments: Sequence[str]) -> str:
-    """What a person types."""
+    """The text that a user types."""
     return shlex.join(["nvsim", *verb.split(), *arguments])
 
 
 class Settings:
-    """What a person changed of the options of each command, kept in the project."""
+    """What a user changed of the options of each command, stored in the project."""
 
     def __init__(self, project: Path | None) -> None:
         self._path = None if project is None else project / FILE
@@ -112,7 +112,7 @@ class Settings:
         return self._path is not None and is_proven(self._path.parent, _WHAT, [verb, dict(places)], proof)
 
     def arguments(self, verb: str) -> list[str]:
-        """The flags of a command as the person left its form."""
+        """The flags of a command as the user left its form."""
         names, preset = presets_of(verb), self.preset(verb)
         head = ["--preset", preset] if names and preset != names[0] else []
         return [*head, *arguments_of(fields_of(verb, preset), self.changed(verb))]
@@ -122,7 +122,7 @@ _UNFIT = object()
 
 
 def _fitting(field: Field, value: Any) -> object:  # Any: JSON as somebody wrote it
-    """The stored value as one of the field's type, or _UNFIT: somebody may have written into the file."""
+    """The stored value as one of the field's type, or _UNFIT, because the file may hold anything."""
     if value is None:
         return None if field.optional else _UNFIT
     plain = isinstance(value, int | float) and not isinstance(value, bool)

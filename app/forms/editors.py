@@ -16,7 +16,7 @@ from app.look.plain_text import tip
 
 
 class Editor(QWidget):
-    """changed() when the person changed the value; `value` raises ValueError with a sentence while it is none."""
+    """changed() when the user changed the value; `value` raises ValueError with a sentence while it is none."""
 
     changed = Signal()
 
@@ -182,7 +182,7 @@ class LineEditor(Editor):
 
 
 def number_text(value: object) -> str:
-    """A number as a person writes it: 0.0005, 2e-05, 20000."""
+    """A number as a user writes it: 0.0005, 2e-05, 20000."""
     if isinstance(value, float):
         return f"{value:g}" if float(f"{value:g}") == value else repr(value)
     return str(value)

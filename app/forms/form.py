@@ -35,9 +35,9 @@ TYPING = 250  # milliseconds after the last key until the values are tried
 
 
 class CommandForm(QDialog):
-    """started(list of arguments) when the person wants the command run with them; they are kept before.
+    """started(list of arguments) when the user wants the command run with them; they are stored before.
 
-    preset_values  path -> value that this form begins with where the person has not set one
+    preset_values  path -> value that this form begins with where the user has not set one
     """
 
     started = Signal(object)

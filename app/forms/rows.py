@@ -15,7 +15,7 @@ _NOWHERE = object()
 
 
 class Row(QWidget):
-    """changed() when the person changed the value."""
+    """changed() when the user changed the value."""
 
     changed = Signal()
 

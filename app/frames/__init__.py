@@ -1,1 +1,2 @@
-"""The frames of the walk: thumbnails, a frame beside the render from its camera, and correcting its floor mask."""
+"""The frames of the capture: thumbnails, a frame beside the render from its camera, and correcting its floor
+mask."""

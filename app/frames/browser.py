@@ -91,7 +91,7 @@ class FrameBrowser(QObject):
 
     @property
     def is_open(self) -> bool:
-        """Whether the page is what the person sees."""
+        """Whether the page is what the user sees."""
         return self.page.isVisible()
 
     def open(self, index: int) -> None:
@@ -122,13 +122,13 @@ class FrameBrowser(QObject):
         self.toolChanged.emit(tool)
 
     def step(self, by: int) -> None:
-        """So many frames on in the walk."""
+        """Goes on by so many frames of the trajectory; a negative number goes back."""
         capture = self._document.contents.capture
         if self.index is not None and capture is not None:
             self.open((self.index + by) % len(capture.frames))
 
     def release(self) -> None:
-        """Keeps everything and ends thread and process; the page is not used afterwards."""
+        """Writes what is not written yet and ends thread and process; the page is not used afterwards."""
         self.corrector.close()
         self._reader.stop()
         self.candidates.rest()

@@ -37,7 +37,7 @@ class Candidates(QObject):
 
     @property
     def note(self) -> str:
-        """What a person waits for, "" for nothing."""
+        """What the user waits for, in words; "" when there is nothing."""
         if self._asked:
             return "The candidate masks are being made; the first of a submap take a while…"
         return "The prompted network is at work…" if self._waits else ""

@@ -32,7 +32,7 @@ class Tool(Protocol):
 
 
 class Canvas(QWidget):
-    """zoomChanged() after the person zoomed or moved."""
+    """zoomChanged() after the user zoomed or moved."""
 
     zoomChanged = Signal()
 

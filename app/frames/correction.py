@@ -1,4 +1,4 @@
-"""The floor mask of one frame while a person corrects it: what is painted, grown and undone. Knows no Qt."""
+"""The floor mask of one frame while a user corrects it: what is painted, grown and undone. Knows no Qt."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.frames.brush import Box, Mask, Point, changed, paint
 from nvsim.perception.regions import grow_region
 
-_MOST = 200  # steps kept
+_MOST = 200  # steps in the history
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Correcting the mask of the open frame: the tools in hand, undo and redo, and keeping what was done on disk."""
+"""Correcting the mask of the open frame: the tools in hand, undo and redo, and writing what was done to the disk."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Corrector(QObject):
             tool.take(known)
 
     def close(self) -> None:
-        """Keeps what is not written yet and lets go of the frame."""
+        """Writes what is not written yet and closes the frame."""
         self.flush()
         self._matter = self.correction = self._steps = None
         self._prompts = []
@@ -182,7 +182,7 @@ class Corrector(QObject):
     def set_brush_share(self, share: float) -> None:
         self.brush.grow(SMALLEST * (LARGEST / SMALLEST) ** share / self.brush.radius)
 
-    # Keeping ----------------------------------------------------------------------------------------------------
+    # Writing ----------------------------------------------------------------------------------------------------
 
     def flush(self) -> None:
         """Hands what is not written yet to the thread that writes."""

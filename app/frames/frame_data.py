@@ -38,7 +38,7 @@ class FrameData:
 
 @dataclass(frozen=True, eq=False)
 class Failure:
-    """A sentence for the person about a frame."""
+    """A sentence for the user about a frame."""
 
     index: int
     sentence: str
@@ -108,7 +108,7 @@ class Reader(QObject):
         self._do(index, task)
 
     def write(self, layout: Layout, frame: Frame, index: int, mask: NDArray[np.bool_] | None) -> None:
-        """Keeps `mask` (H, W), which nobody changes any more, as the correction; None goes back to the machine's."""
+        """Stores `mask` (H, W), which is not changed any more, as the correction; None removes it."""
 
         def task() -> None:
             write_correction(layout, frame, mask)

@@ -17,7 +17,7 @@ FLOOR_COLOR = "#2ec4b6"
 @dataclass
 class FrameLayer:
     """name     also its key in the settings
-    color    of its mask, "" for a picture of many colours
+    color    of its mask, "" for an image of many colours
     painted  None while it is not known
     opacity  0 to 1
     """

@@ -1,4 +1,4 @@
-"""Arrays as pictures that Qt paints: photos, renders, masks, normals, and how far a render is from its photo."""
+"""Arrays as images that Qt paints: photos, renders, masks, normals, and how far a render is from its photo."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Painted:
         return self.image.width(), self.image.height()
 
     def shrunk(self, width: int, height: int) -> QImage:
-        """The image, area-averaged to at most about this size: painting a large one small would drop pixels. Kept until
-        another size is asked for."""
+        """The image, area-averaged to at most about this size: painting a large one small would drop pixels. Cached
+        until another size is asked for."""
         if width * 1.5 > self.image.width():
             return self.image
         if self._smaller is None or self._smaller[0] != (width, height):

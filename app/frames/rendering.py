@@ -32,7 +32,7 @@ class FrameRender(QObject):
         scene.link.opened.connect(lambda _: self.soon())
 
     def soon(self) -> None:
-        """The camera's picture is another one, or seen larger: `wanted` follows when nothing changes any more."""
+        """The frame changed, or it is shown larger: `wanted` follows when nothing changes any more."""
         self._soon.start()
 
     def ask(self, matter: FrameData, scale: float) -> None:

@@ -1,4 +1,4 @@
-"""What is known of every frame beyond the capture: how much floor its mask shows, and whether a person corrected it."""
+"""What is known of every frame beyond the capture: how much floor its mask shows, and whether a user corrected it."""
 
 from __future__ import annotations
 

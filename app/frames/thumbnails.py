@@ -1,4 +1,4 @@
-"""Small pictures of the frames, loaded when a list first paints them and never while it paints."""
+"""Small images of the frames, loaded when a list first paints them and never while it paints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.frames.link import FrameLink
 from app.state.document import Document
 from nvsim.project.layout import Layout
 
-_MOST = 600  # pixmaps kept
+_MOST = 600  # pixmaps in the cache
 _SLICE = 0.004  # seconds of loading per turn of the event loop
 
 

@@ -120,7 +120,7 @@ class Brush:
 class Points:
     """Left says “floor is here”, right “this is none”.
 
-    placed(Prompt)  where the person clicked
+    placed(Prompt)  where the user clicked
     """
 
     def __init__(self, placed: Callable[[Prompt], object]) -> None:

@@ -50,7 +50,7 @@ class Worker:
         self._thumbnails: list[int] = []
 
     def run(self) -> None:
-        """Returns when the input has ended. Thumbnails come before coverage: a person waits for them."""
+        """Returns when the input has ended. Thumbnails come before coverage: a user waits for them."""
         while True:
             busy = bool(self._thumbnails) or self._coverage is not None
             with contextlib.suppress(queue.Empty):
@@ -114,7 +114,7 @@ class Worker:
         return path
 
     def _read_coverage(self) -> Iterator[None]:
-        """Says the floor share of every frame that has a mask, a batch at a time; keeps them on disk by the mask's
+        """Says the floor share of every frame that has a mask, a batch at a time; caches them on disk by the mask's
         time of writing."""
         from nvsim.perception.segment import read_mask
         from nvsim.project.corrections import corrected_frames

@@ -46,7 +46,7 @@ class RegionLayer(Layer):
         return "" if self._inspection.directions else "no viewpoint with evidence is selected"
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        """Draws over a picture that `camera` took, scaled to the widget's logical pixels."""
+        """Draws over an image that `camera` took, scaled to the widget's logical pixels."""
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         current = self._inspection.current
         for direction in sorted(self._inspection.directions, key=lambda d: d is current):
@@ -95,7 +95,7 @@ class RegionMarks(QObject):
             item.setBrush(fill)
             item.setZValue(24 + z)
             item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
-            # The picture's own extent, not that of a viewpoint's surroundings, frames the map.
+            # The image's own extent, not that of a viewpoint's surroundings, frames the map.
             plot.addItem(item, ignoreBounds=True)
         inspection.changed.connect(self.refresh)
         inspection.pointed.connect(self.refresh)

@@ -139,7 +139,7 @@ class PanoramaView(QWidget):
         painter.end()
 
     def _boxes(self) -> list[QRectF]:
-        """Where the picture lies, as often as the view holds it; its left edge looks south."""
+        """Where the image lies, as often as the view holds it; its left edge looks south."""
         width, height = _TURN * self._scale, math.pi * self._scale
         ((left, top),) = self.to_pixels(np.array([[-math.pi, math.pi / 2]]))
         first = left - math.ceil(left / width) * width

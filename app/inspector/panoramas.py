@@ -1,5 +1,5 @@
-"""The panoramas of viewpoints: asked for in the drawing process when one is looked at, or read from pictures beside a
-graph; kept for a while."""
+"""The panoramas of viewpoints: asked for in the drawing process when one is looked at, or read from images beside a
+graph; cached."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 
 KEPT = 12  # sharp panoramas: 6 MB each
 SKETCHES = 40  # coarse ones: 0.9 MB each
-PATIENCE = 3000  # milliseconds of drawing until the person is told what may take so long
+PATIENCE = 3000  # milliseconds of drawing until the user is told what may take so long
 SETTLE = 120  # milliseconds: someone who steps through viewpoints does not have each drawn
 Place = tuple[float, float, float]
 Read = Callable[[], NDArray[np.uint8] | None]

@@ -62,7 +62,7 @@ class JobHandle(QObject):
         return self.job.ours
 
     def picture(self, path: str) -> Path | None:
-        """Where a picture lies that the job told of: among the pictures of the project and nowhere else."""
+        """Where an image lies that the job told of: among the images of the project and nowhere else."""
         folder = Layout(self._jobs.root).pictures
         return folder / Path(path).name if "\0" not in path and is_folder(folder) else None
 

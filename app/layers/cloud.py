@@ -18,7 +18,7 @@ _LARGE = 3.0  # metres; nearer points get a dot of 3 pixels instead of 2
 
 
 class CloudLayer(Layer):
-    """Written straight into a picture: a painter call for each dot would take ten times as long."""
+    """Written straight into an image: a painter call for each dot would take ten times as long."""
 
     name = "cloud"
     title = "Point cloud"

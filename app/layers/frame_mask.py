@@ -30,7 +30,7 @@ class FrameMaskLayer(Layer):
         return "" if self._image is not None else "no frame with a floor mask is selected"
 
     def show(self, camera: Camera | None, image: QImage | None) -> None:
-        """Takes a frame's camera and its mask as a picture of any size; None for none."""
+        """Takes a frame's camera and its mask as an image of any size; None for none."""
         self._camera, self._image = camera, image
 
     def paint(self, painter: QPainter, camera: Camera) -> None:

@@ -1,4 +1,4 @@
-"""The cameras of the walk as pyramids: those near the eye, and always the selected one."""
+"""The cameras of the frames as pyramids: those near the eye, and always the selected one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from nvsim.project.work import STAGE
 
 REACH = 8.0  # metres from the eye
 MOST = 150  # frusta; the nearest ones
-STANDING_IN = 0.3  # metres; the frustum of a camera one stands in would only line the picture
+STANDING_IN = 0.3  # metres; the frustum of a camera one stands in would only line the image
 MOST_MOVING = 60
 _LENGTH = 0.22  # metres along the line of sight
 

@@ -23,7 +23,7 @@ from nvsim.project.work import STAGE
 
 _NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor
 _NODE_PIXELS = (3.5, 42.0)  # least and most radius of a disc
-_MARGIN = 20  # pixels beside the picture whose discs still reach into it
+_MARGIN = 20  # pixels beside the image whose discs still reach into it
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Seen:
         """What is in view of the edges, as `projected_segments` gives it: ends in pixels (M, 4), depth (M,)."""
         k, edges = self.camera.intrinsics, self.arrays.edges
         front, (x, y) = self.depths > NEAR, self.pixels.T
-        # Which sides of the picture an end lies beyond, as bits: an edge with both ends beyond one is out of view.
+        # Which sides of the image an end lies beyond, as bits: an edge with both ends beyond one is out of view.
         beyond = (1 * (x < 0) + 2 * (x > k.width) + 4 * (y < 0) + 8 * (y > k.height)).astype(np.uint8)
         a, b = edges.T
         both = front[a] & front[b]
@@ -100,7 +100,7 @@ class GraphLayer(Layer):
         return "" if self._document.graph_arrays.ids else STAGE["map"].lacking
 
     def seen(self, camera: Camera) -> Seen:
-        """Where the viewpoints are for `camera`; kept for the next who asks with the same."""
+        """Where the viewpoints are for `camera`; cached for the next call with the same camera."""
         arrays = self._document.shown_arrays
         if self._latest is None or self._latest.camera is not camera or self._latest.arrays is not arrays:
             self._latest = Seen.of(camera, arrays)

@@ -18,7 +18,7 @@ _SMOOTH = 120  # lines
 
 
 class GridLayer(Layer):
-    """`bare` is set by the view: whether no picture is beneath."""
+    """`bare` is set by the view: whether no image is beneath."""
 
     name = "grid"
     title = "Ground grid"

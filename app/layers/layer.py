@@ -13,7 +13,7 @@ class PaintsOver(Protocol):
     """What `Overlays.add` takes.
 
     name      its key in the settings
-    title     what a person reads
+    title     what a user reads
     shown     whether it is drawn
     opacity   0 to 1
     """
@@ -24,7 +24,7 @@ class PaintsOver(Protocol):
     opacity: float
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        """Draws over a picture that `camera` took, scaled to the widget's logical pixels. The painter's opacity is set;
+        """Draws over an image that `camera` took, scaled to the widget's logical pixels. The painter's opacity is set;
         its state is put back afterwards."""
         ...
 

@@ -13,7 +13,7 @@ from app.state.on_floor import floor_height
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
-_RAYS = 60_000  # at most; a picture of fewer than the pixels is enlarged
+_RAYS = 60_000  # at most; an image of fewer than the pixels is enlarged
 _RAYS_MOVING = 15_000
 _FAR = 60.0  # metres
 _FREE, _OCCUPIED = (0x40, 0x3F, 0xB3, 0x7F), (0xC0, 0xE0, 0x5D, 0x5D)  # alpha, red, green, blue

@@ -1,4 +1,4 @@
-"""The walk, on the floor, in the colours of its submaps."""
+"""The trajectory, on the floor, in the colours of its submaps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The help pages of resources/help and the pictures of resources/docs/window.md: their titles, their sections, and what
+"""The help pages of resources/help and the images of resources/docs/window.md: their titles, their sections, and what
 of them holds certain words. Knows no Qt."""
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import resources
 from nvsim.capture import formats
 
 FOLDER = Path(resources.__file__).parent / "help"
-DOCS = FOLDER.parent / "docs"  # where pictures lie, too
+DOCS = FOLDER.parent / "docs"  # where images lie, too
 _ORDER = ("start", "window", "keys", "view", "inspector", "thresholds", "frames")  # others follow by title
 
 

@@ -1,4 +1,4 @@
-"""Notices: sentences that need no answer, shown at the edge of the view and kept in the log. No modal boxes."""
+"""Notices: sentences that need no answer, shown at the edge of the view and written to the log. No modal boxes."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class _Card(QFrame):
 
 
 class NoticeArea(QWidget):
-    """A stack of cards in the upper right corner of its parent; newest at the bottom. detailsWanted(Notice): a person
+    """A stack of cards in the upper right corner of its parent; newest at the bottom. detailsWanted(Notice): a user
     asks for more about one."""
 
     detailsWanted = Signal(object)

@@ -72,7 +72,7 @@ def _cut(words: str, most: int) -> str:
 
 def _seen(found: re.Match[str]) -> str:
     letter = found.group()
-    # Fonts lack the pictures of control characters; \n is understood.
+    # Fonts lack the glyphs of control characters; \n is understood.
     return ascii(letter)[1:-1] if letter < "\x80" else f"‹U+{ord(letter):04X}›"
 
 

@@ -1,5 +1,6 @@
-"""Adding viewpoints: a click on the floor; on a frame of the walk it takes the frame's place, on an edge it parts the
-edge. Alt does not snap. Shift joins the new viewpoint to the selected one, so that a chain is laid click by click."""
+"""Adding viewpoints: a click on the floor; on a frame of the trajectory it takes the frame's place, on an edge it parts
+the edge. Alt does not snap. Shift joins the new viewpoint to the selected one, so that a chain is laid click by
+click."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _LABEL = QColor(16, 20, 26, 225)
 
 
 def label(painter: QPainter, anchor: QPointF, text: str, ink: str = "#f2f5f8") -> None:
-    """A small label to the upper right of `anchor`, kept inside the picture."""
+    """A small label to the upper right of `anchor`, kept inside the image."""
     metrics = painter.fontMetrics()
     width, height = metrics.horizontalAdvance(text) + 12, metrics.height() + 4
     picture = painter.viewport()

@@ -1,4 +1,4 @@
-"""Marks what a person did: a tick where something was reviewed, a lock where something is locked, in every view.
+"""Marks what a user did: a tick where something was reviewed, a lock where something is locked, in every view.
 
 What is marked is followed from edit to edit; where marks would cover the graph, none are drawn.
 """

@@ -1,7 +1,7 @@
 """How the eye of the 3D view moves: one pose as a value, and every motion a function pose -> pose.
 
-Orbit and fly share the pose, so that a person may turn around a table and then walk off without switching modes.
-Heading and elevation are kept apart from the start, so that looking straight down is not a special case.
+Orbit and fly share the pose, so that a user may turn around a table and then walk off without switching modes.
+Heading and elevation are separate values, so that looking straight down is not a special case.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ViewPose:
         return np.asarray(self.position) + self.reach * self.axes[:, 2]
 
     def camera(self, width: int, height: int) -> Camera:
-        """The pinhole of a picture of `width` x `height` pixels."""
+        """The pinhole of an image of `width` x `height` pixels."""
         focal = height / 2 / tan(self.fov / 2)
         intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
         return Camera(intrinsics, look(np.asarray(self.position, np.float64), self.heading, self.elevation))
@@ -131,7 +131,7 @@ def overview(points: NDArray[np.float64], fov: float = radians(45)) -> ViewPose:
 
 
 def focused(pose: ViewPose, point: NDArray[np.float64], reach: float = 3.0) -> ViewPose:
-    """Looks at `point` (3,) from `reach` metres, keeping the direction of view."""
+    """Looks at `point` (3,) from `reach` metres, with the direction of view unchanged."""
     return replace(pose, position=_at(point - reach * pose.axes[:, 2]), reach=reach)
 
 

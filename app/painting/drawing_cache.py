@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, QRect, QRectF, QTimer
 from PySide6.QtGui import QImage, QPainter
 
 REST = 150  # milliseconds after which a view counts as one that stays
-LARGEST_PATCH = 0.3  # of the picture; beyond this it is drawn anew
+LARGEST_PATCH = 0.3  # of the image; beyond this it is drawn anew
 Draw = Callable[[QPainter, QRectF | None], None]
 
 
@@ -42,7 +42,7 @@ class DrawingCache:
         that it is given.
 
         view      is another when everything is drawn elsewhere or otherwise
-        content   is another object when what is drawn is another; kept alive, so that identities do not come again
+        content   is another object when what is drawn changed; it is referenced, so that its id() is not used again
         touched   where it differs, in logical pixels, from what was drawn of the content given; None: everywhere
         """
         ratio = painter.device().devicePixelRatioF()

@@ -16,14 +16,14 @@ from app.painting.primitives import Primitives, disc
 
 SMOOTH_LINES = 4000  # beyond this many their smooth edges cost more than they give
 SMOOTH_DISCS = 1500
-LARGE = 2000  # edges, beyond which a drawing is worth being kept
+LARGE = 2000  # edges, beyond which a drawing is worth a cache
 _SHORT = 3.0  # pixels; where lines are many, one this short hides under the discs at its ends
 _BANDS = ((12.0, np.inf, 1.2, 170), (5.0, 12.0, 1.8, 190), (0.0, 5.0, 2.6, 225))
 """Metres from the eye: from, to; pixels wide; opacity to 255."""
 
 
 class GraphInk:
-    """Sprites and buffers that are kept between frames."""
+    """Sprites and buffers that are cached between frames."""
 
     def __init__(self) -> None:
         self._primitives = Primitives()

@@ -14,11 +14,11 @@ from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
 
 from app.look.plain_text import plain
 
-_LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the picture by far
+_LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the image by far
 
 
 class Primitives:
-    """Buffers that are kept between frames."""
+    """Buffers that are cached between frames."""
 
     def __init__(self) -> None:
         self._lines = PrimitiveArray(QLineF, 4)

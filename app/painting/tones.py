@@ -1,4 +1,4 @@
-"""From what a renderer measures to what a person sees: one picture per channel."""
+"""From what a renderer measures to what a user sees: one image per channel."""
 
 from __future__ import annotations
 

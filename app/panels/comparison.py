@@ -1,4 +1,4 @@
-"""What another graph has otherwise: a list to choose from, drawn in colours over both views, and merged on demand."""
+"""How another graph differs: a list to choose from, drawn in colours over both views, and merged on demand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The earlier results that a project keeps: one of each stage, to go back to or to let go of."""
+"""The earlier results in a project: one of each stage, to go back to or to delete."""
 
 from __future__ import annotations
 

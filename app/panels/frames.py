@@ -1,4 +1,4 @@
-"""The frames of the walk: find them by name, submap and floor, and open one beside the render from its camera."""
+"""The frames of the capture: find them by name, submap and floor, and open one beside the render from its camera."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class FramePanel(QWidget):
         self.hint = Hint(self.list, self._missing).follow(self.list)
         self.list.selectionModel().currentChanged.connect(self._on_current)
         self.list.chosen.connect(lambda index: self.opened.emit(self.filter.mapToSource(index).row()))
-        # A filter that hides the selected row makes another one current; that is not the person's choice.
+        # A filter that hides the selected row makes another one current; that is not the user's choice.
         self._filtering = False
         for begins in (self.filter.layoutAboutToBeChanged, self.filter.rowsAboutToBeRemoved):
             begins.connect(lambda: self._set_filtering(True))

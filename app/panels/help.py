@@ -22,7 +22,7 @@ _SECTION = Qt.ItemDataRole.UserRole
 
 
 class _Text(QTextBrowser):
-    """Shows pictures as wide as there is room, not wider than they are. Of files it reads those pictures alone."""
+    """Shows images as wide as there is room, not wider than they are. Of files it reads those images alone."""
 
     def loadResource(self, type: int, name: QUrl | str) -> object:
         if type == QTextDocument.ResourceType.ImageResource.value:

@@ -1,4 +1,4 @@
-"""The latest pictures of the models in training, as the job writes them."""
+"""The latest images of the models in training, as the job writes them."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from app.jobs.queue import JobHandle
 from app.look.plain_text import plain
 from nvsim.files.nofollow import read_regular
 
-MOST = 3  # pictures side by side; those that came last
+MOST = 3  # images side by side; those that came last
 _GAP = 8
 _MOST_BYTES = 32 << 20
 _MOST_SIDE = 8192  # pixels
 
 
 class JobPreview(QWidget):
-    """Reads a picture when it is new and the panel can be seen."""
+    """Reads an image when it is new and the panel can be seen."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._handle: JobHandle | None = None
-        self._pixmaps: dict[str, tuple[int, QPixmap]] = {}  # path -> time of the file, picture
+        self._pixmaps: dict[str, tuple[int, QPixmap]] = {}  # path -> time of the file, image
         self.setMinimumHeight(60)
 
     def show_job(self, handle: JobHandle | None) -> None:
-        """Shows that job's pictures from now on; None shows nothing."""
+        """Shows that job's images from now on; None shows nothing."""
         self._handle = handle
         self._pixmaps.clear()
         self.refresh()
 
     def refresh(self) -> None:
-        """Looks for new pictures."""
+        """Looks for new images."""
         if not self.isVisible() or self._handle is None:
             self.update()
             return
@@ -53,7 +53,7 @@ class JobPreview(QWidget):
                 if not pixmap.isNull():
                     self._pixmaps[path] = (stamp, pixmap)
                     self.update()
-                break  # one picture a turn is decoded
+                break  # one image a turn is decoded
 
     @property
     def pictures(self) -> list[QPixmap]:
@@ -87,7 +87,7 @@ class JobPreview(QWidget):
 
 
 def _picture(path: Path) -> QPixmap:
-    """A null one where there is no picture, or one larger than any that a job writes."""
+    """A null one where there is no image, or one larger than any that a job writes."""
     try:
         data = QBuffer()
         data.setData(QByteArray(read_regular(path, _MOST_BYTES)))

@@ -29,7 +29,7 @@ _ELSEWHERE = "it was ordered elsewhere; look at what it does first"
 
 
 class Offer(QWidget):
-    """A line above the table: jobs wait for the person."""
+    """A line above the table: jobs wait for the user."""
 
     def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -71,7 +71,7 @@ class Offer(QWidget):
 
 
 def waiting_words(handles: Sequence[JobHandle]) -> str:
-    """One sentence about jobs that wait for the person."""
+    """One sentence about jobs that wait for the user."""
     words = {"interrupted": "was interrupted", "paused": "is paused", "queued": "waits", "failed": "failed"}
     named = [f"“{plain(h.title)}” {words.get(h.state, h.state)}" for h in handles[:3]]
     more = f" and {len(handles) - 3} more wait" if len(handles) > 3 else ""
@@ -79,7 +79,7 @@ def waiting_words(handles: Sequence[JobHandle]) -> str:
 
 
 class JobPanel(QWidget):
-    """againWanted(JobHandle) when the person wants to change the settings of a job and run it again."""
+    """againWanted(JobHandle) when the user wants to change the settings of a job and run it again."""
 
     againWanted = Signal(object)
 
@@ -98,7 +98,7 @@ class JobPanel(QWidget):
             self.tabs.addTab(widget, title)
         self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
         self._chosen = ""  # key of the row whose details are shown
-        self._held = False  # the person chose it
+        self._held = False  # the user chose it
         left = QWidget(self)
         column = QVBoxLayout(left)
         column.setContentsMargins(0, 0, 0, 0)
@@ -192,7 +192,7 @@ class JobPanel(QWidget):
         self._show_buttons()
 
     def _keep_choice(self) -> None:
-        """After rows came or went: the same job, or the newest where the person had chosen none."""
+        """After rows came or went: the same job, or the newest where the user had chosen none."""
         keys = [r.key for r in self.model.rows]
         if self._held and self._chosen in keys:
             self.table.selectRow(keys.index(self._chosen))

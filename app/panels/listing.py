@@ -27,7 +27,7 @@ FEW = 4  # keys that are searched for one after another
 
 @dataclass(frozen=True)
 class Facts:
-    """What the columns read: one state of the graph, and what is kept of the evidence of its edges."""
+    """What the columns read: one state of the graph, and the cached evidence of its edges."""
 
     graph: NavGraph
     evidence: ClearnessCache

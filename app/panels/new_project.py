@@ -40,7 +40,7 @@ _OPTIONS = ("camera_height", "scale", "hold_out")
 
 @dataclass(frozen=True)
 class NewProject:
-    """What the person chose: captures in one world, one most often; `options` are flags of `nvsim import`."""
+    """What the user chose: captures in one world, one most often; `options` are flags of `nvsim import`."""
 
     captures: tuple[Path, ...]
     project: Path
@@ -68,7 +68,7 @@ class NewProjectDialog(QDialog):
         self._beside = list(beside)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._fixed = project
-        self._named = project is not None  # the person chose the project's place
+        self._named = project is not None  # the user chose the project's place
         self.result_shown: CheckResult | None = None
         self._scratch = QTemporaryDir()  # for the list of several captures while they are checked
         self.check = CaptureCheck(self)

@@ -23,7 +23,7 @@ from app.wiring.keeping import OPEN
 from nvsim.errors import InputError
 
 TURN = 0.0005  # seconds that a thread may keep the others waiting
-SETTLE = 60.0  # seconds a screenshot waits at most for the sharp picture
+SETTLE = 60.0  # seconds a screenshot waits at most for the sharp image
 
 
 def make_application(theme: str | None, settings: QSettings) -> QApplication:
@@ -64,7 +64,7 @@ def _memory_budget(settings: QSettings, gibibytes: float | None) -> int | None:
     try:
         remembered = float(str(settings.value("memory_gib", 0.0)))
     except ValueError:
-        remembered = 0.0  # somebody wrote into the settings file
+        remembered = 0.0  # the settings file holds something else
     return round(remembered * 2**30) if 0 < remembered < 2**20 else None
 
 
@@ -132,7 +132,7 @@ def left_open(settings: QSettings) -> Path | None:
 
 @contextmanager
 def _settings(remembered: bool) -> Iterator[QSettings]:
-    """The person's own window state, or one that begins empty and is forgotten: a measurement or a picture must neither
+    """The user's own window state, or one that begins empty and is forgotten: a measurement or an image must neither
     depend on how somebody left the window nor change it."""
     if remembered:
         yield QSettings("nvsim", "window")
@@ -145,7 +145,7 @@ def _settings(remembered: bool) -> Iterator[QSettings]:
 
 
 def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds: float | None) -> None:
-    """Saves the window once the sharp picture is there (or nothing is to be drawn), or when the time is up."""
+    """Saves the window once the sharp image is there (or nothing is to be drawn), or when the time is up."""
     clock = QElapsedTimer()
     clock.start()
     limit = 1e3 * (seconds if seconds is not None else SETTLE)

@@ -1,4 +1,4 @@
-"""Python's garbage collector, kept away from the moments that a person would feel.
+"""Python's garbage collector, run only at moments in which the user does not feel it.
 
 Left alone it runs whenever enough was made, in whichever thread that happens, and walks through everything there is:
 a graph of ten thousand viewpoints costs 90 ms each time, several times while it is read, and no thread goes on
@@ -22,7 +22,7 @@ THOROUGH = 30  # looks, until everything that is not aside is looked at, while n
 class Collecting(QObject):
     """Takes the collector over until `stop`.
 
-    moving   whether the person would feel a pause of some 20 ms now
+    moving   whether the user would feel a pause of some 20 ms now
     """
 
     def __init__(self, moving: Callable[[], bool], parent: QObject | None = None) -> None:

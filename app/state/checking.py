@@ -1,4 +1,4 @@
-"""What is wrong with the graph that is edited: looked for in slices while a person goes on, then followed from edit to
+"""What is wrong with the graph that is edited: looked for in slices while a user goes on, then followed from edit to
 edit."""
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Checking:
 
     @property
     def findings(self) -> Mapping[str, Finding]:
-        """By key; what a person ignores is among them."""
+        """By key; what a user ignores is among them."""
         return {} if self._validator is None else self._validator.findings
 
     def set_context(self, known: Context) -> None:
@@ -73,7 +73,7 @@ class Checking:
         self._slices.stop()
 
     def look(self) -> None:
-        """Looks at the whole graph, a large one while the person goes on."""
+        """Looks at the whole graph, a large one while the user goes on."""
         graph = self._graph
         context = self._known if self._file is None else self._file.context(self._known)
         self._validator, self._look = None, None

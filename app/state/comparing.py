@@ -1,4 +1,4 @@
-"""Another graph beside the one that is edited, and what it has otherwise. Knows no Qt."""
+"""Another graph beside the one that is edited, and how the two differ. Knows no Qt."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nvsim.project.work import STAGE
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """name         of the other graph, for a person
+    """name         of the other graph, for a user
     mine, other  the two graphs
     """
 

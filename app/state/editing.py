@@ -36,7 +36,7 @@ from nvsim.occupancy.types import OccupancyMap
 
 class Editing(QObject):
     """graphChanged(Difference); selectionChanged(); stepsChanged() when there are other steps, another one is current,
-    or what is saved changed; findingsChanged(); refused(str): why an edit did not happen; told(str) what a person may
+    or what is saved changed; findingsChanged(); refused(str): why an edit did not happen; told(str) what a user may
     want to know; failed(str): what could not be read or written."""
 
     graphChanged = Signal(object)
@@ -57,7 +57,7 @@ class Editing(QObject):
         self.checking = Checking(self, self.findingsChanged.emit)
         self._thresholds = MappingConfig()
         self.review = Review(margin(self._thresholds))
-        """The order in which a person looks at edges."""
+        """The order in which a user looks at edges."""
         self._surroundings = EditContext()
         self._keeping = Keeping(self)
         self._keeping.told.connect(self.told)
@@ -226,14 +226,14 @@ class Editing(QObject):
         self._surroundings = EditContext(visible, trajectory)
 
     def set_thresholds(self, config: MappingConfig) -> None:
-        """What the walk through the least certain edges holds evidence against."""
+        """The thresholds that the review compares evidence with."""
         if config == self._thresholds:
             return
         self._thresholds, self.review = config, Review(margin(config))
 
     @property
     def findings(self) -> Mapping[str, Finding]:
-        """What is wrong with the graph, by key; what a person ignores is among them."""
+        """What is wrong with the graph, by key; what a user ignores is among them."""
         return self.checking.findings
 
     def ignore_finding(self, finding: Finding, reason: str) -> None:

@@ -1,4 +1,4 @@
-"""Measures viewpoints that were added or moved, in a process of its own, while the person goes on editing."""
+"""Measures viewpoints that were added or moved, in a process of its own, while the user goes on editing."""
 
 from __future__ import annotations
 

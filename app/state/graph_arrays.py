@@ -169,7 +169,7 @@ class TrajectoryArrays:
 
     @property
     def segments(self) -> NDArray[np.int64]:
-        """(M, 2) indices of consecutive frames of one walk."""
+        """(M, 2) indices of consecutive frames of one trajectory."""
         ends = np.flatnonzero(~self.breaks)
         return np.stack([ends - 1, ends], axis=1)
 

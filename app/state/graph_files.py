@@ -105,12 +105,12 @@ class ForeignGraph:
 
     @property
     def pictured(self) -> bool:
-        """Whether pictures of viewpoints lie beside it."""
+        """Whether images of viewpoints lie beside it."""
         return self._file.beside.pictures is not None
 
     def panorama(self, id: str) -> NDArray[np.uint8] | None:
         """(H, 2 H, 4) uint8, blue, green, red, 255, as the inspector shows it; None where there is none of it. Raises
-        InputError when a picture cannot be read."""
+        InputError when an image cannot be read."""
         found = self._file.panorama(id, PANORAMA_WIDTH)
         if found is None:
             return None

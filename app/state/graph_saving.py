@@ -1,4 +1,4 @@
-"""How a graph that is edited comes to the disk: its journal at each step, its file when a person saves."""
+"""How a graph that is edited comes to the disk: its journal at each step, its file when a user saves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOOK = 1200  # milliseconds after a step until it must be on the disk
 
 
 class Keeping(QObject):
-    """told(str): what a person may want to know; failed(str): what could not be read or written."""
+    """told(str): what a user may want to know; failed(str): what could not be read or written."""
 
     told = Signal(str)
     failed = Signal(str)

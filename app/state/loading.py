@@ -50,7 +50,7 @@ class Contents:
     context       what the findings about the graph are held against; None where only thresholds and map are known
     results       name of a stored evaluation -> when it ended and its figures
     live          whether all that is to be seen is in training still
-    outline       (N, 3) places around what is neither a walk nor a graph: a splat file; None for a project
+    outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
     cloud         beside a graph of its own
     arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
@@ -124,7 +124,7 @@ def prepared(contents: Contents) -> Contents:
     """With what views would work out of the graph and of the cloud, in the thread of the window, when they come."""
     graph, cloud = contents.graph, contents.scan_cloud
     if contents.occupancy is not None:
-        _ = contents.occupancy.room  # it is kept, as is the graph's
+        _ = contents.occupancy.room  # it is cached, as is the graph's
     if graph is not None:
         _ = graph.adjacency
     dots = contents.dots

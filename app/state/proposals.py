@@ -1,4 +1,4 @@
-"""What the machine proposes and doubts, until a person decides. Knows no Qt."""
+"""What the machine proposes and doubts, until a user decides. Knows no Qt."""
 
 from __future__ import annotations
 

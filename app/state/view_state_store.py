@@ -1,5 +1,5 @@
-"""How a project was left, as text in the settings: what comes back with the next window. Layers, compare mode and the
-arrangement of panels are everybody's and kept elsewhere."""
+"""The state in which a project was left, as text in the settings: the next window shows it again. Layers, compare mode
+and the arrangement of panels belong to all projects and are stored elsewhere."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def encode(left: Left) -> str:
 
 
 def decode(text: str) -> Left | None:
-    """What `encode` kept; None for anything else."""
+    """Reads what `encode` wrote; None for anything else."""
     try:
         kept = json.loads(text)
         chosen = kept["selection"]

@@ -30,7 +30,7 @@ _RULES = {"worst": "Mean, worst row and cell", "mean": "Mean alone (the paper's)
 
 
 class ThresholdPanel(QScrollArea):
-    """applied(): a person wants the edges as they are shown; built(): the map built again with these thresholds."""
+    """applied(): a user wants the edges as they are shown; built(): the map built again with these thresholds."""
 
     applied = Signal()
     built = Signal()

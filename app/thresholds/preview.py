@@ -56,7 +56,7 @@ class PreviewLayer(Layer):
         return "" if self._trial.outcome else "the thresholds tried change no edge"
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        """Draws over a picture that `camera` took, scaled to the widget's logical pixels."""
+        """Draws over an image that `camera` took, scaled to the widget's logical pixels."""
         if not self._trial.outcome:
             return
         if self._of is not self._trial.outcome:

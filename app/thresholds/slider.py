@@ -70,7 +70,7 @@ class _Figure(QDoubleSpinBox):
 
 
 class ThresholdRow(QWidget):
-    """chosen(str field, float value): a person moved it."""
+    """chosen(str field, float value): a user moved it."""
 
     chosen = Signal(str, float)
 

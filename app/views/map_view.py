@@ -20,7 +20,7 @@ from app.views.map_graph import GraphItem
 from nvsim.occupancy.types import FREE, OCCUPIED
 
 PICK_PIXELS = 10
-PACE = 50  # milliseconds between two places of a flying camera: the 3D view shows no more pictures than that
+PACE = 50  # milliseconds between two places of a flying camera: the 3D view shows no more images than that
 
 
 class MapView(QWidget):

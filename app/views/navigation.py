@@ -79,7 +79,7 @@ class Navigation(QObject):
             self.moved.emit()
 
     def go_to(self, pose: ViewPose, seconds: float = 0.35) -> None:
-        """Smoothly, so that the person keeps the sense of place."""
+        """Moves there smoothly, so that the user sees where the camera goes."""
         self._flight = (self.pose, pose, time.monotonic(), seconds)
         self._start()
 

@@ -59,7 +59,7 @@ class Overlays(QObject):
         raise KeyError(name)
 
     def add(self, layer: PaintsOver, below: str = "") -> None:
-        """Puts a layer on top, or right below another. It begins as a person last had the layer of its name. Raises
+        """Puts a layer on top, or right below another. It begins as a user last had the layer of its name. Raises
         ValueError when there is one of that name, KeyError when there is none named `below`."""
         if any(layer.name == other.name for other in self._layers):
             raise ValueError(f"there is a layer {layer.name!r} already")
@@ -102,7 +102,7 @@ class Overlays(QObject):
         self.changed.emit()
 
     def paint(self, painter: QPainter, camera: Camera, moving: bool = False) -> None:
-        """Draws what is shown over a picture that `camera` took, scaled to the widget's logical pixels; coarser where
+        """Draws what is shown over an image that `camera` took, scaled to the widget's logical pixels; coarser where
         the camera is `moving`."""
         for layer in self._layers:
             if layer.shown and layer.opacity > 0:

@@ -23,7 +23,7 @@ class Places:
 
     @property
     def first(self) -> ViewPose:
-        """Where the walk began; without a reconstruction, a view over walk and graph."""
+        """Where the trajectory began; without a reconstruction, a view over trajectory and graph."""
         contents = self._document.contents
         if contents.capture is not None and contents.capture.frames and contents.scene_stamp is not None:
             return cameras.seen_from_frame(contents.capture.frames[0].camera)
@@ -54,14 +54,14 @@ class Places:
             self._navigation.go_to(cameras.seen_from_frame(capture.frames[index].camera))
 
     def eye_level(self, x: float, y: float, z: float) -> float:
-        """World z of a walking eye at x, y: as high above the local floor, of the storey beneath z, as the walk's
+        """World z of a walking eye at x, y: as high above the local floor, of the storey beneath z, as the trajectory's
         cameras or the viewpoints are."""
         arrays = self._document.graph_arrays
         height = float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2])) if arrays.ids else EYE
         return floor_height(self._document, x, y, below=z) + height
 
     def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
-        """Stands at `position` (3,) looking level; keeps the heading unless one is given."""
+        """Stands at `position` (3,) looking level; the heading stays unless one is given."""
         turn = self._navigation.pose.heading if heading is None else heading
         x, y, z = (float(v) for v in position)
         self._navigation.go_to(ViewPose((x, y, z), turn, 0.0, 3.0))

@@ -1,7 +1,7 @@
 """The centre of the window: the reconstruction as the drawing process sends it, and the overlays over it.
 
-While the camera moves, pictures come at a size that holds the pace; when it rests, one at full size follows. The
-overlays are drawn with the camera of the picture beneath them, so that the two never swim apart.
+While the camera moves, images come at a size that holds the pace; when it rests, one at full size follows. The
+overlays are drawn with the camera of the image beneath them, so that the two never swim apart.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ class SceneView(QWidget):
         self.feed = PictureFeed(self._device_size, lambda: self.pose, self)
         self.link = self.feed.link
         self.hint = ""  # what the project lacks
-        self._painted: Picture | None = None  # the picture that was last painted
+        self._painted: Picture | None = None  # the image that was last painted
         self._camera_of: object = None
         self._overlay_camera = self.navigation.pose.camera(1, 1)
-        self._placed: ViewPose | None = self.pose  # where the program, not the person, put the camera
+        self._placed: ViewPose | None = self.pose  # where the program, not the user, put the camera
         self.navigation.moved.connect(self._on_moved)
         self.feed.changed.connect(self.update)
         self.feed.troubled.connect(self.troubled)
@@ -73,12 +73,12 @@ class SceneView(QWidget):
 
     @property
     def picture(self) -> Picture | None:
-        """The picture on the screen."""
+        """The image on the screen."""
         return self.feed.picture
 
     @property
     def drawing(self) -> bool:
-        """Whether a picture is under way or about to be asked for."""
+        """Whether an image is under way or about to be asked for."""
         return self.feed.drawing
 
     @property
@@ -136,7 +136,7 @@ class SceneView(QWidget):
         self.places.snap_to_frame(index)
 
     def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
-        """Stands at `position` (3,) looking level; keeps the heading unless one is given."""
+        """Stands at `position` (3,) looking level; the heading stays unless one is given."""
         self.places.go_to_position(position, heading)
 
     def stay_at(self, pose: ViewPose) -> None:
@@ -182,7 +182,7 @@ class SceneView(QWidget):
         picture = self.feed.picture
         key = (self.pose if picture is None else picture.request, width, height)
         if self._camera_of != key:
-            # The same camera for the same picture: layers keep what they worked out for it.
+            # The same camera for the same image: layers keep what they worked out for it.
             self._camera_of = key
             if picture is None:
                 self._overlay_camera = self.pose.camera(width, height)

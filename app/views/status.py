@@ -1,5 +1,5 @@
-"""What the 3D view says about itself at its edges, where the eye is, who drew the picture, what is waited for; and the
-ground without a picture."""
+"""What the 3D view says about itself at its edges: where the camera is, who drew the image, what is waited for; and the
+ground without an image."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from app.painting.primitives import chip
 
 
 def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
-    """What there is to see while no picture is."""
+    """What the view shows while there is no image."""
     dark = palette.window().color().lightness() < 128
     gradient = QLinearGradient(0, 0, 0, size.height())
     gradient.setColorAt(0, QColor("#242a33" if dark else "#eef2f6"))

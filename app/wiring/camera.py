@@ -1,4 +1,4 @@
-"""Where the 3D view is seen from: places to go, and the frames of the walk one after another."""
+"""Where the 3D view is seen from: places to go, and the frames of the trajectory one after another."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from app.wiring.part import Dock, Part, Workspace
 from nvsim.errors import InputError
 from nvsim.geometry.camera_path import CameraPath, KeyPose, write_camera_path
 
-_VIEW = "still"  # the name under which it asks for pictures
+_VIEW = "still"  # the name under which it asks for images
 _TICK = 15  # milliseconds
 
 
@@ -59,7 +59,7 @@ class CameraPathPart(Part):
         self.poses: list[ViewPose] = []
         self.panel = CameraPathPanel()
         self._numbers = count()
-        self._target: Path | None = None  # where the picture that is being drawn goes
+        self._target: Path | None = None  # where the image that is being drawn goes
         self._begun = 0.0
         self._ticks = QTimer(self, interval=_TICK)
         self._ticks.timeout.connect(self._tick)

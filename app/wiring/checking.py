@@ -1,4 +1,4 @@
-"""What is wrong with the graph and what a person should look at next."""
+"""What is wrong with the graph and what a user should look at next."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from nvsim.graph.types import EdgeKey
 
 
 class CheckPart(Part):
-    """The review walks from the least certain edge on: N goes to the next, Y says it is right and goes on, Del takes it
+    """The review begins at the least certain edge: N goes to the next, Y says it is right and goes on, Del takes it
     out of the graph."""
 
     ACTIONS = (
@@ -33,7 +33,7 @@ class CheckPart(Part):
         super().__init__(workspace)
         self.panel = ValidationPanel(workspace.document)
         self.panel.activated.connect(self._show)
-        self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this walk
+        self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this review
         self._told: GraphSelection | None = None  # what the status bar speaks of
         workspace.document.projectChanged.connect(self._passed.clear)
         workspace.document.editing.selectionChanged.connect(self._on_selection)
@@ -50,7 +50,7 @@ class CheckPart(Part):
         }
 
     def next(self) -> None:
-        """Goes to the least certain edge that was neither reviewed nor passed by in this walk."""
+        """Goes to the least certain edge that was neither reviewed nor passed over since the review began."""
         editing = self.workspace.document.editing
         if editing.graph is None:
             return

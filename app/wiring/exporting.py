@@ -1,5 +1,5 @@
-"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, a picture. What agents would choke on is refused
-with the finding that says why, or written all the same when a person insists."""
+"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, an image. What agents would choke on is refused
+with the finding that says why, or written all the same when a user insists."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening projects and splat files, reading again, saving a picture of the view."""
+"""Opening projects and splat files, reading again, saving an image of the view."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The frames of the walk: their list, and one of them beside the render from its camera, where its floor mask can be
-corrected."""
+"""The frames of the capture: their list, and one of them beside the render from its camera, where its floor mask can
+be corrected."""
 
 from __future__ import annotations
 

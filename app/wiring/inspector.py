@@ -117,7 +117,7 @@ class InspectorPart(Part):
             self._follow()
 
     def _follow(self) -> None:
-        """Has the panorama drawn while somebody can see it."""
+        """Asks for the panorama while the panel is visible."""
         contents, id = self.workspace.document.contents, self.inspection.viewpoint
         file = contents.graph_file if isinstance(contents.graph_file, ForeignGraph) else None
         there = contents.scene_stamp is not None or (file is not None and file.pictured)

@@ -109,7 +109,7 @@ class JobsPart(Part):
     # Starting ---------------------------------------------------------------------------------------------------
 
     def run_stage(self, verb: str, arguments: Sequence[str] | None = None) -> JobHandle | None:
-        """Queues a command on the open project with the person's settings, or with `arguments`."""
+        """Queues a command on the open project with the user's settings, or with `arguments`."""
         project = self.workspace.document.project
         if project is None:
             return None
@@ -131,7 +131,7 @@ class JobsPart(Part):
                 return
 
     def open_form(self, verb: str, begin_with: dict[str, Any] | None = None) -> CommandForm | None:
-        """The settings of a command; it is queued when the person says so."""
+        """The settings of a command; it is queued when the user says so."""
         project = self.workspace.document.project
         if project is None:
             return None

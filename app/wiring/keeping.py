@@ -24,7 +24,7 @@ class KeepingPart(Part):
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self._path: Path | None = workspace.document.path
-        self._moved = False  # before the camera was placed there is nothing to be kept
+        self._moved = False  # before the camera was placed there is nothing to store
         self._last = Selection()
         self._wanted = Left()  # what waits for the project to be read
 
@@ -113,5 +113,5 @@ class KeepingPart(Part):
         if document.path == self._path:
             self._last = document.selection
             if document.selection:
-                # A person, or this part, has chosen.
+                # A user, or this part, has chosen.
                 self._wanted = Left(self._wanted.pose, self._wanted.channel, frame=self._wanted.frame)

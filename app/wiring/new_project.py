@@ -105,7 +105,7 @@ class NewProjectPart(Part):
     # Making -----------------------------------------------------------------------------------------------------
 
     def open_dialog(self, captures: Sequence[Path] = (), project: Path | None = None) -> NewProjectDialog:
-        """Asks for a capture, or several. When the person says so the project is made and opened, the import queued."""
+        """Asks for a capture, or several. When the user says so the project is made and opened, the import queued."""
         dialog = NewProjectDialog(captures, project, self.workspace.window)
         dialog.chosen.connect(self._make)
         dialog.open()

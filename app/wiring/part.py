@@ -76,7 +76,7 @@ class Part(QObject):
         return {}
 
     def restore(self, settings: QSettings) -> None:
-        """Brings back what `store` kept, once everything is made. Anything may stand in `settings`."""
+        """Restores what `store` wrote, once all parts are made. Any value may stand in `settings`."""
 
     def store(self, settings: QSettings) -> None:
-        """Keeps what should come back with the next window; the window is about to close."""
+        """Writes what the next window should show again; the window is about to close."""

@@ -1,4 +1,4 @@
-"""What the machine proposes: edges that pass where a viewpoint was added or moved, drawn as ghosts until a person takes
+"""What the machine proposes: edges that pass where a viewpoint was added or moved, drawn as ghosts until a user takes
 or dismisses them."""
 
 from __future__ import annotations

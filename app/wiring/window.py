@@ -33,7 +33,7 @@ _AREAS = {
 
 
 class MainWindow(QMainWindow):
-    """projectChosen(Path): the person picked another project or a splat file; turnWanted(): the next axis for up;
+    """projectChosen(Path): the user picked another project or a splat file; turnWanted(): the next axis for up;
     refreshWanted(); closeWanted(): of the project, not of the window."""
 
     projectChosen = Signal(object)

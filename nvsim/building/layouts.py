@@ -6,7 +6,7 @@ import numpy as np
 
 from nvsim.building.plan import OUTER_WALL, Opening, Plan, Rect, Room, Stop, Wall, varied
 
-_ENTRY = 0.95  # metres inside a door before the walk turns
+_ENTRY = 0.95  # metres inside a door before the trajectory turns
 
 
 def make_plan(size: str, rng: np.random.Generator) -> Plan:

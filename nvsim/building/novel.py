@@ -1,4 +1,4 @@
-"""Views beside the walk of a building, turned away from it: what a model shows where nobody took a picture."""
+"""Views beside the trajectory of a building, turned away from it: what a model shows where nobody took an image."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nvsim.occupancy.types import FREE, OccupancyMap
 
 COUNT = {"full": 40, "small": 12}
 BESIDE = (0.3, 0.8)
-"""Metres from the nearest frame of the walk: no wall fits in between."""
+"""Metres from the nearest frame of the trajectory: no wall fits in between."""
 TURNED = (35.0, 145.0)
 """Degrees off that frame's heading, to either side."""
 ROOM = 0.35
@@ -21,7 +21,7 @@ ROOM = 0.35
 
 
 def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generator) -> list[Camera]:
-    """Level cameras at the walk's height, drawn evenly over the free floor beside it."""
+    """Level cameras at the trajectory's height, drawn evenly over the free floor beside it."""
     walk = scene.walk
     free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
     places = occupancy.centres()[free[:, 0], free[:, 1]]

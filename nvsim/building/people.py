@@ -1,4 +1,4 @@
-"""People who stand in the walk's view for some frames and are gone before and after."""
+"""People who stand before the camera for some frames and are gone before and after."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Person:
 
 
 def invite(walk: NDArray[np.float64], solids: Solids, rng: np.random.Generator) -> tuple[Person, ...]:
-    """One person per about seventy frames of the walk (M, 3), 1.8 to 4 m before the camera, for 5 to 9 frames."""
+    """One person per about seventy frames of the trajectory (M, 3), 1.8 to 4 m before the camera, for 5 to 9 frames."""
     people = []
     count = max(1, len(walk) // 70)
     for k in range(count):

@@ -1,4 +1,4 @@
-"""Where the furniture stands: along walls or free, never in a doorway, never near the walk."""
+"""Where the furniture stands: along walls or free, never in a doorway, never near the trajectory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nvsim.building.furniture import AT_WALL, FREE_STANDING, Piece
 from nvsim.building.plan import OUTER_WALL, Plan, Rect, Room
 from nvsim.building.solids import BACK, BOTTOM, FRONT, LEFT, RIGHT, TOP, Box
 
-_CLEARANCE = 0.48  # metres between the walk and any furniture
+_CLEARANCE = 0.48  # metres between the trajectory and any furniture
 _TURNED_FACES = (
     {f: f for f in range(6)},
     {LEFT: FRONT, FRONT: RIGHT, RIGHT: BACK, BACK: LEFT, TOP: TOP, BOTTOM: BOTTOM},

@@ -1,4 +1,4 @@
-"""The floor plan as data: rooms, walls with openings, and the places the walk visits."""
+"""The floor plan as data: rooms, walls with openings, and the places the trajectory visits."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Opening:
 
 @dataclass(frozen=True)
 class Stop:
-    """A corner of the walk; `spin` turns in place there, the long way round."""
+    """A corner of the trajectory; `spin` turns in place there, the long way round."""
 
     x: float
     y: float

@@ -1,4 +1,4 @@
-"""The cloud that a LiDAR carried along the walk would give: range noise, beams, few returns from glass."""
+"""The cloud that a LiDAR carried along the trajectory would give: range noise, beams, few returns from glass."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.building.scene import CAMERA_HEIGHT, Scene
 from nvsim.capture.types import Cloud
 
 _RANGE, _NOISE, _GLASS_RETURNS = 12.0, 0.01, 0.04
-_EVERY = 1.2  # metres of the walk between scans
+_EVERY = 1.2  # metres of the trajectory between scans
 _VOXEL = 0.045
 _MOST = 340_000
 

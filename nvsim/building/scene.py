@@ -47,7 +47,7 @@ class Scene:
         return 6 * len(self.boxes)
 
     def camera(self, frame: int) -> Camera:
-        """The level camera of a frame of the walk, its pose rounded so that files hold it exactly."""
+        """The level camera of a frame of the trajectory, its pose rounded so that files hold it exactly."""
         c = self.config
         intrinsics = Intrinsics.from_fov(c.width, c.height, np.radians(c.horizontal_fov))
         focal = round(intrinsics.fx, 4)

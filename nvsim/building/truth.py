@@ -18,7 +18,7 @@ _BORDER = 0.5  # metres around the building
 
 def occupancy(scene: Scene) -> OccupancyMap:
     """Occupied: cells that a solid (glass included, people not) between LOW and HIGH overlaps. Free: the floor
-    connected with the walk. Unknown: the rest."""
+    connected with the trajectory. Unknown: the rest."""
     extent = scene.plan.extent
     rows, columns = (int(np.ceil((v + 2 * _BORDER) / RESOLUTION - 1e-6)) for v in (extent.y1, extent.x1))
     solid = np.zeros((rows, columns), bool)

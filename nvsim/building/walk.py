@@ -1,4 +1,4 @@
-"""The walk of a robot along the stops of a plan: rounded corners, turns in place, an image per step."""
+"""The trajectory of a robot along the stops of a plan: rounded corners, turns in place, an image per step."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
 Up comes from the cameras (people and robots hold them level on average) and is refined by the dominant floor plane of
 the cloud. A capture whose up is within 2 degrees of z is not touched.
 
-The scale is known when the person gives it, when the source claims metres and its cameras are at a height above the
-floor that a person or a robot can have, or when the person gives that height.
+The scale is known when the user gives it, when the source claims metres and its cameras are at a height above the
+floor that a user or a robot can have, or when the user gives that height.
 """
 
 from __future__ import annotations

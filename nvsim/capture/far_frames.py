@@ -1,8 +1,9 @@
-"""Frames whose pose is so far from the walk that no map could hold both, and leaving frames out by name.
+"""Frames whose pose is so far from the trajectory that no map could hold both, and leaving frames out by name.
 
-One wrong pose some kilometres away asks for a map that reaches it. The walk's own size says what is far: in metres, the
-distance from the middle that half of the cameras keep; without a scale, that of nine in ten, or 20 steps. (Many robots
-stand still for half of the time, so that half of the cameras alone may say nothing about the size of a walk.)
+One wrong pose some kilometres away asks for a map that reaches it. The trajectory's own size says what is far: in
+metres, the distance from the middle that half of the cameras keep; without a scale, that of nine in ten, or 20 steps.
+(Many robots stand still for half of the time, so that half of the cameras alone may say nothing about the size of a
+trajectory.)
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.geometry.cells import MOST_CELLS
 
-_TIMES = 50.0  # the walk's own size, beyond which a camera belongs to another place, or to none
-_LEAST = 10.0  # metres that every walk is taken to be large
-_STEPS = 20.0  # median steps that a walk is at least large
+_TIMES = 50.0  # the trajectory's own size, beyond which a camera belongs to another place, or to none
+_LEAST = 10.0  # metres that every trajectory is taken to be large
+_STEPS = 20.0  # median steps that a trajectory is at least large
 _LISTED = 20
-_AROUND, _CELL = 24.0, 0.08  # metres: what a map shows beyond the walk, and the cells of the supported floor
+_AROUND, _CELL = 24.0, 0.08  # metres: what a map shows beyond the trajectory, and the cells of the supported floor
 
 
 def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
-    """(N,) which of the frames have their camera beyond 50 times the size of the walk."""
+    """(N,) which of the frames have their camera beyond 50 times the size of the trajectory."""
     positions = capture.positions
     if len(positions) < 3:
         return np.zeros(len(positions), bool)
@@ -41,8 +42,9 @@ def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
 
 
 def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findings) -> bool:
-    """Whether all frames are near enough to each other; otherwise an error finding that names those far from the walk
-    and the option that leaves them out, or one for a walk that is wider than any map. `where`: places by name."""
+    """Whether all frames are near enough to each other; otherwise an error finding that names those far from the
+    trajectory and the option that leaves them out, or one for a trajectory that is wider than any map. `where`: places
+    by name."""
     positions = capture.positions
     far = far_from_the_walk(capture)
     if far.any():

@@ -26,7 +26,7 @@ def shown(text: object, most: int = 300) -> str:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a person should know about a capture.
+    """One thing that a user should know about a capture.
 
     severity     "error": the capture is refused; "warning": it can be used, at a price; "note": good to know
     message      what is the matter, the same words for every place where it happens

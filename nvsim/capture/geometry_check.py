@@ -19,7 +19,8 @@ _LOOKS_DOWN = 0.12  # slope of a ray that meets the floor before 13 times the ca
 
 
 def check_outliers(capture: Capture, where: Mapping[str, str], findings: Findings) -> None:
-    """Warns of each camera that stands alone and far from the walk, or hangs upside down. `where`: places by name."""
+    """Warns of each camera that stands alone and far from the trajectory, or hangs upside down. `where`: places by
+    name."""
     from scipy.spatial import cKDTree
 
     positions = capture.positions

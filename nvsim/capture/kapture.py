@@ -229,7 +229,7 @@ def _read_records(sensors: Path, tree: _Tree, findings: Findings) -> list[RawFra
         frames.append(
             RawFrame(name, image, lens, None if pose is None else inverse(pose), where, device, float(timestamp))
         )
-    return sorted(frames, key=lambda f: f.timestamp)  # the order of the walk, which records need not keep
+    return sorted(frames, key=lambda f: f.timestamp)  # the order of the trajectory, which records need not keep
 
 
 def _read_lidar(sensors: Path, tree: _Tree, findings: Findings) -> Cloud | None:

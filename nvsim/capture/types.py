@@ -1,4 +1,4 @@
-"""A capture: the frames of a walk, their lenses and poses, perhaps a cloud. Everything in the aligned frame
+"""A capture: the frames of a trajectory, their lenses and poses, perhaps a cloud. Everything in the aligned frame
 (right-handed, z up, metres); `alignment` says how that frame came from the one in the files."""
 
 from __future__ import annotations

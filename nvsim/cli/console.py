@@ -1,4 +1,4 @@
-"""Events for a person or for a program: a progress display on a terminal, plain lines in a pipe, or JSON lines."""
+"""Events for a user or for a program: a progress display on a terminal, plain lines in a pipe, or JSON lines."""
 
 from __future__ import annotations
 
@@ -126,4 +126,4 @@ class _Terminal:
         elif isinstance(event, Log):
             self._bars.console.print(f"  {event.stage}: {event.text}" if event.stage else event.text, highlight=False)
         elif isinstance(event, Preview):
-            pass  # a terminal shows no pictures
+            pass  # a terminal shows no images

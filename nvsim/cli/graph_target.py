@@ -141,7 +141,7 @@ class GraphTarget:
 
 @contextmanager
 def refused_as_input(where: str = "") -> Iterator[None]:
-    """What an edit refuses is the person's mistake: the sentence, after `where`."""
+    """What an edit refuses is the user's mistake: the sentence, after `where`."""
     try:
         yield
     except EditError as error:

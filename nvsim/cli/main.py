@@ -1,6 +1,6 @@
 """`nvsim VERB ...`: finds the command, runs it, and turns whatever goes wrong into one sentence and an exit code.
 
-0 done, 2 the person's mistake, 1 ours, 130 stopped. Nothing heavy is imported before the command is known.
+0 done, 2 the user's mistake, 1 ours, 130 stopped. Nothing heavy is imported before the command is known.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def installed() -> bool:
 
 
 def command(project: Path) -> str:
-    """What a person types to open the window."""
+    """What a user types to open the window."""
     return f"nvsim app --project {shlex.quote(str(project))}"
 
 
@@ -43,7 +43,7 @@ def offer(project: Path, wanted: bool, quiet: bool) -> int:
 
 def open_window(arguments: list[str]) -> int:
     """Runs the window until it is closed; returns its exit code."""
-    # -P: a folder called app where the person happens to stand is not ours.
+    # -P: a folder called app where the user happens to stand is not ours.
     return subprocess.call([sys.executable, "-P", "-m", "app", *arguments])
 
 

@@ -22,7 +22,7 @@ from nvsim.files.opening import own_file
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList
 
-NICE = 15  # the drawing process has 5, and is asked for pictures while a submap trains
+NICE = 15  # the drawing process has 5, and is asked for images while a submap trains
 LIGHT_NICE = 5
 _LAST = 1 << 16  # bytes of what it printed that are looked at for its last words
 _started: list[subprocess.Popen[bytes]] = []
@@ -52,7 +52,7 @@ def main(arguments: list[str]) -> int:
     code, message = _run(jobs, job)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the work is over; only its end is to be written down
     status = jobs.finish(job, code, message)
-    # What waits behind a failure most often builds on it, and waits for the person.
+    # What waits behind a failure most often builds on it, and waits for the user.
     if job.order.heavy and status.state in ("done", "cancelled"):
         start_worker(jobs.root)
     return code

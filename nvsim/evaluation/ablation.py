@@ -1,6 +1,6 @@
 """The paper's ablation and the comparison of the presets on one project: train every row, score it, show it.
 
-All rows get the same steps, image size, Gaussians and seeds, and are scored on the same pictures: each submap's model
+All rows get the same steps, image size, Gaussians and seeds, and are scored on the same images: each submap's model
 on the held-out frames of its core, and on the novel views that it is nearest to.
 """
 
@@ -53,7 +53,7 @@ class AblationConfig:
 @dataclass(frozen=True, eq=False)
 class Table:
     """rows: row, title, figures, and figure + "_spread" where there are several seeds. parts: the same for every seed
-    and submap. tiles: per shown picture one for each row."""
+    and submap. tiles: per shown image one for each row."""
 
     rows: list[dict[str, Any]]
     parts: list[dict[str, Any]]
@@ -62,7 +62,7 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """tables by name; the pictures that they are compared on; how many runs were trained, and how many were there."""
+    """tables by name; the images that they are compared on; how many runs were trained, and how many were there."""
 
     tables: dict[str, Table]
     shown: list[Shown]

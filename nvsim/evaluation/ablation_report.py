@@ -1,4 +1,4 @@
-"""The tables of an ablation as text, CSV and pictures."""
+"""The tables of an ablation as text, CSV and images."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def text_of(outcome: Outcome, lpips_why: str) -> str:
 
 
 def write_report(outcome: Outcome, folder: Path, lpips_why: str) -> list[Path]:
-    """Writes tables.txt, and per table a CSV file and a picture; returns their paths. Raises InputError."""
+    """Writes tables.txt, and per table a CSV file and an image; returns their paths. Raises InputError."""
     files = [folder / "tables.txt"]
     atomic.write_text(files[0], text_of(outcome, lpips_why))
     for name, table in outcome.tables.items():

@@ -1,4 +1,4 @@
-"""Side-by-side pictures of a table: a column per row of the table, the frame to the left, alpha under every render."""
+"""Side-by-side images of a table: a column per row of the table, the frame to the left, alpha under every render."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A picture that every row is compared on: its name, (h, WIDTH, 3) RGB, and what is not floor in white, or None."""
+    """An image that every row is compared on: its name, (h, WIDTH, 3) RGB, and what is not floor in white, or None."""
 
     name: str
     picture: Bytes

@@ -20,7 +20,7 @@ def evaluate_floor(pairs: Sequence[tuple[Path, Path]]) -> dict[str, Any]:
     Returns JSON-able figures: `miou`, the mean intersection over union of the frames with at least 1 % true floor
     (NaN-free: 0 where there is no such frame), `frames` that count, `precision` and `recall` over all their pixels,
     `false_floor`, the mean share of the pixels called floor in the other frames, `per_frame` with name, share of true
-    floor and iou, and the `worst` frames. Raises InputError for a picture that is missing or unreadable.
+    floor and iou, and the `worst` frames. Raises InputError for an image that is missing or unreadable.
     """
     from nvsim.perception.segment import read_mask
 

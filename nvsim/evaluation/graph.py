@@ -38,7 +38,7 @@ def evaluate_graph(
 
     nodes, edges                   included viewpoints, and edges between them
     node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres
-    coverage                       share of the free area reachable from the walk, for a point, that lies within
+    coverage                       share of the free area reachable from the trajectory, for a point, that lies within
                                    `coverage_range` metres and in line of sight of a valid viewpoint
     reachable_m2, components, largest_component (share of the nodes), isolated, mean_degree, edge_length
     Shares are 0 to 1; of nothing they are 0.

@@ -1,8 +1,9 @@
-"""Novel views of a truth: pictures from beside the walk, turned away from it, with poses and (if known) their floor.
+"""Novel views of a truth: images from beside the trajectory, turned away from it, with poses and (if known) their
+floor.
 
-FOLDER/holdout_frames.txt   "# PINHOLE width height fx F fy F cx C cy C", then a line per view: its picture and the
+FOLDER/holdout_frames.txt   "# PINHOLE width height fx F fy F cx C cy C", then a line per view: its image and the
                             16 numbers of the row-major camera-to-world pose (OpenCV axes, frame of the capture)
-FOLDER/novel/NAME.png       the pictures
+FOLDER/novel/NAME.png       the images
 FOLDER/novel_floor/NAME.png true floor masks, 255 on floor; may be missing
 """
 
@@ -104,7 +105,7 @@ def aligned_pose(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.
 def novel_score(
     view: NovelView, image: NDArray[np.float32], rendered: NDArray[np.float32], alpha: NDArray[np.float32]
 ) -> Scores:
-    """novel_psnr of the whole picture, novel_psnr_down of the rays that look steeply down, novel_alpha_floor, the mean
+    """novel_psnr of the whole image, novel_psnr_down of the rays that look steeply down, novel_alpha_floor, the mean
     alpha on the true floor (NaN where the truth does not say which pixels are floor, or too few are)."""
     error = ((image - np.clip(rendered, 0, 1)) ** 2).mean(axis=2)
     down = view.camera.rays()[..., 2] < STEEP

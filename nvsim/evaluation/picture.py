@@ -1,4 +1,4 @@
-"""The navigation graph drawn over a map, for a person to look at."""
+"""The navigation graph drawn over a map, for a user to look at."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def draw_graph(
     path: Path,
     longest_side: int = 1600,
 ) -> Path:
-    """Writes a picture (PNG by its suffix) with y upwards: the map, the walk (N, 2), edges (steps green, merges
+    """Writes an image (PNG by its suffix) with y upwards: the map, the trajectory (N, 2), edges (steps green, merges
     violet), viewpoints (starts orange); what is not on free cells is red. Without a map nothing is judged.
 
-    Raises InputError when the disk refuses or the suffix is no picture's.
+    Raises InputError when the disk refuses or the suffix is no image's.
     """
     import cv2
 

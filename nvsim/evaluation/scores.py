@@ -1,13 +1,13 @@
-"""What a picture of a model is worth against a frame: PSNR, SSIM and LPIPS over all pixels that count, over those that
+"""What an image of a model is worth against a frame: PSNR, SSIM and LPIPS over all pixels that count, over those that
 are not floor, and over the floor; and how opaque the Gaussians are there.
 
 PSNR      of the mean squared error over the pixels of the region
-SSIM      Wang et al. 2004 (11x11 Gaussian window of sigma 1.5): its map is made of whole pictures and averaged over the
-          region, so that the border of a mask is no edge in either picture
+SSIM      Wang et al. 2004 (11x11 Gaussian window of sigma 1.5): its map is made of whole images and averaged over the
+          region, so that the border of a mask is no edge in either image
 corrected PSNR after the render's colours were fitted to the frame's over the pixels that count, by the one affine map
           (3 x 4) of least squares: what is left when a camera that meters as it goes is forgiven
-LPIPS     of whole pictures; outside the region the render is replaced by the frame itself, so that it differs nowhere
-          else. The network averages over all pixels: the figure of a region falls with its share of the picture
+LPIPS     of whole images; outside the region the render is replaced by the frame itself, so that it differs nowhere
+          else. The network averages over all pixels: the figure of a region falls with its share of the image
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def color_corrected(rendered: Image, image: Image, valid: Mask) -> Image:
         return rendered
     source = np.concatenate([rendered, np.ones_like(rendered[..., :1])], axis=2)
     known = source[valid].astype(np.float64)
-    # The normal equations are 4 x 4; lstsq forgives a picture of one colour.
+    # The normal equations are 4 x 4; lstsq forgives an image of one colour.
     map, *_ = np.linalg.lstsq(known.T @ known, known.T @ image[valid].astype(np.float64), rcond=None)
     return np.asarray(np.clip(source @ map.astype(np.float32), 0, 1), np.float32)
 

@@ -18,12 +18,12 @@ from nvsim.project.project import Project
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 
-_SHARE = 0.3  # of floor in a picture that is worth showing
+_SHARE = 0.3  # of floor in an image that is worth showing
 
 
 @dataclass(eq=False)
 class Scored:
-    """frames and novel: figures of every held-out frame and novel view; tiles: name of a shown picture -> its tile."""
+    """frames and novel: figures of every held-out frame and novel view; tiles: name of a shown image -> its tile."""
 
     frames: list[Scores]
     novel: list[Scores]
@@ -45,7 +45,7 @@ def totals(scored: Sequence[Scored]) -> dict[str, Any]:
 
 class Bench:
     """`frames` are held out, `novel` the views of this submap; `shown` of the frames, and about half as many novel
-    views, are kept as pictures. Raises InputError when one cannot be read."""
+    views, are kept as images. Raises InputError when one cannot be read."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Bench:
 
     @property
     def pictures(self) -> list[Shown]:
-        """The pictures to show, with their truth."""
+        """The images to show, with their truth."""
         held = [Shown.of(f"held out: {name}", f.image, f.floor) for name, f in self._shown_frames.items()]
         return held + [Shown.of(f"novel: {n}", v.image(), v.floor_mask()) for n, v in self._shown_novel.items()]
 
@@ -99,7 +99,7 @@ class Bench:
 
 
 def _chosen(shares: Sequence[float], count: int) -> list[int]:
-    """From each of `count` stretches of the walk the picture with about _SHARE of floor."""
+    """From each of `count` stretches of the trajectory the image with about _SHARE of floor."""
     if not shares:
         return []
     stretches = np.array_split(np.arange(len(shares)), min(count, len(shares)))

@@ -32,7 +32,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class Preview:
-    """A picture written to `path`, to be shown while the stage runs."""
+    """An image written to `path`, to be shown while the stage runs."""
 
     stage: str
     path: str

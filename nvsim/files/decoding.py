@@ -1,4 +1,4 @@
-"""The one place where images from outside are decoded: frames, masks, maps, pictures beside a graph.
+"""The one place where images from outside are decoded: frames, masks, maps, images beside a graph.
 
 The size is read from the header and compared with what is expected first, so that a small file cannot fill the memory.
 """

@@ -34,7 +34,7 @@ class KeyPose:
     fov: float = pi / 3
 
     def camera(self, width: int, height: int) -> Camera:
-        """The pinhole of a picture of `width` x `height` pixels."""
+        """The pinhole of an image of `width` x `height` pixels."""
         focal = height / 2 / tan(self.fov / 2)
         intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
         return Camera(intrinsics, look(np.asarray(self.position, np.float64), self.heading, self.elevation))

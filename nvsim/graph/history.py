@@ -20,7 +20,7 @@ SHOWN = 8
 
 @dataclass(frozen=True)
 class Step:
-    """text       what was done, for a person
+    """text       what was done, for a user
     selection  what is selected after it
     when       seconds since 1970
     edit       False for a step that only selects

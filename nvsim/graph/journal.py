@@ -43,7 +43,7 @@ def sidecar(path: Path) -> Path:
 
 class Journal:
     """One process at a time writes; `refusal` says so to a second one, which may read, or says why nobody can; `busy`
-    is whether it is another process. `notice` is what a person should know about the opening, "" for nothing. `trouble`
+    is whether it is another process. `notice` is what a user should know about the opening, "" for nothing. `trouble`
     is the sentence of the last failed writing, "" when all is well; what could not be written is kept and tried
     again."""
 

@@ -29,7 +29,7 @@ class Viewpoint:
     submap    index of the submap that renders it, -1 where there is none
     included  False keeps the entry in files but out of navigation (R2R "included")
     origin    "start", "step", "person" or "file": who put it there
-    reviewed  a person looked at it and found it right
+    reviewed  a user looked at it and found it right
     locked    edits refuse to move, change or remove it
     """
 
@@ -46,7 +46,7 @@ class Viewpoint:
 @dataclass(frozen=True)
 class Edge:
     """An undirected navigable segment; a < b as strings. origin: "step" (a corridor of length tau_dist was checked),
-    "merge" (the corridor to an existing viewpoint was checked), "person", "file". reviewed: a person looked at it and
+    "merge" (the corridor to an existing viewpoint was checked), "person", "file". reviewed: a user looked at it and
     found it right. locked: edits refuse to remove it, and to move its ends."""
 
     a: str
@@ -77,7 +77,7 @@ class Evidence:
     length      metres from the viewpoint to the place the step leads to
     alpha       (rows, cells) uint8, accumulated alpha * 255 on the floor cells of the corridor: row r covers
                 [near + r * depth, near + (r + 1) * depth] ahead, cell c an equal share of `width` from left to right;
-                255 also where a cell lies outside the picture
+                255 also where a cell lies outside the image
     up          (rows, cells) uint8, upward normal component * 255 (negative as 0)
     support     (rows, cells) bool, whether a floor mask or a cloud point says that there is floor
     near, depth, width   metres: start of the first row, depth of a row, full width of the corridor
@@ -120,7 +120,7 @@ class NavGraph:
     viewpoints  id -> Viewpoint, in file order
     edges       (a, b) with a < b -> Edge; both ends are viewpoints
     evidence    (viewpoint id, direction) -> Evidence
-    ignored     key of a finding -> why a person lets it be
+    ignored     key of a finding -> why a user lets it be
     """
 
     scan: str

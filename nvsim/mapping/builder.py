@@ -1,4 +1,4 @@
-"""From trained models and a walk to the navigation graph: searches, where they start, and what is reported."""
+"""From trained models and a trajectory to the navigation graph: searches, where they start, and what is reported."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
 STAGE = "map"
-_TRIES = 3  # places on either side of a gap in the walk that a joining start is tried at
-_HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the walk
+_TRIES = 3  # places on either side of a gap in the trajectory that a joining start is tried at
+_HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the trajectory
 _KEEPING = 5.0  # seconds between two savings of what was measured
 _CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
 
@@ -60,7 +60,7 @@ def build_map(
     """Builds the navigation graph of the camera positions `trajectory` (N, 3).
 
     `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
-    `previous` is decided again instead of being rendered, and what a person added to it is kept. `keep` is given what
+    `previous` is decided again instead of being rendered, and what a user added to it is kept. `keep` is given what
     was measured so far every few seconds, as a graph of evidence alone: a build that was cut off takes it as `previous`
     and ends like one that was not.
 
@@ -120,7 +120,7 @@ def build_map(
 
 
 def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Listener) -> None:
-    """The sentences a person should read about a build."""
+    """The sentences a user should read about a build."""
     if report["limited"]:
         listen(
             Warning(
@@ -142,7 +142,7 @@ def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Lis
 
 
 class _Explorer:
-    """Starts searches until the walk is covered and the graph follows it."""
+    """Starts searches until the trajectory is covered and the graph follows it."""
 
     def __init__(
         self,
@@ -168,7 +168,7 @@ class _Explorer:
                 self._start(int(place))
 
     def bridge(self) -> None:
-        """Puts starts where the graph does not follow the walk."""
+        """Puts starts where the graph does not follow the trajectory."""
         progress = True
         while progress and not self._should_stop():
             progress = False
@@ -185,15 +185,15 @@ class _Explorer:
         return self._coverer(place) is not None
 
     def _coverer(self, place: NDArray[np.floating]) -> str | None:
-        """The nearest viewpoint in line with a place of the walk."""
+        """The nearest viewpoint in line with a place of the trajectory."""
         for viewpoint in self._search.draft.near(place[:2], self._config.cover_distance):
             if self._walk.in_line(np.array(viewpoint.position[:2]), place[:2]):
                 return viewpoint.id
         return None
 
     def _gaps(self) -> list[int]:
-        """Places i of the walk that are the last before a place whose viewpoint lies many steps away in the graph, or
-        in another component, although one simply walked there."""
+        """Places i of the trajectory that are the last before a place whose viewpoint lies many steps away in the
+        graph, or in another component, although one simply walked there."""
         gaps: list[int] = []
         last: str | None = None
         for i, place in enumerate(self._walk.places):

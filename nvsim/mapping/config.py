@@ -41,11 +41,11 @@ class MappingConfig:
     merge_radius: float = 1.0
     """Metres; a step that ends this near to an existing viewpoint joins it when the corridor to it passes."""
     max_distance: float = 4.0
-    """Metres; no viewpoint is farther than this from the walk, seen from above."""
+    """Metres; no viewpoint is farther than this from the trajectory, seen from above."""
     max_viewpoints: int = 1500
     """The search stops here and says so."""
     cover_distance: float = 1.5
-    """Metres; a place of the walk without a viewpoint this near, in line, starts another search."""
+    """Metres; a place of the trajectory without a viewpoint this near, in line, starts another search."""
     lattice_offset: float = 7.5
     """Degrees that the eight directions are turned by, so that none lies between two of R2R's 30-degree views."""
     view_size: int = 192

@@ -168,7 +168,7 @@ def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def _cells_in(camera: Camera, corridor: Corridor, floor_at: HeightAt) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(rows, CELLS, 2) pixels of the cell centres on the floor, and (rows, CELLS) whether they lie in the picture, with
+    """(rows, CELLS, 2) pixels of the cell centres on the floor, and (rows, CELLS) whether they lie in the image, with
     a pixel's grace at its border."""
     xy = corridor.cells()
     points = np.concatenate([xy, np.asarray(floor_at(xy), np.float64)[..., None]], axis=-1)

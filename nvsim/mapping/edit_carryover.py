@@ -1,4 +1,4 @@
-"""What a person did to a graph, carried over when the machine decides again."""
+"""What a user did to a graph, carried over when the machine decides again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from nvsim.graph.types import NavGraph
 
 
 def keep_edits(graph: NavGraph, previous: NavGraph | None) -> NavGraph:
-    """`graph` with what of `previous` a person made or locked (edges as far as their ends still exist),
+    """`graph` with what of `previous` a user made or locked (edges as far as their ends still exist),
     the marks of what stands where it stood, and the findings that are let be."""
     if previous is None:
         return graph

@@ -1,4 +1,4 @@
-"""Evidence for viewpoints that a person added or moved: what the builder would have measured there."""
+"""Evidence for viewpoints that a user added or moved: what the builder would have measured there."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def reapply(
     should_stop: Callable[[], bool] = lambda: False,
 ) -> BuildResult:
     """The graph that `build_map` would make under `config`, from the evidence in `graph`; only viewpoints and corridors
-    that it holds nothing about are rendered. What a person added is kept."""
+    that it holds nothing about are rendered. What a user added is kept."""
     return build_map(
         source,
         trajectory,

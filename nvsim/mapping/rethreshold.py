@@ -28,7 +28,7 @@ class Rethreshold:
     """What `config` makes of the graph.
 
     appear, disappear   (M, 2) rows of the viewpoints that an edge joins or no longer joins
-    kept                edges that the thresholds refuse and a person holds: made or locked by one
+    kept                edges that the thresholds refuse and a user holds: made or locked by one
     lonely              viewpoints that lose their last edge
     beyond              steps that newly open towards places without a viewpoint; only a new build goes there
     unanswered          edges that appear although nobody measured the way back

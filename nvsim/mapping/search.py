@@ -48,8 +48,8 @@ class Search:
         return len(self._queue)
 
     def start(self, position: NDArray[np.floating]) -> bool:
-        """Puts a viewpoint on the walk (3,) and joins it to those around. False when nobody can stand there, when a
-        viewpoint is there already, or when the graph is full."""
+        """Puts a viewpoint on the trajectory (3,) and joins it to those around. False when nobody can stand there, when
+        a viewpoint is there already, or when the graph is full."""
         xy = position[:2]
         id = self.draft.id_at(xy)
         if id in self.draft.viewpoints or id in self._refused or self._is_full():

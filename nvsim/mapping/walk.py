@@ -1,4 +1,4 @@
-"""The walk that the capture was taken on, as the builder uses it: heights, distances, places to start from."""
+"""The trajectory that the capture was taken on, as the builder uses it: heights, distances, places to start from."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from nvsim.geometry.cells import grid_size
 from nvsim.mapping.corridor import SupportAt
 
 _SPACING = 0.4  # metres between the places that are looked at
-_JUMP = 1.5  # metres between neighbours beyond which the walk is not taken as connected
+_JUMP = 1.5  # metres between neighbours beyond which the trajectory is not taken as connected
 _CELL = 0.1  # metres, of the grid that clearance is measured on
 _REACH = 3.0  # metres, the largest clearance that is told apart
 
 
 class Walk:
-    """places     (M, 3) camera positions, thinned along the walk, metres, world
+    """places     (M, 3) camera positions, thinned along the trajectory, metres, world
     clearance  (M,) metres to the nearest floor that nothing supports, at most 3
     joined     (M - 1,) bool, whether a place and the next belong to one continuous walk
     """

@@ -1,4 +1,4 @@
-"""ROS map_server pairs: a YAML file that names a grey picture and says how grey becomes free, occupied or unknown.
+"""ROS map_server pairs: a YAML file that names a grey image and says how grey becomes free, occupied or unknown.
 
 Format: wiki.ros.org/map_server, section 2 (map format). Free is written as 254, occupied as 0, unknown as 205.
 """
@@ -38,7 +38,7 @@ class _Description:
 
 
 def read_ros_map(yaml_path: Path) -> OccupancyMap:
-    """The map of `yaml_path` and the picture that it names (PGM, PNG, ...).
+    """The map of `yaml_path` and the image that it names (PGM, PNG, ...).
 
     Raises InputError when a file is missing or unreadable, a key is missing or not a number, or the map is turned.
     """
@@ -64,7 +64,7 @@ def _read(yaml_path: Path) -> OccupancyMap:
 
 
 def write_ros_map(occupancy: OccupancyMap, yaml_path: Path) -> Path:
-    """Writes `yaml_path` and beside it a PGM of the same name; returns the path of the picture.
+    """Writes `yaml_path` and beside it a PGM of the same name; returns the path of the image.
 
     Raises InputError when the disk refuses.
     """

@@ -174,7 +174,7 @@ class FloorAppearance:
 
         either = region | basis
         rest = np.where(either[..., None], self.logs(view) - expected, 0).astype(np.float32)
-        # Too little floor to tell the exposure from: the walk's own is taken, and half as much again is granted.
+        # Too little floor to tell the exposure from: the trajectory's own is taken, and half as much again is granted.
         alone = basis.sum() < _FEW
         spread = np.full(3, 1.5 * self.config.least, np.float32)
         if not alone:

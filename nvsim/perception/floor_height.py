@@ -50,7 +50,7 @@ def estimate_floor(
     camera_height: float | None = None,
     config: FloorHeightConfig | None = None,
 ) -> FloorSurface:
-    """The floor below a walk with camera positions (N, 3), metres, z up.
+    """The floor below a trajectory with camera positions (N, 3), metres, z up.
 
     The camera height is the lowest level below the cameras that many of them share (given: `camera_height` metres).
     Camera positions minus that height are a first floor; then the dominant level of the cloud near it, patch by patch,
@@ -85,7 +85,7 @@ def estimate_floor(
         if len(patches) == 0:
             break
         xyz = np.concatenate([patches, below])
-        # Geman-McClure: a step of 15 cm beside the walk counts for nothing, a ramp is taken up patch by patch.
+        # Geman-McClure: a step of 15 cm beside the trajectory counts for nothing, a ramp is taken up patch by patch.
         off = patches[:, 2] - surface.height_at(patches[:, :2])
         agreement = 1.0 / (1.0 + (off / _TOLERATED) ** 2) ** 2
         weight = np.concatenate([agreement, np.full(len(below), 0.02)])
@@ -96,7 +96,8 @@ def estimate_floor(
 
 
 def _below(cloud: Cloud | None, walk: Float64, config: FloorHeightConfig) -> Float64 | None:
-    """Points of the cloud that may be floor of this walk: near it and below the nearest camera. None for too few."""
+    """Points of the cloud that may be floor of this trajectory: near it and below the nearest camera. None for too
+    few."""
     if cloud is None or len(cloud.points) == 0:
         return None
     from scipy.spatial import cKDTree

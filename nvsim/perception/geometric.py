@@ -86,8 +86,8 @@ class GeometricFloor:
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
 
     def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image]) -> None:
-        """Learns what the floor looks like from views spread over the walk; `read` gives the image (H, W, 3) uint8 RGB
-        of the camera at an index, at any size. Without it, whatever the cloud misses stays in the masks."""
+        """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
+        uint8 RGB of the camera at an index, at any size. Without it, whatever the cloud misses stays in the masks."""
         chosen = np.unique(
             np.linspace(0, len(cameras) - 1, min(len(cameras), self.config.glimpses)).round().astype(int)
         )

@@ -1,5 +1,5 @@
-"""The semantic and the normal role without networks: what looks like the floor that the walk has seen at a place, and
-how the cloud's surfaces lie."""
+"""The semantic and the normal role without networks: what looks like the floor that the trajectory has seen at a place,
+and how the cloud's surfaces lie."""
 
 from __future__ import annotations
 

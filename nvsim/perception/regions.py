@@ -1,4 +1,4 @@
-"""Growing a region from points on the map of surface normals: the prompted role without a network, and what a person's
+"""Growing a region from points on the map of surface normals: the prompted role without a network, and what a user's
 clicks give while correcting a mask."""
 
 from __future__ import annotations

@@ -38,10 +38,10 @@ class SurfaceNormals(Protocol):
 
 
 class PromptedMask(Protocol):
-    """Finds the region of a picture that contains given points."""
+    """Finds the region of an image that contains given points."""
 
     def mask(self, picture: Image, points: NDArray[np.floating], camera: Camera) -> Mask:
-        """(H, W) bool. `picture` (H, W, 3) uint8 is the normal map as a picture (the paper's choice), `points` (K, 2)
+        """(H, W) bool. `picture` (H, W, 3) uint8 is the normal map as an image (the paper's choice), `points` (K, 2)
         float, pixels x, y with the first pixel's centre at (0.5, 0.5), all inside the region."""
         ...
 

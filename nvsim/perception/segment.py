@@ -75,7 +75,7 @@ def segment_capture(
         intrinsics = frame.intrinsics.within(config.longest_side)
         return frame.camera.scaled(intrinsics.width, intrinsics.height), intrinsics
 
-    # The looks are learnt from the whole walk, whatever is left to do, so that a resumed run ends with the same masks.
+    # The looks are learnt from the whole trajectory, also in a resumed run, so that it ends with the same masks.
     surfaces = [surfaces_of(i) for i in range(len(capture.frames))]
     walks: dict[int, list[int]] = {}
     for i, surface in enumerate(surfaces):
@@ -136,8 +136,8 @@ def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSu
 
 
 def read_mask(path: Path, width: int | None = None, height: int | None = None) -> Mask:
-    """(height, width) bool, True on floor; the picture's own size by default. Raises InputError when it is missing or
-    not a picture."""
+    """(height, width) bool, True on floor; the image's own size by default. Raises InputError when it is missing or
+    not an image."""
     import cv2
 
     if not path.is_file():

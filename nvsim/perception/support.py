@@ -48,8 +48,8 @@ class FloorSupport:
             np.savez_compressed(file, cells=self.cells, origin=np.array(self.origin), spacing=np.array(self.spacing))
 
     def trodden(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
-        """The same with the floor under the walk: somebody carried the camera over the ground within `radius` metres
-        of its positions (N, 2 or 3), though it may never have looked down there."""
+        """The same with the floor under the trajectory: somebody carried the camera over the ground within `radius`
+        metres of its positions (N, 2 or 3), though it may never have looked down there."""
         low = np.minimum(self.origin, positions[:, :2].min(axis=0) - radius - self.spacing)
         offset = np.ceil((np.array(self.origin) - low) / self.spacing).astype(int)
         origin = np.array(self.origin) - offset * self.spacing

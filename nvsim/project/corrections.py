@@ -1,8 +1,8 @@
-"""Floor masks that a person corrected. A correction takes the place of the machine's mask wherever masks are used, and
+"""Floor masks that a user corrected. A correction takes the place of the machine's mask wherever masks are used, and
 outlives it: the floors may be found again, the correction stays.
 
-Each is a picture of its own, named after its frame, so that a capture that gains or loses frames keeps the right ones.
-They are plain files: a person may correct masks while a job writes to the project's database.
+Each is an image of its own, named after its frame, so that a capture that gains or loses frames keeps the right ones.
+They are plain files: a user may correct masks while a job writes to the project's database.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def corrected_frames(layout: Layout, frames: Iterable[Frame]) -> frozenset[int]:
 
 
 def mask_in_use(layout: Layout, frame: Frame, index: int) -> Path:
-    """The picture of the floor of `frame`, the `index`-th of the capture: its correction, else the machine's mask."""
+    """The image of the floor of `frame`, the `index`-th of the capture: its correction, else the machine's mask."""
     correction = layout.correction(frame.name)
     return correction if correction.is_file() else layout.mask(index)
 

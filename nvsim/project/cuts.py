@@ -1,4 +1,5 @@
-"""A cut of the walk into submaps as a file of its own: floors and models keep theirs while the newest is another."""
+"""A cut of the trajectory into submaps as a file of its own: floors and models keep theirs while the newest is
+another."""
 
 from __future__ import annotations
 

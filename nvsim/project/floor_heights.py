@@ -18,7 +18,7 @@ _MARGIN = 8.0  # metres around the cameras
 
 
 def floor_of(project: Project) -> FloorSurface:
-    """One surface over the walk and what can be seen from it; flat at z = 0 while no floor was estimated."""
+    """One surface over the trajectory and what can be seen from it; flat at z = 0 while no floor was estimated."""
     from scipy.spatial import cKDTree
 
     surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}

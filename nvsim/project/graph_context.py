@@ -25,7 +25,7 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 
 
 def untrained(project: Project) -> frozenset[int]:
-    """Submaps without a model; -1 stands for no model at all. Empty while the walk is not divided."""
+    """Submaps without a model; -1 stands for no model at all. Empty while the trajectory is not divided."""
     submaps = [submap.index for submap in project.submaps("train")]
     missing = frozenset(i for i in submaps if not (project.layout.model(i) / "model.json").is_file())
     return missing | {-1} if submaps and len(missing) == len(submaps) else missing

@@ -1,4 +1,4 @@
-"""The jobs that a person ordered on a project, each a folder under logs/jobs: what was ordered, how it stands, the
+"""The jobs that a user ordered on a project, each a folder under logs/jobs: what was ordered, how it stands, the
 events it sent, what it printed. Everything is in files, so that a job outlives the window that ordered it, and a window
 that starts later finds it again.
 

@@ -60,7 +60,7 @@ class Layout:
 
     @property
     def corrections(self) -> Path:
-        """Floor masks as a person corrected them; finding the floors again leaves them alone."""
+        """Floor masks as a user corrected them; finding the floors again leaves them alone."""
         return self.root / "corrections"
 
     @property

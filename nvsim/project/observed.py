@@ -26,7 +26,7 @@ _SMALLEST = 12  # cells; smaller specks are noise of the scan
 def observed_occupancy(
     project: Project, capture: Capture, support: FloorSupport, resolution: float = 0.05
 ) -> OccupancyMap:
-    """For a person to look at, not a truth: a sparse cloud leaves obstacles out. A map that would be too large for the
+    """For a user to look at, not a truth: a sparse cloud leaves obstacles out. A map that would be too large for the
     memory is made coarser. Raises InputError when the cameras are too far apart for that."""
     positions = capture.positions[:, :2]
     points = np.zeros((0, 3), np.float32) if capture.cloud is None else capture.cloud.points

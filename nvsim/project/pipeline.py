@@ -13,7 +13,7 @@ from nvsim.project.work import STAGES, StageName
 
 
 def run(project: Project, source: Path, understood: CaptureConfig, config: RunConfig, listen: Listener) -> None:
-    """A posed walk in, a navigation graph in the project out. Raises InputError for what a person can mend."""
+    """A posed walk in, a navigation graph in the project out. Raises InputError for what a user can mend."""
     runs: dict[StageName, Callable[[], object]] = {
         "import": lambda: imported.run(project, source, understood, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 Cut = Literal["submaps", "floors", "train"]
-"""Whose cut of the walk into submaps: the newest one, or that of the floors or models in use."""
+"""Whose cut of the trajectory into submaps: the newest one, or that of the floors or models in use."""
 
 
 class Project:
@@ -184,7 +184,7 @@ class Project:
         return capture
 
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
-        """The newest cut of the walk, or that which the floors or the models in use were made with."""
+        """The newest cut of the trajectory, or that which the floors or the models in use were made with."""
         places = results.places(self.connection) | self._instead
         place = places.get(f"cut/{of}", places.get("cut/submaps"))
         if place is None:
@@ -266,7 +266,7 @@ class Project:
         return (self.layout.ground_truth / "map.yaml").is_file() or self.layout.support.is_file()
 
     def occupancy(self) -> OccupancyMap | None:
-        """The map that a person may compare the graph with: the truth of the built-in building, else what the cloud
+        """The map that a user may compare the graph with: the truth of the built-in building, else what the cloud
         and the floor masks say."""
         truth = self.layout.ground_truth / "map.yaml"
         if truth.is_file():
@@ -302,7 +302,7 @@ class Project:
         return results.is_former(self.connection, stage)
 
     def mask_path(self, frame: int) -> Path:
-        """The floor mask of a frame that counts: a person's correction, else what the floors stage found."""
+        """The floor mask of a frame that counts: a user's correction, else what the floors stage found."""
         return mask_in_use(self.layout, self.need_capture().frames[frame], frame)
 
     def meta(self, key: str) -> str | None:

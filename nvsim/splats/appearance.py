@@ -69,7 +69,7 @@ class NetworkAppearance:
     """All SH coefficients of Gaussian g = network(embedding, features[g]); its own are not used.
 
     The network is evaluated at the centre of the cell of `cell` metres that the camera is in, and not again before the
-    camera leaves it: the embedding is a smooth function, and what a picture shows must not depend on the way there.
+    camera leaves it: the embedding is a smooth function, and what an image shows must not depend on how it came there.
 
     embedding  first input of the network
     weights    layers "colour.i.weight" and "colour.i.bias" with ReLU after each, the first of which takes embedding and

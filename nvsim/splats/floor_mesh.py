@@ -1,5 +1,5 @@
 """The floor of a submap model as a textured surface, for programs that know no background model: the colour that people
-who walk by see at each spot, baked into a picture."""
+who walk by see at each spot, baked into an image."""
 
 from __future__ import annotations
 

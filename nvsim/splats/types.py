@@ -118,7 +118,7 @@ class SubmapModel:
 
     antialiased   whether the Gaussians were fitted with opacity compensation and must be drawn so
     floor         the floor surface that the texture lies on
-    info          what a person may want to know: preset, steps, seconds, figures. JSON-able
+    info          what a user may want to know: preset, steps, seconds, figures. JSON-able
     appearance    how the Gaussians' colours depend on the camera position, None where they do not
     """
 

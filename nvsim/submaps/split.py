@@ -17,7 +17,7 @@ _THINNING = 0.25
 
 @dataclass(frozen=True)
 class SubmapConfig:
-    """How the walk is cut."""
+    """How the trajectory is cut."""
 
     count: int | None = None
     """C, the number of submaps; left out, it is chosen from the memory budget."""
@@ -28,7 +28,7 @@ class SubmapConfig:
     megabytes_per_frame: float = 8.0
     """What one training frame adds to that peak."""
     # A 480x360 image as float32 with mask and loss buffers (6 MB), and the 1200 Gaussians that a new view brings on a
-    # walk with a picture every 0.3 m (parameters, gradient, two Adam moments, per-thread gradient rows: 1.5 kB each).
+    # trajectory with a frame every 0.3 m (parameters, gradient, two Adam moments, gradient rows per thread: 1.5 kB).
 
     @property
     def frames_per_submap(self) -> int:
@@ -49,8 +49,8 @@ class SubmapRow:
 
 
 def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -> tuple[Submap, ...]:
-    """Cuts a walk into submaps: Ward clusters of the camera positions (N, 3) in metres, ordered by their first frame,
-    each with the frames within `overlap` of its core. The same positions give the same submaps.
+    """Cuts a trajectory into submaps: Ward clusters of the camera positions (N, 3) in metres, ordered by their first
+    frame, each with the frames within `overlap` of its core. The same positions give the same submaps.
 
     There are never more submaps than distinct positions. With `count` None it is the smallest number whose largest
     submap fits the memory budget, or, where the overlap alone breaks the budget, four times the number that the frames

@@ -1,5 +1,5 @@
 """How the window holds up: gaps of its event loop while the camera flies and a submap trains, frames a second, time
-until the picture is sharp, memory, and both views of a large graph. In a real window; without a display under Xvfb."""
+until the image is sharp, memory, and both views of a large graph. In a real window; without a display under Xvfb."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def run(arguments: Arguments) -> int:
             if scene is None:
                 raise lacks(arguments.project, "train")
             positions, floor = project.need_capture().positions, floor_of(project)
-        # Spread over the walk, and in its order, as a search goes from neighbour to neighbour.
+        # Spread over the trajectory, and in its order, as a search goes from neighbour to neighbour.
         places = positions[np.linspace(0, len(positions) - 1, _PLACES).round().astype(int)]
         figures = measure(scene, places, floor.height_at, arguments.rounds, arguments.backend)
     show.figures(figures, arguments.json, "panoramas")

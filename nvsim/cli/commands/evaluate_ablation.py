@@ -1,4 +1,4 @@
-"""Train and print the paper's ablation table and the comparison of the presets, with CSV files and pictures.
+"""Train and print the paper's ablation table and the comparison of the presets, with CSV files and images.
 
 Runs are kept in the project (ablation/), shared by both tables and by later calls, and continued where they were cut
 off; the project's own models stay as they are. With the defaults there are 7 runs for each submap; the tables say how
@@ -43,7 +43,7 @@ class Arguments(ProjectArguments):
     lpips_range: Literal["auto", "-1..1", "0..1"] = "auto"
     """The values that network takes; auto: as its property input_range says, else -1..1."""
     out: Path | None = None
-    """Folder for tables.txt, a CSV file and a picture per table; the project's ablation/ when left out."""
+    """Folder for tables.txt, a CSV file and an image per table; the project's ablation/ when left out."""
 
 
 def run(arguments: Arguments) -> int:

@@ -19,7 +19,7 @@ class Arguments(ProjectArguments):
     truth: Path | None = None
     """Folder with floor/ (and transient/) masks named like the frames; the project's own masks when left out."""
     novel: bool = False
-    """Also the novel views of the truth (holdout_frames.txt, novel/): beside the walk, turned away from it."""
+    """Also the novel views of the truth (holdout_frames.txt, novel/): beside the trajectory, turned away from it."""
     lpips: Path | None = None
     """An ONNX export of LPIPS; else lpips.onnx in the models folder ($NVSIM_MODELS)."""
     lpips_range: Literal["auto", "-1..1", "0..1"] = "auto"
@@ -27,7 +27,7 @@ class Arguments(ProjectArguments):
     csv: Path | None = None
     """Write the figures of every frame, every submap and their mean into this file."""
     pictures: Path | None = None
-    """Folder for side-by-side pictures: frame, render, alpha."""
+    """Folder for side-by-side images: frame, render, alpha."""
 
 
 def run(arguments: Arguments) -> int:

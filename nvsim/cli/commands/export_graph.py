@@ -1,4 +1,4 @@
-"""Write a navigation graph for other programs: GraphML, GeoJSON, a picture of it on its map (SVG, PNG), or R2R
+"""Write a navigation graph for other programs: GraphML, GeoJSON, an image of it on its map (SVG, PNG), or R2R
 connectivity. What agents would choke on is not written as R2R, unless with --force."""
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Arguments:
     """The folder to write to, one file per scan, named after it; or, where there is one scan, a file whose suffix says
     the format: .graphml, .geojson, .svg or .png."""
     occupancy: Path | None = None
-    """Drawn under pictures: a ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
+    """Drawn under images: a ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     longest_side: int = 1600
-    """Pixels of a picture's longer side."""
+    """Pixels of an image's longer side."""
     latitude: float | None = None
     """GeoJSON: degrees of the origin, WGS 84; without them coordinates stay in local metres."""
     longitude: float | None = None

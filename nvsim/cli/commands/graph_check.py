@@ -1,4 +1,4 @@
-"""Say what agents or a person would trip over in a navigation graph: of a project, of any R2R connectivity file, or of
+"""Say what agents or a user would trip over in a navigation graph: of a project, of any R2R connectivity file, or of
 every scan in a folder of them. Exits with 1 where there are errors."""
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class Arguments:
     occupancy: Path | None = None
     """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
     ignored: bool = False
-    """Show what a person chose to ignore as well."""
+    """Show what a user chose to ignore as well."""
     json: bool = False
     """Print the findings as JSON."""
     limits: Inline[Limits] = field(default_factory=Limits)

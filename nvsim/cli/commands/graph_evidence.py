@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     viewpoints: tuple[str, ...] = ()
-    """Ids; left out: all that a person added or moved and that nothing was measured at since."""
+    """Ids; left out: all that a user added or moved and that nothing was measured at since."""
     graph: Path | None = None
     """A graph file to read in place of the project's graph."""
     out: Path | None = None

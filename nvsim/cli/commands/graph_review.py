@@ -1,4 +1,4 @@
-"""List the edges that a person should look at, the least certain first."""
+"""List the edges that a user should look at, the least certain first."""
 
 from __future__ import annotations
 

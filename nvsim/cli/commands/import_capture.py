@@ -19,7 +19,7 @@ class Arguments:
     project: Path
     """The project folder to make or to write to."""
     add: bool = False
-    """Keep what the project holds and import this walk beside it: same building, same world, same unit."""
+    """Leave what the project holds and import this capture beside it: same building, same world, same unit."""
     json: bool = False
     """Print typed events as JSON lines."""
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)

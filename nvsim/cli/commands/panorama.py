@@ -1,6 +1,6 @@
 """Draw a panorama of the trained models: equirectangular, or the six faces of a skybox.
 
-Equirectangular: the heading is in the middle of the picture, 0 degrees is +y, to the right is clockwise; depth is the
+Equirectangular: the heading is in the middle of the image, 0 degrees is +y, to the right is clockwise; depth is the
 distance along the ray. Faces: one strip in the order and orientation of Matterport's skyboxes (up, back, left, front,
 right, down); depth is along the axis of each face.
 """
@@ -21,17 +21,17 @@ from nvsim.project.work import lacks
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     out: Path = Path("panorama.jpg")
-    """The picture, .jpg or .png; other channels go beside it as PNG files."""
+    """The image, .jpg or .png; other channels go beside it as PNG files."""
     at: tuple[float, float, float] | None = None
     """X Y Z in metres, in the project's frame."""
     viewpoint: str | None = None
     """Id of a viewpoint of the navigation graph, in place of --at."""
     heading: float = 0.0
-    """Degrees, of the middle of the picture or of the front face."""
+    """Degrees, of the middle of the image or of the front face."""
     faces: bool = False
-    """Six faces in place of the equirectangular picture."""
+    """Six faces in place of the equirectangular image."""
     size: int | None = None
-    """Height in pixels: of the equirectangular picture, which is twice as wide (1024), or of a face (512)."""
+    """Height in pixels: of the equirectangular image, which is twice as wide (1024), or of a face (512)."""
     also: tuple[Literal["alpha", "depth", "normal"], ...] = ()
     """What else to write: alpha (8 bits), depth (16 bits, millimetres), normal (8 bits)."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"

@@ -1,6 +1,6 @@
 """Edits: each one function from a graph to a graph, one small file per family. They know no files and no history.
 
-What a person adds or moves carries the origin "person". Every edit raises EditError, one sentence, where the graph does
+What a user adds or moves carries the origin "person". Every edit raises EditError, one sentence, where the graph does
 not allow it, and returns the very graph it was given when there is nothing to do.
 """
 

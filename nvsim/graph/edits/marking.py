@@ -1,4 +1,4 @@
-"""What a person notes about viewpoints, edges and findings: seen and right, not to be touched, let be."""
+"""What a user notes about viewpoints, edges and findings: seen and right, not to be touched, let be."""
 
 from __future__ import annotations
 

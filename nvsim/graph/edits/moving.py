@@ -10,7 +10,7 @@ from nvsim.graph.types import NavGraph
 
 
 def move_viewpoints(graph: NavGraph, positions: Mapping[str, Place]) -> NavGraph:
-    """Each viewpoint goes to its new place, at the same height above its floor. It and its edges become a person's and
+    """Each viewpoint goes to its new place, at the same height above its floor. It and its edges become a user's and
     unreviewed, and the evidence measured from or towards its old place stale.
 
     Raises EditError when one is missing, locked, or held by a locked edge, or a place is not finite.

@@ -10,7 +10,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 def split_edge(
     graph: NavGraph, a: str, b: str, share: float = 0.5, position: Place | None = None, id: str | None = None
 ) -> NavGraph:
-    """The edge goes, and a person's viewpoint comes that is joined to both its ends: on the line at `share` (0 to 1) of
+    """The edge goes, and a user's viewpoint comes that is joined to both its ends: on the line at `share` (0 to 1) of
     the way from a to b, its height above the floor between theirs; or at `position`, where that is given.
 
     Raises EditError when the edge is missing or locked, or the share is not between 0 and 1.

@@ -1,4 +1,4 @@
-"""Viewpoints come, go, leave navigation and come back to it. What a person adds carries the origin "person"."""
+"""Viewpoints come, go, leave navigation and come back to it. What a user adds carries the origin "person"."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def place_viewpoint(
 
 
 def snapped(position: Sequence[float], trajectory: Iterable[Sequence[float]]) -> tuple[int, Place]:
-    """The frame of the walk (N, 3) that is nearest to `position` as seen from above, and its place, metres. Where only
-    x and y are given, the height of the frame is not looked at; with z, floors are kept apart.
+    """The frame of the trajectory (N, 3) that is nearest to `position` as seen from above, and its place, metres. Where
+    only x and y are given, the height of the frame is not looked at; with z, floors are kept apart.
 
     Raises EditError when there is no walk.
     """

@@ -1,4 +1,4 @@
-"""A picture of the graph on its map, seen from above with y up: SVG for papers, PNG for everything else."""
+"""An image of the graph on its map, seen from above with y up: SVG for papers, PNG for everything else."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Picture:
 
 
 def draw(graph: NavGraph, occupancy: OccupancyMap | None = None, longest_side: int = 1600) -> Picture:
-    """What is to be seen; lines by who made the edge: steps green, merges violet, a person's blue. Raises InputError
+    """What is to be seen; lines by who made the edge: steps green, merges violet, a user's blue. Raises InputError
     when there is nothing to draw, or the side is not between 64 and 16,384 pixels."""
     if not 64 <= longest_side <= _LARGEST:
         raise InputError(f"An image cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
@@ -94,7 +94,7 @@ def draw(graph: NavGraph, occupancy: OccupancyMap | None = None, longest_side: i
 
 
 def write_svg(picture: Picture, path: Path) -> Path:
-    """Lines and discs stay vectors, with the ids as titles; the map is a picture in it. Returns `path`. Raises
+    """Lines and discs stay vectors, with the ids as titles; the map is an image in it. Returns `path`. Raises
     InputError when the disk refuses."""
     p = picture
     rows = [

@@ -8,7 +8,7 @@ from nvsim.graph.types import NavGraph
 
 
 def choking(graph: NavGraph, context: Context | None = None) -> list[Finding]:
-    """The findings that break the programs which read R2R files, less those that a person ignores for a reason."""
+    """The findings that break the programs which read R2R files, less those that a user ignores for a reason."""
     found = check_graph(graph, context or Context())
     return [f for f in found if f.kind in BLOCKS_EXPORT and f.severity == "error" and f.key not in graph.ignored]
 

@@ -1,4 +1,4 @@
-"""What an agent or a person would trip over in a graph, found for a whole graph or followed from edit to edit.
+"""What an agent or a user would trip over in a graph, found for a whole graph or followed from edit to edit.
 
 Knows no files and no pixels: what only others can say comes in through `Context`.
 """

@@ -16,7 +16,7 @@ _NOTHING = Context()
 
 
 def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
-    """The worst first, otherwise in the order of the graph; those a person ignores are among them."""
+    """The worst first, otherwise in the order of the graph; those a user ignores are among them."""
     found = about_graph(graph)
     for viewpoint in graph.viewpoints.values():
         found += about_viewpoint(graph, viewpoint, context)

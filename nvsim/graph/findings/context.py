@@ -1,4 +1,4 @@
-"""What a graph is held against besides itself: limits, a map, floors, pictures, evidence."""
+"""What a graph is held against besides itself: limits, a map, floors, images, evidence."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Limits:
     off_floor: float = 0.3
     """How far a viewpoint may be from its height above the floor."""
     moved: float = 0.05
-    """How far a viewpoint may be from where its picture was taken."""
+    """How far a viewpoint may be from where its image was taken."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
         add("occupied", "error", "leads through what the map calls occupied", remove)
     if context.against is not None:
         if graph.edges[key].reviewed:
-            pass  # a person has seen it and let it be
+            pass  # a user has seen it and let it be
         elif why := context.against(graph, key):
             review = Fix("It is right: mark it reviewed", "mark_reviewed", {"edges": [list(key)]})
             add("evidence", "warning", f"stands against the evidence: {why}", remove, review)

@@ -23,7 +23,7 @@ _Place = str | EdgeKey | tuple[str, str, str]
 
 class Validator:
     """Looks again only at what an edit touched and at what stands beside it. Holds the same findings as `check_graph`,
-    in no particular order; those a person ignores are among them."""
+    in no particular order; those a user ignores are among them."""
 
     def __init__(self, graph: NavGraph | None = None, context: Context | None = None) -> None:
         """Without a graph it has to be told to begin."""

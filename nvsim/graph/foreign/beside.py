@@ -1,4 +1,4 @@
-"""What lies beside a connectivity file: pictures of its viewpoints, a map, a cloud."""
+"""What lies beside a connectivity file: images of its viewpoints, a map, a cloud."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _SKYBOX = "matterport_skybox_images"
 
 @dataclass(frozen=True)
 class Beside:
-    """images  ids of the viewpoints that have pictures, None where no folder of pictures was found
-    pictures  that folder
+    """images  ids of the viewpoints that have images, None where no folder of images was found
+    images  that folder
     map, cloud  files, None where there are none
     """
 

@@ -96,7 +96,7 @@ class ForeignFile:
         return visible
 
     def panorama(self, id: str, width: int) -> NDArray[np.uint8] | None:
-        """(W / 2, W, 3) uint8, blue, green, red: what the pictures beside the file show around a viewpoint, north in
+        """(W / 2, W, 3) uint8, blue, green, red: what the images beside the file show around a viewpoint, north in
         the middle and east to its right; None where there are none of it. Raises InputError when one cannot be read."""
         from nvsim.graph.foreign.pictures import panorama
 
@@ -112,7 +112,7 @@ class ForeignFile:
         occupancy: OccupancyMap | None = None,
         against: Callable[[NavGraph, EdgeKey], str] | None = None,
     ) -> Context:
-        """What findings about the graph are held against: the pictures beside the file, its one-way edges and faulty
+        """What findings about the graph are held against: the images beside the file, its one-way edges and faulty
         entries, and what the caller adds."""
         entries = {e.viewpoint.id: e.faults for e in self._document.entries if e.faults}
         return Context(

@@ -1,4 +1,4 @@
-"""The pictures beside a connectivity file, as one panorama of a viewpoint.
+"""The images beside a connectivity file, as one panorama of a viewpoint.
 
 Skyboxes have six faces of 90 degrees in the frame of the viewpoint's pose (Matterport3DSimulator, `_skybox_small.jpg`
 as a strip, `_skybox0_sami.jpg` to `_skybox5_sami.jpg` one by one); of 36 discretised views, number k looks along
@@ -48,9 +48,9 @@ class _View:
 
 def panorama(beside: Beside, id: str, rotation: NDArray[np.float64], width: int) -> NDArray[np.uint8] | None:
     """(W / 2, W, 3) uint8, blue, green, red: north (+y) in the middle, east to its right, up at the top; None where
-    there is no picture of the viewpoint. Black where no view looks. `rotation` (3, 3) is that of the viewpoint's pose.
+    there is no image of the viewpoint. Black where no view looks. `rotation` (3, 3) is that of the viewpoint's pose.
 
-    Raises InputError when a picture cannot be read.
+    Raises InputError when an image cannot be read.
     """
     views = _views(beside, id, rotation)
     return _around(views, width) if views else None

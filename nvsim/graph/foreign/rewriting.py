@@ -38,7 +38,7 @@ def rewritten(document: Document, before: NavGraph, after: NavGraph) -> Document
     """The document of `after`, where `document` is that of `before`.
 
     Who sees whom stays as it was; a new viewpoint is said to see those that it is joined to. A pose keeps its rotation
-    when its viewpoint moves. An edge that goes one way, and an entry with faulty lists, are put right where a person
+    when its viewpoint moves. An edge that goes one way, and an entry with faulty lists, are put right where a user
     marked them as reviewed; otherwise they stay.
     """
     source = _sources(before, after)

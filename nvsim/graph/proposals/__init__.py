@@ -1,6 +1,6 @@
 """What the machine would add to a graph: edges where the way is free, viewpoints where nothing is seen.
 
-It only proposes; a person, or a script, takes what is right.
+It only proposes; a user, or a script, takes what is right.
 """
 
 from nvsim.graph.proposals.edges import EdgeProposal, propose_edges

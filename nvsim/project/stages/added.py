@@ -1,7 +1,8 @@
-"""Another walk through the same building: the project's capture becomes the list of those it held and the new one.
+"""Another capture of the same building: the project's capture becomes the list of those it held and the new
+one.
 
 What was imported keeps its place: the new walk is brought into the project's own frame, the frames that were there stay
-first, and masks that a person corrected stay with their frames. The stages after the import notice that their input
+first, and masks that a user corrected stay with their frames. The stages after the import notice that their input
 has grown.
 """
 

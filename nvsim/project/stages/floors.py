@@ -28,7 +28,7 @@ _VERSION = 3  # of what this stage commits; raised when the same inputs give som
 
 
 def run(project: Project, listen: Listener, discard: bool = False) -> None:
-    """Masks of all frames; frames that are held out of training do not count as support. Masks that a person corrected
+    """Masks of all frames; frames that are held out of training do not count as support. Masks that a user corrected
     stay, unless they are to be discarded, and count in place of the machine's."""
     config = capture_config(project)
     if discard:
@@ -117,7 +117,7 @@ def supporting_frames(project: Project) -> list[int]:
 
 
 def _support_key(project: Project, masks_key: str) -> str:
-    """What the supported floor depends on. Asked for before the masks are read, so that what a person corrects in the
+    """What the supported floor depends on. Asked for before the masks are read, so that what a user corrects in the
     meantime counts as not in it yet."""
     corrected = corrections_key(project, supporting_frames(project))
     return ledger.key_of(masks_key, *corrected) if corrected else masks_key

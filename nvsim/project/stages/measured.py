@@ -32,6 +32,6 @@ def measure(
 
 
 def unmeasured(graph: NavGraph) -> list[str]:
-    """Included viewpoints of a person without evidence, or whose evidence is of another place."""
+    """Included viewpoints of a user without evidence, or whose evidence is of another place."""
     fresh = {e.viewpoint for e in graph.evidence.values() if not e.joins and not e.stale}
     return [id for id, v in graph.viewpoints.items() if v.included and v.origin == "person" and id not in fresh]

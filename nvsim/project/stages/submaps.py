@@ -1,4 +1,4 @@
-"""Submaps: the trajectory is cut. Commits which frames belong to which submap, and a picture."""
+"""Submaps: the trajectory is cut. Commits which frames belong to which submap, and an image."""
 
 from __future__ import annotations
 
