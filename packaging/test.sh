@@ -8,7 +8,7 @@ venv="${VENV:-$root/.venv}"
 cd "$root"
 export OMP_WAIT_POLICY=PASSIVE
 # Once on a machine; otherwise the first test that trains would wait for it.
-"$venv/bin/python" -m nvsim.training.compilation
+"$venv/bin/python" -c "from nvsim.training.compilation import compile_ahead; compile_ahead(print)"
 QT_QPA_PLATFORM=offscreen "$venv/bin/python" -m pytest -m "not gl" "$@"
 if command -v xvfb-run >/dev/null 2>&1; then
     QT_QPA_PLATFORM=xcb xvfb-run -a -s "-screen 0 1600x1000x24" "$venv/bin/python" -m pytest -m gl
