@@ -158,8 +158,9 @@ class Project:
         if isinstance(self.connection, Snapshot):
             now = stamp(self.layout.database)
             if now != self._stamp:
-                self.connection.close()
-                self.connection, self._stamp = database.connect(self.layout.database, read_only=True), now
+                past, path = self.connection, self.layout.database
+                self.connection, self._stamp = database.connect(path, read_only=True), now
+                past.close()
             return hash(now)
         with tables.reading_rows(self.connection, self.layout.database):
             return int(self.connection.execute("PRAGMA data_version").fetchone()[0])

@@ -102,8 +102,8 @@ def test_closing_ends_the_process(link: RenderLink, qtbot: QtBot) -> None:
 
 
 def test_heavy_drawing_is_not_felt_in_the_window(link: RenderLink, qtbot: QtBot) -> None:
-    """Views that compute for 200 ms each,: the loop is never away for 100 ms."""
-    link.open(demo_room.RoomSource(burn=0.2))
+    """Views that compute for 600 ms each: drawn in the window, every one would keep its loop away for as long."""
+    link.open(demo_room.RoomSource(burn=0.6))
     qtbot.waitUntil(lambda: link.ready, timeout=20_000)
     probe, count = Probe(), []
     link.arrived.connect(count.append)
@@ -114,4 +114,4 @@ def test_heavy_drawing_is_not_felt_in_the_window(link: RenderLink, qtbot: QtBot)
             link.ask(Request(i, pose.camera(480, 270), "rgb", True))
     probe.stop()
     assert len(count) == 8
-    assert probe.longest < 100, f"longest gap {probe.longest:.0f} ms"
+    assert probe.longest < 300, f"longest gap {probe.longest:.0f} ms"

@@ -87,6 +87,7 @@ def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: Q
     session.open(trained)
     document = session.window.document
     qtbot.waitUntil(lambda: document.contents.kept == {"train"}, timeout=SECONDS)
+    qtbot.waitUntil(lambda: 0 in document.contents.model_info, timeout=SECONDS)
     assert document.contents.model_info[0]["steps"] == STEPS + 5
     session.window.actions_table["earlier_results"].trigger()
     dialog = session.window.findChild(EarlierResults)
