@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+
+_EMPTY = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,21 +19,26 @@ class FusedCloud:
     colors   (N, 3) uint8 RGB
     normals  (N, 3) float32, unit, towards the cameras
     views    (N,) uint16, how often the place was seen
+    towards  (N, 3) float32, the mean direction to the cameras that saw it
+    say      (N,) float32, the sum of 1 / depth^4 over what was seen: the inverse of its variance, but for a factor
     """
 
     points: NDArray[np.float32]
     colors: NDArray[np.uint8]
     normals: NDArray[np.float32]
     views: NDArray[np.uint16]
+    towards: NDArray[np.float32]
+    say: NDArray[np.float32]
 
 
 class Fusion:
-    """Adds points up in cells of `voxel` metres; the order in which maps come does not change the cells."""
+    """Adds points up in cells of `voxel` metres: an open hash table, which grows."""
 
     def __init__(self, voxel: float) -> None:
         self.voxel = voxel
-        self._keys = np.empty(0, np.int64)
-        self._sums = np.empty((0, 10))
+        self._keys = np.full(1 << 16, _EMPTY, np.int64)
+        self._sums = np.zeros((1 << 16, 11), np.float64)
+        self._filled = 0
 
     def add(self, camera: Camera, inverse: NDArray[np.float32], image: NDArray[np.uint8]) -> None:
         """The points of a map (H, W) of inverse depth, 0 where there is none, with their colours (H, W, 3) RGB."""
@@ -43,30 +51,50 @@ class Fusion:
         points = local @ camera.rotation.T + camera.position
         towards = camera.position - points
         towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        values = np.concatenate([points, image[v, u].astype(np.float64), towards, np.ones((len(v), 1))], axis=1)
-        self._merge(_keys(points, self.voxel), values)
-
-    def _merge(self, keys: NDArray[np.int64], values: NDArray[np.float64]) -> None:
-        everything = np.concatenate([self._keys, keys])
-        unique, index = np.unique(everything, return_inverse=True)
-        both = np.concatenate([self._sums, values])
-        self._sums = np.stack(
-            [np.bincount(index.reshape(-1), both[:, c], minlength=len(unique)) for c in range(both.shape[1])], axis=1
-        )
-        self._keys = unique
+        # The noise of a depth grows with its square, so its say falls with the fourth power.
+        say = np.minimum(1 / depth, 2.0)[:, None] ** 4
+        values = np.concatenate([say * points, say * image[v, u], say * towards, say, np.ones_like(say)], axis=1)
+        while 2 * (self._filled + len(v)) > len(self._keys):
+            keys, sums = self._keys, self._sums
+            self._keys = np.full(2 * len(keys), _EMPTY, np.int64)
+            self._sums = np.zeros((2 * len(keys), 11), np.float64)
+            used = keys != _EMPTY
+            _insert(keys[used], sums[used], self._keys, self._sums)
+        self._filled += _insert(_keys(points, self.voxel), values, self._keys, self._sums)
 
     def cloud(self, seen: int) -> FusedCloud:
         """The cells that at least `seen` points fell into."""
-        sums = self._sums[self._sums[:, 9] >= seen]
-        count = sums[:, 9:]
-        points = (sums[:, :3] / count).astype(np.float32)
-        colors = np.clip(sums[:, 3:6] / count + 0.5, 0, 255).astype(np.uint8)
-        return FusedCloud(
-            points, colors, normals_of(points, sums[:, 6:9] / count), count[:, 0].clip(0, 65535).astype(np.uint16)
-        )
+        chosen = np.flatnonzero(self._sums[:, 10] >= max(seen, 1))
+        sums = self._sums[chosen[np.argsort(self._keys[chosen])]]
+        count, say = sums[:, 10], sums[:, 9:10]
+        points = (sums[:, :3] / say).astype(np.float32)
+        colors = np.clip(sums[:, 3:6] / say + 0.5, 0, 255).astype(np.uint8)
+        towards = (sums[:, 6:9] / say).astype(np.float32)
+        normals = normals_of(points, towards)
+        return FusedCloud(points, colors, normals, count.clip(0, 65535).astype(np.uint16), towards, say[:, 0].astype(np.float32))
 
 
-def normals_of(points: NDArray[np.float32], towards: NDArray[np.float64], neighbours: int = 12) -> NDArray[np.float32]:
+@njit(cache=True, nogil=True)
+def _insert(
+    keys: NDArray[np.int64], values: NDArray[np.float64], table: NDArray[np.int64], sums: NDArray[np.float64]
+) -> int:
+    """Adds `values` (N, C) to the rows of `sums` (M, C) that `table` (M,) gives to `keys` (N,); how many are new.
+    M is a power of two, more than half empty."""
+    mask = len(table) - 1
+    new = 0
+    for i in range(len(keys)):
+        at = ((keys[i] * 0x9E3779B97F4A7C1) >> 20) & mask
+        while table[at] != keys[i] and table[at] != _EMPTY:
+            at = (at + 1) & mask
+        if table[at] == _EMPTY:
+            table[at] = keys[i]
+            new += 1
+        for c in range(values.shape[1]):
+            sums[at, c] += values[i, c]
+    return new
+
+
+def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neighbours: int = 24) -> NDArray[np.float32]:
     """(N, 3) float32 unit normals of points (N, 3): across which their neighbours spread least, turned `towards`
     (N, 3) the cameras."""
     from scipy.spatial import cKDTree

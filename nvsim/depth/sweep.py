@@ -43,15 +43,15 @@ def _count(
 
 
 @njit(cache=True, nogil=True)
-def _turn(best: NDArray[np.uint8], next_: NDArray[np.uint8], cost: NDArray[np.uint8]) -> None:
-    """cost (N, D) from best and next (D, N)."""
-    planes, size = best.shape
+def _turn(planes: NDArray[np.uint8], cost: NDArray[np.uint8]) -> None:
+    """cost (N, D) from planes (D, N)."""
+    count, size = planes.shape
     block = 64
     for start in range(0, size, block):
         stop = min(start + block, size)
-        for d in range(planes):
+        for d in range(count):
             for i in range(start, stop):
-                cost[i, d] = best[d, i] + next_[d, i]
+                cost[i, d] = planes[d, i]
 
 
 def sweep(
@@ -61,33 +61,47 @@ def sweep(
     shifts: NDArray[np.float64],
     inverse: NDArray[np.float64],
 ) -> NDArray[np.uint8]:
-    """(H, W, D) uint8, the census distances of the best two sources, added.
+    """(H, W, D) uint8: `plane_costs` of planes parallel to the image, at the inverse depths `inverse` (D,), 1 / metres,
+    the costs of a pixel side by side."""
+    flat = np.zeros((len(inverse), 3))
+    flat[:, 2] = inverse
+    height, width = reference.shape
+    cost = np.empty((height * width, len(inverse)), np.uint8)
+    _turn(plane_costs(reference, sources, rotations, shifts, flat).reshape(len(inverse), -1), cost)
+    return cost.reshape(height, width, len(inverse))
+
+
+def plane_costs(
+    reference: NDArray[np.uint64],
+    sources: list[NDArray[np.uint64]],
+    rotations: NDArray[np.float64],
+    shifts: NDArray[np.float64],
+    forms: NDArray[np.float64],
+) -> NDArray[np.uint8]:
+    """(D, H, W) uint8, the census distances of the best two sources, added.
 
     reference  (H, W) uint64, census of the image
     sources    S times (H', W') uint64, S > 0
     rotations  (S, 3, 3), K_s R K^-1 between pixel indices (the first pixel's centre is 0)
     shifts     (S, 3), K_s t: a pixel p at inverse depth w falls on rotations @ p + w * shifts
-    inverse    (D,) 1 / metres, ascending
+    forms      (D, 3), a plane each: its inverse depth at the pixel p is forms @ p, 1 / metres
     """
     height, width = reference.shape
     size = height * width
     mine = reference.reshape(-1)
-    best = np.full((len(inverse), size), WORST, np.uint8)
-    following = np.full((len(inverse), size), WORST, np.uint8)
+    best = np.full((len(forms), size), WORST, np.uint8)
+    following = np.full((len(forms), size), WORST, np.uint8)
     for census, turned, shift in zip(sources, rotations, shifts, strict=True):
         channels = census.view(np.uint16).reshape(*census.shape, 4)
-        for d, w in enumerate(inverse):
-            plane = turned.copy()
-            plane[:, 2] += w * shift
+        for d, form in enumerate(forms):
             warped = cv2.warpPerspective(
                 channels,
-                plane,
+                turned + np.outer(shift, form),
                 (width, height),
                 flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
                 borderMode=cv2.BORDER_CONSTANT,
                 borderValue=(_OUTSIDE, _OUTSIDE, _OUTSIDE, _OUTSIDE),
             )
             _count(mine, warped.view(np.uint64).reshape(-1), best[d], following[d])
-    cost = np.empty((size, len(inverse)), np.uint8)
-    _turn(best, following, cost)
-    return cost.reshape(height, width, len(inverse))
+    best += following
+    return best.reshape(len(forms), height, width)
