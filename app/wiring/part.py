@@ -67,6 +67,11 @@ class Part(QObject):
         super().__init__(workspace.window)
         self.workspace = workspace
 
+    @classmethod
+    def actions(cls) -> tuple[Action, ...]:
+        """Its commands, asked for when a window is made."""
+        return cls.ACTIONS
+
     def docks(self) -> tuple[Dock, ...]:
         """Its panels, asked for once."""
         return ()

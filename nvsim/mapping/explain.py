@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
+from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import CRITERIA, OPEN, Criterion, Part, corridor_of
+from nvsim.mapping.criteria import OPEN, Criterion, Part, corridor_of
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
     """The decision of `criteria.decide`, with its reasons."""
     corridor = corridor_of(evidence, config)
     measures = []
-    for criterion in CRITERIA:
+    for criterion in criteria.CRITERIA:
         value, part = criterion.measure(evidence, corridor)
         measures.append(Measure(criterion, value, criterion.limit(config), criterion.asked(config), part))
     failed = next((m for m in measures if m.decides and not m.passes), None)
