@@ -12,9 +12,11 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FAST = {
-    *("atomic", "reading", "stored_arrays", "events", "submaps_split", "first_changes"),
+    *("atomic", "reading", "stored_arrays", "events", "import_contracts", "submaps_split", "first_changes"),
     *("geometry", "geometry_camera_path", "geometry_lens", "geometry_rotation"),
     *("capture_clouds", "capture_images", "capture_multi", "capture_readers", "capture_store"),
+    *("mapping_corridor", "mapping_edge_doubts", "mapping_explain", "one_decision"),
+    *("graph_compare", "graph_edit_families", "graph_exports", "graph_findings"),
     *("graph_connectivity", "graph_edits", "graph_history", "graph_journal", "graph_selection", "graph_storeys"),
 }
 """Of tests/unit, the files that compile no kernel and open no window: `pytest -m fast`."""
