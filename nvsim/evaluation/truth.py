@@ -1,4 +1,4 @@
-"""Finding and fitting the truth that a project is scored against."""
+"""Finds the truth that a project is scored against, and brings it into the aligned frame."""
 
 from __future__ import annotations
 

@@ -104,5 +104,5 @@ class Offer:
 
 
 def marked(chosen: Chosen) -> dict[str, Any]:
-    """Viewpoints and edges alike."""
+    """The arguments of an operation that takes viewpoints and edges alike."""
     return {"viewpoints": list(chosen.viewpoints), "edges": [list(key) for key in sorted(chosen.edges)]}

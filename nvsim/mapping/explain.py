@@ -65,12 +65,12 @@ class Explanation:
 
     @property
     def failed(self) -> Measure | None:
-        """What decided; None for an open corridor."""
+        """The measure that decided; None for an open corridor."""
         return next((m for m in self.measures if m.decides and not m.passes), None)
 
     @property
     def tightest(self) -> Measure:
-        """Of what the rule asks about, what is nearest to its limit."""
+        """The measure nearest to its limit, of those that the rule asks about."""
         return min((m for m in self.measures if m.decides), key=lambda m: abs(m.slack))
 
 
