@@ -12,7 +12,16 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FAST = {
-    *("atomic", "reading", "stored_arrays", "events", "import_contracts", "submaps_split", "first_changes"),
+    *(
+        "atomic",
+        "reading",
+        "stored_arrays",
+        "docstrings",
+        "events",
+        "import_contracts",
+        "submaps_split",
+        "first_changes",
+    ),
     *("geometry", "geometry_camera_path", "geometry_lens", "geometry_rotation"),
     *("capture_clouds", "capture_images", "capture_multi", "capture_readers", "capture_store"),
     *("mapping_corridor", "mapping_edge_doubts", "mapping_explain", "one_decision"),

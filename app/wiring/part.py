@@ -59,7 +59,7 @@ class Workspace:
 
 
 class Part(QObject):
-    """Parts are made in the order of `parts.PARTS`, after the 3D view and before the menus."""
+    """Parts are made in the order of `app.wiring.PARTS`, after the 3D view and before the menus."""
 
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
 

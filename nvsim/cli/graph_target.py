@@ -1,4 +1,4 @@
-"""What the graph commands work on: the graph of a project, or a connectivity file of anyone's."""
+"""The graph that a command reads and edits: that of a project, or of any connectivity file."""
 
 from __future__ import annotations
 

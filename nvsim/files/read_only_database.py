@@ -19,7 +19,7 @@ _MEMORY = "/dev/shm"  # where there is room when every disk is full
 
 
 class Snapshot(GuardedConnection):
-    """Shows the database as it was when it was opened, whatever is committed from now on."""
+    """Shows the database as it was when it was opened, without what is committed later."""
 
 
 def open_to_read(path: Path) -> GuardedConnection:

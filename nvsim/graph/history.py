@@ -187,7 +187,7 @@ class History:
         self._announce(before, chosen != was, True)
 
     def take_over(self, text: str, graph: NavGraph) -> None:
-        """The file holds `graph` now, which nobody made here. It becomes the current and the saved graph, as a step
+        """The file holds `graph` now, which was not made here. It becomes the current and the saved graph, as a step
         that is no edit; undo goes back to what was there before. Of several in a row the last one stays. Raises
         EditError where nothing may be edited."""
         if self._journal is not None and self._journal.refusal is not None:

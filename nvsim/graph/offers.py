@@ -1,5 +1,5 @@
 """How an operation is offered on what is selected: its words, when it can be done and why not, what it asks for first.
-Knows no window; whoever edits by hand builds menus, keys and forms from it."""
+Knows no window; an editor builds menus, keys and forms from it."""
 
 from __future__ import annotations
 
