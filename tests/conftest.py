@@ -9,19 +9,12 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FAST = {
-    *(
-        "atomic",
-        "reading",
-        "stored_arrays",
-        "docstrings",
-        "events",
-        "import_contracts",
-        "submaps_split",
-        "first_changes",
-    ),
+    *("atomic", "reading", "stored_arrays", "events", "submaps_split"),
+    *("docstrings", "first_changes", "import_contracts"),
     *("geometry", "geometry_camera_path", "geometry_lens", "geometry_rotation"),
     *("capture_clouds", "capture_images", "capture_multi", "capture_readers", "capture_store"),
     *("mapping_corridor", "mapping_edge_doubts", "mapping_explain", "one_decision"),
@@ -36,6 +29,10 @@ STARTS_PROCESSES = {
     "test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window",
 }
 """Of these files, the tests that are left out of it."""
+
+# How long an example takes says how busy the machine is.
+settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("unhurried")
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
