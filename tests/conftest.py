@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, settings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FAST = {
-    *("atomic", "reading", "stored_arrays", "events", "submaps_split"),
+    *("atomic", "reading", "stored_arrays", "events"),
     *("docstrings", "first_changes", "import_contracts"),
     *("geometry", "geometry_camera_path", "geometry_lens", "geometry_rotation"),
     *("capture_clouds", "capture_images", "capture_multi", "capture_readers", "capture_store"),
@@ -27,6 +27,11 @@ STARTS_PROCESSES = {
     "test_a_killed_process_leaves_the_journal_to_the_next",
     "test_a_kill_in_the_middle_of_trimming_loses_nothing",
     "test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window",
+}
+TAKES_SECONDS = {
+    "test_reader_gives_a_graph_or_a_sentence",
+    "test_any_damage_to_a_floor_surface_is_a_surface_or_a_sentence",
+    "test_a_trimmed_journal_gives_its_room_back",
 }
 """Of these files, the tests that are left out of it."""
 
@@ -48,7 +53,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         named = item.path.parent.name == "unit" and item.path.stem.removeprefix("test_") in FAST
-        if named and getattr(item, "originalname", item.name) not in STARTS_PROCESSES:
+        if named and getattr(item, "originalname", item.name) not in STARTS_PROCESSES | TAKES_SECONDS:
             item.add_marker("fast")
 
 
