@@ -18,8 +18,8 @@ _VARIABLE = "NUMBA_THREADING_LAYER_PRIORITY"
 
 
 def choose() -> None:
-    """Tells numba the order, in this process and in those that it starts. What the environment says already was decided
-    by somebody and stays; so does a pool that already runs."""
+    """Sets the order of numba's threading layers, for this process and those that it starts. A choice that the
+    environment holds already stays, and so does a pool that already runs."""
     order = os.environ.setdefault(_VARIABLE, " ".join(PRIORITY)).split()
     numba = sys.modules.get("numba")
     if numba is not None:  # it read the environment when it was imported

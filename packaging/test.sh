@@ -7,6 +7,8 @@ venv="${VENV:-$root/.venv}"
 "$root/packaging/install.sh" "$venv" -e "$root[test]"
 cd "$root"
 export OMP_WAIT_POLICY=PASSIVE
+# Many tests start processes, each of which would compile every module again.
+unset PYTHONDONTWRITEBYTECODE
 # Once on a machine; otherwise the first test that trains would wait for it.
 "$venv/bin/python" -c "from nvsim.training.compilation import compile_ahead; compile_ahead(print)"
 QT_QPA_PLATFORM=offscreen "$venv/bin/python" -m pytest -m "not gl" "$@"

@@ -3,25 +3,69 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from collections.abc import Iterator
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FAST = {
-    *("atomic", "reading", "stored_arrays", "events", "joblist", "submaps_split", "first_changes"),
+    *("atomic", "reading", "stored_arrays", "events"),
+    *("docstrings", "first_changes", "import_contracts"),
     *("geometry", "geometry_camera_path", "geometry_lens", "geometry_rotation"),
     *("capture_clouds", "capture_images", "capture_multi", "capture_readers", "capture_store"),
+    *("mapping_corridor", "mapping_edge_doubts", "mapping_explain", "one_decision"),
+    *("graph_compare", "graph_edit_families", "graph_exports", "graph_findings"),
     *("graph_connectivity", "graph_edits", "graph_history", "graph_journal", "graph_selection", "graph_storeys"),
 }
-"""Of tests/unit, the files that compile no kernel, start no process and open no window: `pytest -m fast`."""
+"""Of tests/unit, the files that compile no kernel and open no window: `pytest -m fast`."""
+STARTS_PROCESSES = {
+    "test_a_killed_write_leaves_the_old_file",
+    "test_a_killed_process_leaves_the_journal_to_the_next",
+    "test_a_kill_in_the_middle_of_trimming_loses_nothing",
+    "test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window",
+}
+TAKES_SECONDS = {
+    "test_reader_gives_a_graph_or_a_sentence",
+    "test_any_damage_to_a_floor_surface_is_a_surface_or_a_sentence",
+    "test_a_trimmed_journal_gives_its_room_back",
+}
+"""Of these files, the tests that are left out of it."""
+
+# How long an example takes says how busy the machine is.
+settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("unhurried")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """`-m fast` reads no other file: importing them all takes longer than its tests."""
+    if config.option.markexpr != "fast":
+        return None
+    if collection_path.parent == REPOSITORY / "tests":
+        return collection_path.name != "unit"
+    unit = collection_path.parent == REPOSITORY / "tests" / "unit"
+    return True if unit and collection_path.stem.removeprefix("test_") not in FAST else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if item.path.parent.name == "unit" and item.path.stem.removeprefix("test_") in FAST:
+        named = item.path.parent.name == "unit" and item.path.stem.removeprefix("test_") in FAST
+        if named and getattr(item, "originalname", item.name) not in STARTS_PROCESSES | TAKES_SECONDS:
             item.add_marker("fast")
+
+
+@pytest.fixture(autouse=True)
+def fast_tests_start_no_process(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.node.get_closest_marker("fast") is not None:
+        monkeypatch.setattr(subprocess.Popen, "__init__", _refuse)
+        monkeypatch.setattr(BaseProcess, "start", _refuse)
+
+
+def _refuse(*_: object, **__: object) -> None:
+    pytest.fail("a test that starts a process is not fast: name it in STARTS_PROCESSES")
 
 
 @pytest.fixture(scope="session")

@@ -20,7 +20,7 @@ from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import tip
 from app.state.document import Document
 from app.thresholds.slider import MARKS, ThresholdRow
-from app.thresholds.table import THRESHOLDS, changed, preset
+from app.thresholds.table import changed, preset, thresholds
 from app.thresholds.trial import Trial
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.rethreshold import Rethreshold
@@ -58,7 +58,7 @@ class ThresholdPanel(QScrollArea):
         layout.addWidget(self.notes)
         layout.addSpacing(4)
         layout.addLayout(self._rules(content, docs))
-        self.rows = {t.field: ThresholdRow(t, docs.get(t.field, ""), content) for t in THRESHOLDS}
+        self.rows = {t.field: ThresholdRow(t, docs.get(t.field, ""), content) for t in thresholds()}
         width = max(row.name.fontMetrics().horizontalAdvance(row.name.text()) for row in self.rows.values()) + 8
         for row in self.rows.values():
             row.name.setFixedWidth(width)
@@ -139,7 +139,7 @@ class ThresholdPanel(QScrollArea):
         with QSignalBlocker(self.rule), QSignalBlocker(self.both_ways):
             self.rule.setCurrentIndex(list(_RULES).index(config.rule))
             self.both_ways.setChecked(config.both_ways)
-        for threshold in THRESHOLDS:
+        for threshold in thresholds():
             marks = {name: threshold.of(source) for name, source in sources.items()}
             decides = config.rule == "worst" or not threshold.worst_only
             self.rows[threshold.field].show_value(threshold.of(config), marks, decides)

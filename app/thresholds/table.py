@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from nvsim.mapping import criteria
 from nvsim.mapping.config import WIDEST, MappingConfig
-from nvsim.mapping.criteria import CRITERIA
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,16 @@ class Threshold:
         return round(self.low + step * self.step, 6)
 
 
-THRESHOLDS = (
-    *(Threshold(c.field, c.label, 0.0, 1.0, worst_only=c.worst_only) for c in CRITERIA),
-    Threshold("robot_radius", "Robot's radius", 0.0, 0.45, unit="m"),
-    Threshold("margin", "Margin at each side", 0.0, 0.2, unit="m"),
-    Threshold("max_distance", "Off the trajectory", 0.5, 10.0, 0.1, "m"),
-)
+def thresholds() -> tuple[Threshold, ...]:
+    """One for each criterion, then those of the robot and the trajectory."""
+    return (
+        *(Threshold(c.field, c.label, 0.0, 1.0, worst_only=c.worst_only) for c in criteria.CRITERIA),
+        Threshold("robot_radius", "Robot's radius", 0.0, 0.45, unit="m"),
+        Threshold("margin", "Margin at each side", 0.0, 0.2, unit="m"),
+        Threshold("max_distance", "Off the trajectory", 0.5, 10.0, 0.1, "m"),
+    )
+
+
 FIXED = ("tau_dist", "merge_radius", "lattice_offset", "cover_distance", "max_viewpoints", "view_size")
 """What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""
 

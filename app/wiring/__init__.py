@@ -64,4 +64,7 @@ PARTS: tuple[type[Part], ...] = (
     KeepingPart,
 )
 
-ACTIONS: tuple[Action, ...] = tuple(action for part in PARTS for action in part.ACTIONS)
+
+def actions() -> tuple[Action, ...]:
+    """The commands of all parts."""
+    return tuple(action for part in PARTS for action in part.actions())

@@ -17,10 +17,8 @@ from app.panels.form import Form
 from app.state import edit_commands
 from app.state.graph_reasons import can_redo, can_save, can_undo, with_chosen
 from app.wiring.part import Part, Workspace
+from nvsim.graph import operation_table
 from nvsim.graph.offers import Chosen, Needs, Number, Offer
-from nvsim.graph.operation_table import OPERATIONS
-
-_OFFERS = tuple((name, offer) for name, operation in OPERATIONS.items() for offer in operation.offers)
 
 
 def _edit(id: str, text: str, tip: str, section: int, shortcut: str = "", **more: object) -> Action:
@@ -49,11 +47,15 @@ class EditPart(Part):
             "remove", "Re&move", "Take the selected viewpoints and edges out of the graph", 1, "Del", icon="remove",
             toolbar=True, enabled=with_chosen(Needs("things")),
         ),
-        *(
-            _edit(o.id, o.text, o.tip, o.section, o.shortcut, enabled=with_chosen(o.needs))
-            for _, o in _OFFERS
-        ),
     )  # fmt: skip
+
+    @classmethod
+    def actions(cls) -> tuple[Action, ...]:
+        """Beside its own, a command for every offer in the table of operations."""
+        offers = tuple(offer for operation in operation_table.OPERATIONS.values() for offer in operation.offers)
+        return cls.ACTIONS + tuple(
+            _edit(o.id, o.text, o.tip, o.section, o.shortcut, enabled=with_chosen(o.needs)) for o in offers
+        )
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
@@ -73,7 +75,7 @@ class EditPart(Part):
             "remove": partial(edit_commands.remove_selection, self._editing),
             **{
                 o.id: partial(self._take, operation.name, o)
-                for operation in OPERATIONS.values()
+                for operation in operation_table.OPERATIONS.values()
                 for o in operation.offers
             },
         }

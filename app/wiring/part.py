@@ -59,13 +59,18 @@ class Workspace:
 
 
 class Part(QObject):
-    """Parts are made in the order of `parts.PARTS`, after the 3D view and before the menus."""
+    """Parts are made in the order of `app.wiring.PARTS`, after the 3D view and before the menus."""
 
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace.window)
         self.workspace = workspace
+
+    @classmethod
+    def actions(cls) -> tuple[Action, ...]:
+        """Its commands, asked for when a window is made."""
+        return cls.ACTIONS
 
     def docks(self) -> tuple[Dock, ...]:
         """Its panels, asked for once."""

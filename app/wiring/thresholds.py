@@ -12,7 +12,7 @@ from app.actions import Action
 from app.state.reasons import with_graph
 from app.thresholds.panel import ThresholdPanel
 from app.thresholds.preview import PreviewLayer, PreviewMarks
-from app.thresholds.table import THRESHOLDS
+from app.thresholds.table import thresholds
 from app.thresholds.trial import Trial
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
@@ -128,7 +128,7 @@ class ThresholdPart(Part):
         settings = Settings(project)
         preset = settings.preset("map")
         values = settings.changed("map")
-        tried = {t.field for t in THRESHOLDS} | {"rule", "both_ways"}
+        tried = {t.field for t in thresholds()} | {"rule", "both_ways"}
         for field in fields_of("map", preset):
             name = field.path.rpartition(".")[2]
             if name in tried:

@@ -21,7 +21,7 @@ from app.panels.empty import EmptyState
 from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
-from app.wiring import ACTIONS, PARTS
+from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, Workspace
 
 LAYOUT_VERSION = 2  # raised when docks or toolbars change, so that an old stored layout is not forced on them
@@ -66,7 +66,7 @@ class MainWindow(QMainWindow):
         self._docks = {dock.name: self._dock(dock) for dock in docks}
         self._rows = docks
         handlers = {id: handler for part in self.parts for id, handler in part.handlers().items()}
-        self.actions_table = ActionTable(document, ACTIONS, handlers, self)
+        self.actions_table = ActionTable(document, actions(), handlers, self)
         self._build_bars()
         self._arrange()
         self._default_layout = self.saveState(LAYOUT_VERSION)

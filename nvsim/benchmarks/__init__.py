@@ -1,1 +1,1 @@
-"""What measures cost: one file a subject, run by `nvsim bench`. Nothing but the commands depends on it."""
+"""Measurements of cost, one file a subject, which `nvsim bench` runs. Nothing but the commands depends on them."""

@@ -1,4 +1,4 @@
-"""A project as large as one likes, to measure the window on: rooms in a row, each a submap with its model, a trajectory
+"""A project of any size to measure the window on: rooms in a row, each a submap with its model, a trajectory
 through them, a graph, a map and a cloud. Made of random Gaussians; there are no images."""
 
 from __future__ import annotations

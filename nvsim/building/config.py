@@ -1,4 +1,4 @@
-"""What a person may choose about the built-in building."""
+"""The options of the built-in building."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Views beside the trajectory of a building, turned away from it: what a model shows where nobody took an image."""
+"""Views beside the trajectory of a building, turned away from it: where no frame shows whether a model is right."""
 
 from __future__ import annotations
 

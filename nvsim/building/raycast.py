@@ -33,7 +33,7 @@ class Solids(NamedTuple):
 
 
 def make_solids(plan: Plan, boxes: list[Box]) -> Solids:
-    """The arrays that the ray caster wants."""
+    """Makes the arrays that the ray caster reads."""
     lo = np.array([b.lo for b in boxes], np.float64)
     hi = np.array([b.hi for b in boxes], np.float64)
     origin = np.array([-_CELL, -_CELL])

@@ -1,4 +1,4 @@
-"""What is true of the building: occupancy from its boxes, floor, transient, depth and normals from a rendered view."""
+"""The truth of the building: occupancy from its boxes, floor, transient, depth and normals from a rendered view."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def find(path: Path) -> Path | None:
 
 
 def read(root: Path, findings: Findings) -> RawCapture:
-    """The capture of the model in or under `root`, the folder that the person named; images are looked for in `images`
+    """The capture of the model in or under `root`, the folder that the user named; images are looked for in `images`
     beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
     model = find_model(root)
     extension = None if model is None else model_extension(model)

@@ -17,7 +17,7 @@ _KEPT = 5000  # of each severity: a file of nothing but faults must not fill the
 
 
 def shown(text: object, most: int = 300) -> str:
-    """`text` as a sentence can hold it: names out of a file may be endless, or hold what a terminal takes as orders."""
+    """`text` escaped and shortened for a sentence: a name from a file may be endless or hold control sequences."""
     words = str(text)
     if not words.isprintable():
         words = words.encode("unicode_escape").decode()
@@ -76,7 +76,7 @@ class Findings:
         self.add(Finding("note", message, where, consequence))
 
     def forget(self, places: frozenset[str]) -> None:
-        """Drops what was found at `places`, which nobody asks about any more."""
+        """Removes the findings about `places`, which are left out of the capture."""
         kept = [f for f in self._items if f.where not in places]
         for finding in self._items:
             self._counts[finding.severity] -= finding.where in places

@@ -99,7 +99,7 @@ def find(path: Path) -> Path | None:
 
 
 def lacks(folder: Path) -> str:
-    """What a folder with one named `sensors` lacks."""
+    """The sentence about a folder with a `sensors` folder that is no kapture tree; "" for one without."""
     if not (folder / "sensors").is_dir():
         return ""
     return f"{folder / 'sensors' / 'sensors.txt'} is missing; a kapture capture needs it."

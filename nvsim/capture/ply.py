@@ -1,4 +1,4 @@
-"""The points of a PLY file: ascii, binary little- and big-endian; whatever else the file holds is stepped over."""
+"""The points of a PLY file: ascii, binary little- and big-endian; all other elements are stepped over."""
 
 from __future__ import annotations
 

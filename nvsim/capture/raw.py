@@ -1,4 +1,4 @@
-"""A capture as its files say it, before alignment: what every reader returns, whatever the format."""
+"""A capture as its files say it, before alignment: what the reader of every format returns."""
 
 from __future__ import annotations
 

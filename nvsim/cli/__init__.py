@@ -1,1 +1,1 @@
-"""Arguments -> library -> progress and tables. Thin: nothing here computes."""
+"""The command line: arguments become calls of the library, its events progress and tables. It computes nothing."""

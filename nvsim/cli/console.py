@@ -16,7 +16,7 @@ _heard_by: Listener | None = None
 
 @contextmanager
 def heard_by(listen: Listener) -> Iterator[None]:
-    """Every command that runs meanwhile in this process tells `listen`, in place of the terminal or stdout."""
+    """Sends the events of each command that this process runs in the block to `listen`, not to a terminal or pipe."""
     global _heard_by
     _heard_by = listen
     try:

@@ -1,4 +1,4 @@
-"""What the graph commands work on: the graph of a project, or a connectivity file of anyone's."""
+"""The graph that a command reads and edits: that of a project, or of any connectivity file."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class GraphTarget:
         return EditContext(None if self.is_project else self._foreign.sight(), walk)
 
     def journal(self) -> Journal:
-        """Of its edits. Raises InputError when its folder cannot be written."""
+        """The journal of its edits. Raises InputError when its folder cannot be written."""
         if self.is_project:
             from nvsim.project.layout import Layout
 
@@ -78,7 +78,7 @@ class GraphTarget:
 
     @contextmanager
     def editing(self) -> Iterator[History]:
-        """Its history, to be added to; what it was brought to is saved when the block ends without an error.
+        """Yields its history, to which the block adds steps; their graph is saved when the block ends without an error.
 
         Raises InputError when a window is editing it, or left edits that it did not save."""
         with self.journal() as journal:
@@ -117,7 +117,7 @@ class GraphTarget:
 
     @property
     def original(self) -> Path | None:
-        """Where a connectivity file is kept as it was before it was edited; None in a project."""
+        """The file that keeps a connectivity file as it was before it was edited; None in a project."""
         return None if self.is_project else self._foreign.original
 
     @cached_property
@@ -141,7 +141,7 @@ class GraphTarget:
 
 @contextmanager
 def refused_as_input(where: str = "") -> Iterator[None]:
-    """What an edit refuses is the user's mistake: the sentence, after `where`."""
+    """Turns an EditError of the block into an InputError with its sentence, after `where`."""
     try:
         yield
     except EditError as error:

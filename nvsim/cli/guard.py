@@ -17,7 +17,7 @@ from nvsim.events import Failed
 
 
 class Stopped(BaseException):
-    """Somebody asked politely (SIGTERM, Ctrl-C)."""
+    """A user or a program asked the command to stop (SIGTERM, Ctrl-C)."""
 
 
 def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:

@@ -1,4 +1,4 @@
-"""`nvsim VERB ...`: finds the command, runs it, and turns whatever goes wrong into one sentence and an exit code.
+"""`nvsim VERB ...`: finds the command, runs it, and turns every failure into one sentence and an exit code.
 
 0 done, 2 the user's mistake, 1 ours, 130 stopped. Nothing heavy is imported before the command is known.
 """

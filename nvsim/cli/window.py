@@ -1,4 +1,4 @@
-"""Starting the window as a process of its own, or saying how."""
+"""Starts the window as a process of its own, or prints the command that does."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def open_window(arguments: list[str]) -> int:
 
 
 def measured_by_window(arguments: Sequence[str], environment: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """The figures that a window prints which measures itself; without a display it is drawn to memory. Raises
-    InputError when it does not start."""
+    """Starts a window that measures itself, drawn to memory where there is no display, and returns the figures that it
+    prints. Raises InputError when it does not start."""
     if environment is None:
         environment = dict(os.environ)
         if not has_display():

@@ -109,7 +109,7 @@ def finished(project: Project, run: Run, views: Views, listen: Listener) -> Subm
 
 
 def forget(run: Run) -> None:
-    """The run was never made."""
+    """Removes the run from the disk."""
     shutil.rmtree(run.folder, ignore_errors=True)
 
 

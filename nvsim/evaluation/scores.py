@@ -1,4 +1,4 @@
-"""What an image of a model is worth against a frame: PSNR, SSIM and LPIPS over all pixels that count, over those that
+"""The scores of a rendered image against a frame: PSNR, SSIM and LPIPS over all pixels that count, over those that
 are not floor, and over the floor; and how opaque the Gaussians are there.
 
 PSNR      of the mean squared error over the pixels of the region
@@ -76,7 +76,7 @@ def color_corrected(rendered: Image, image: Image, valid: Mask) -> Image:
 
 
 def psnr(mean_square: float) -> float:
-    """Decibels; NaN of NaN."""
+    """The PSNR in decibels of a mean squared error; NaN where that is NaN."""
     return float(-10 * np.log10(max(mean_square, 1e-10))) if np.isfinite(mean_square) else float("nan")
 
 

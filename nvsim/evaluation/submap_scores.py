@@ -72,7 +72,7 @@ class Bench:
         return held + [Shown.of(f"novel: {n}", v.image(), v.floor_mask()) for n, v in self._shown_novel.items()]
 
     def score(self, model: SubmapModel) -> Scored:
-        """What a model is worth here."""
+        """Scores a model on these frames and views."""
 
         def render(camera: Camera) -> tuple[int, Image, Image]:
             output = render_model(model, camera, frozenset({"rgb", "alpha"}))

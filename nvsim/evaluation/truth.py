@@ -1,4 +1,4 @@
-"""Finding and fitting the truth that a project is scored against."""
+"""Finds the truth that a project is scored against, and brings it into the aligned frame."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def truth_of(project: Project, truth: Path | None) -> Path | None:
 
 
 def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, Any]:
-    """The floor figures of the masks that the machine found, whatever a user corrected; also kept as the project's
+    """The floor figures of the masks that the machine found, without a user's corrections; also kept as the project's
     result "floor" where it can be written."""
     from nvsim.evaluation.floor import evaluate_floor
 

@@ -106,7 +106,7 @@ def evaluate_views(
 
 
 def held_out_frames(project: Project) -> list[int]:
-    """Their indices, ascending. Raises InputError when the import kept none out."""
+    """The indices of the held-out frames, ascending. Raises InputError when the import kept none out."""
     frames = sorted(held_out(len(project.need_capture().frames), capture_config(project).hold_out))
     if not frames:
         raise InputError(f"{project.layout.root} holds no frame out of training; import it with --hold-out 8.")
@@ -114,7 +114,7 @@ def held_out_frames(project: Project) -> list[int]:
 
 
 def novel_views(project: Project, folder: Path | None) -> list[NovelView]:
-    """Raises InputError when there is no truth or it has none."""
+    """The novel views of the truth in `folder`. Raises InputError when there is no truth or it has none."""
     if folder is None:
         raise InputError(f"{project.layout.root} has no ground truth, so no novel views; name one with --truth DIR.")
     return read_novel_views(folder, project.need_capture().alignment)

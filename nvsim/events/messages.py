@@ -41,7 +41,7 @@ class Preview:
 
 @dataclass(frozen=True)
 class Log:
-    """A sentence for whoever watches."""
+    """A sentence for the user who watches."""
 
     text: str
     stage: str = ""
@@ -49,7 +49,7 @@ class Log:
 
 @dataclass(frozen=True)
 class Warning:
-    """A sentence that the result will suffer from: what, where, what it causes."""
+    """A sentence about what makes the result worse: what, where, what it causes."""
 
     text: str
     stage: str = ""

@@ -14,9 +14,9 @@ _SUPER = bytes.fromhex("d9d505f920a163d7")  # ends a rollback journal that names
 
 
 def check_files(path: Path) -> None:
-    """Before a database is opened: the file and those that SQLite keeps beside it are files of their own. SQLite
-    follows a link, waits at a pipe, and deletes what a prepared journal names. Raises InputError; a file that is not
-    there is no matter."""
+    """Checks before a database is opened that the file and those that SQLite keeps beside it are files of their own.
+    SQLite follows a link, waits at a pipe, and deletes what a prepared journal names. Raises InputError; a file may be
+    missing."""
     stay_inside(path.parent)
     for suffix in ("", "-wal", "-shm", "-journal"):
         file = path.with_name(path.name + suffix)

@@ -1,5 +1,5 @@
-"""A connection to a SQLite file that may be damaged anywhere: whatever it is asked, a page that makes no sense becomes
-one sentence."""
+"""A connection to a SQLite file that may be damaged anywhere: where a query meets a
+damaged page, the error becomes one sentence."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o644) -> int:
     """A descriptor of the file at `path`. A file to be written must have no second name (a hard link) either. Raises
-    OSError, with errno ELOOP for a link and EINVAL for whatever else is no file."""
+    OSError, with errno ELOOP for a link and EINVAL for anything else that is no file."""
     try:
         _check(os.lstat(path), path, flags)
     except FileNotFoundError:

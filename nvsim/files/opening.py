@@ -36,8 +36,8 @@ def plain_file(path: Path, flags: int, mode: int = 0o644) -> int:
 
 
 def own_file(path: Path, flags: int, mode: int = 0o644) -> int:
-    """The same for a file of which only the name is ours, a log: what stands there and is no plain file gives way. What
-    a link leads to is not touched."""
+    """Like `plain_file`, for a file such as a log, whose old content may be lost: a link or pipe that stands there is
+    removed first. What a link leads to is not touched."""
     try:
         return plain_file(path, flags, mode)
     except NotPlain:
@@ -47,7 +47,7 @@ def own_file(path: Path, flags: int, mode: int = 0o644) -> int:
 
 
 def refuse_unless_plain(path: Path) -> None:
-    """For files that a library opens by name. What does not exist passes. Raises NotPlain."""
+    """Checks a file before a library opens it by name; one that is missing passes. Raises NotPlain."""
     stay_inside(path.parent)
     try:
         found = path.lstat()
@@ -58,8 +58,8 @@ def refuse_unless_plain(path: Path) -> None:
 
 
 def stay_inside(folder: Path) -> None:
-    """Raises NotPlain when a link among the folders on the way to `folder` lies in a project and leads out of it. That
-    the project itself is reached by links is no matter."""
+    """Raises NotPlain when a link among the folders on the way to `folder` lies in a project and leads out of it. Links
+    on the way to the project itself are allowed."""
     for at in (folder, *folder.parents):
         if not at.is_symlink():
             continue

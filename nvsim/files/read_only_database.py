@@ -1,4 +1,4 @@
-"""Reading a SQLite file where nothing can be written.
+"""Reads a SQLite file where nothing can be written.
 
 A reader of a database in WAL mode needs a small file of shared memory beside it. On a full disk, on a read-only medium
 and in a folder of somebody else's it cannot be made, and yet one wants to look.
@@ -19,7 +19,7 @@ _MEMORY = "/dev/shm"  # where there is room when every disk is full
 
 
 class Snapshot(GuardedConnection):
-    """Shows the database as it was when it was opened, whatever is committed from now on."""
+    """Shows the database as it was when it was opened, without what is committed later."""
 
 
 def open_to_read(path: Path) -> GuardedConnection:
@@ -36,7 +36,7 @@ def open_to_read(path: Path) -> GuardedConnection:
 
 
 def stamp(path: Path) -> tuple[tuple[int, int], ...]:
-    """Changes when the database is written."""
+    """A value that changes when the database is written."""
     found = []
     for name in (path.name, path.name + "-wal"):
         with contextlib.suppress(OSError):

@@ -33,7 +33,7 @@ Row = tuple[Any, ...]
 
 
 def harden(connection: sqlite3.Connection) -> None:
-    """Nothing that the file says is run, and every page is checked when it is read. Raises sqlite3.Error."""
+    """Makes SQLite run nothing that the file defines and check every page that it reads. Raises sqlite3.Error."""
     for limit, value in _LIMITS.items():
         connection.setlimit(limit, value)
     connection.execute("PRAGMA trusted_schema=OFF")

@@ -1,4 +1,4 @@
-"""A way of the camera through a building: key poses, and a smooth curve through them. Knows no files of frames."""
+"""The path of a camera through a building: key poses, and a smooth curve through them. Knows no files of frames."""
 
 from __future__ import annotations
 

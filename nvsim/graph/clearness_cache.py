@@ -13,14 +13,14 @@ STRIDE = 64  # edges between two pauses of `fill`
 
 
 class ClearnessCache:
-    """What `quantities` calls the evidence of edges, of the graph that it last followed."""
+    """The evidence of edges, as `quantities` defines it, in the graph that the cache last followed."""
 
     def __init__(self) -> None:
         self._graph: NavGraph | None = None
         self._values: dict[EdgeKey, float] = {}
 
     def follow(self, graph: NavGraph | None) -> None:
-        """The graph is another now. To be called after every edit: what several touched is not always known."""
+        """Takes the graph after an edit. Call it after each: what several edits touched is not always known."""
         before, self._graph = self._graph, graph
         if before is graph:
             return

@@ -68,7 +68,7 @@ def write_connectivity(
 
 
 def read_connectivity(path: Path) -> NavGraph:
-    """The graph of a connectivity file of anyone's. Unknown keys are passed over, 0 and 1 may stand for booleans,
+    """The graph of any connectivity file. Unknown keys are passed over, 0 and 1 may stand for booleans,
     `height` and `visible` may be missing.
 
     Raises InputError with the entry when the file cannot be read, an edge goes one way only, or a pose is not rigid.

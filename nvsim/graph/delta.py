@@ -41,7 +41,7 @@ class Delta:
 
 
 def delta_between(before: NavGraph, after: NavGraph) -> Delta:
-    """What makes `after` of `before`."""
+    """The delta that turns `before` into `after`."""
     touched = touched_between(before, after)
     viewpoints = _parts(before.viewpoints, after.viewpoints, touched.viewpoints if touched is not None else None)
     edges = _parts(before.edges, after.edges, touched.edges if touched is not None else None)

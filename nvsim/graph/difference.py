@@ -30,7 +30,7 @@ class Difference:
 
 
 def difference(before: NavGraph, after: NavGraph) -> Difference:
-    """What has to happen to `before` to become `after`; evidence is not looked at."""
+    """The difference that turns `before` into `after`; evidence is not compared."""
     touched = touched_between(before, after)
     if touched is None:
         return Difference(*_compare(before.viewpoints, after.viewpoints), *_compare(before.edges, after.edges))

@@ -1,4 +1,4 @@
-"""What was done to a graph, step by step, as values: undo and redo go to another step, nothing is ever inverted."""
+"""The history of a graph, step by step, as values: undo and redo go to another step, and nothing is inverted."""
 
 from __future__ import annotations
 
@@ -55,23 +55,23 @@ class HistoryChange:
 
 
 class Recorder(Protocol):
-    """What keeps a history on disk: see `nvsim.graph.journal`. `refusal` says why nothing can be edited, where that is
+    """Keeps a history on disk: see `nvsim.graph.journal`. `refusal` says why nothing can be edited, where that is
     so."""
 
     @property
     def refusal(self) -> str | None: ...
 
     def put(self, index: int, step: Step, delta: Delta) -> None:
-        """Step `index` (1 and up) is this one, by this delta from the step before; those after it are gone."""
+        """Records step `index` (1 and up) with its delta from the step before; later steps are removed."""
 
     def amend(self, index: int, step: Step) -> None:
-        """Step `index` selects otherwise; all else stays."""
+        """Replaces the selection of step `index`; all else stays."""
 
     def move(self, index: int, clean: int) -> None:
-        """The current step, and the one that is saved (-1: none)."""
+        """Notes the current step, and the one that is saved (-1: none)."""
 
     def saved(self, graph: NavGraph) -> None:
-        """The file holds this graph now."""
+        """Notes that the file holds this graph now."""
 
 
 class History:
@@ -108,17 +108,17 @@ class History:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """From how it was opened to the last that can be redone."""
+        """All steps, from the graph as it was opened to the last that can be redone."""
         return tuple(self._steps)
 
     @property
     def index(self) -> int:
-        """Of the current step."""
+        """The number of the current step."""
         return self._index
 
     @property
     def saved_index(self) -> int:
-        """Of the step whose graph was saved; -1 when it is not among the steps any more."""
+        """The number of the step whose graph was saved; -1 when it is not among the steps any more."""
         return self._clean
 
     @property
@@ -187,7 +187,7 @@ class History:
         self._announce(before, chosen != was, True)
 
     def take_over(self, text: str, graph: NavGraph) -> None:
-        """The file holds `graph` now, which nobody made here. It becomes the current and the saved graph, as a step
+        """The file holds `graph` now, which was not made here. It becomes the current and the saved graph, as a step
         that is no edit; undo goes back to what was there before. Of several in a row the last one stays. Raises
         EditError where nothing may be edited."""
         if self._journal is not None and self._journal.refusal is not None:

@@ -1,4 +1,4 @@
-"""The durable history of a graph: every step is on disk within half a second, whatever becomes of the process.
+"""The durable history of a graph: every step is on disk within half a second, even when the process is killed.
 
 A SQLite file holds the first graph and, for every step, the values that changed. A thread of its own writes what came
 since it last looked, in one transaction, so that nobody who edits waits for the disk. For a project the file lies in

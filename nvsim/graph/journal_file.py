@@ -121,8 +121,8 @@ class JournalFile:
             raise self._refused(error) from error
 
     def read(self) -> Written | None:
-        """What is written; None when nothing is. Raises sqlite3.DatabaseError, ValueError, KeyError, TypeError or
-        IndexError on a file that is damaged, Newer on one of a later version."""
+        """The journal as it is written; None when nothing is. Raises sqlite3.DatabaseError, ValueError, KeyError,
+        TypeError or IndexError on a file that is damaged, Newer on one of a later version."""
         if not self.exists:
             return None
         connection = self._open()
@@ -177,13 +177,13 @@ class JournalFile:
             self._undo(connection)
 
     def close(self) -> None:
-        """The next use opens it again."""
+        """Closes the file; the next use opens it again."""
         if self._connection is not None:
             self._connection.close()
             self._connection = None
 
     def remove(self) -> None:
-        """Nothing is left on disk."""
+        """Removes the file and those that SQLite keeps beside it."""
         self.close()
         for suffix in ("", "-wal", "-shm"):
             self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)

@@ -27,7 +27,7 @@ _MOST = 256 << 20  # bytes of a step or a selection, inflated
 
 
 def encode_delta(delta: Delta) -> bytes:
-    """Kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence."""
+    """A delta as bytes: kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence."""
     blobs = [encode_evidence(e) for e in delta.evidence]
     values: dict[str, Any] = {
         "viewpoints": list(map(viewpoint_row, delta.viewpoints)),
@@ -82,7 +82,7 @@ def _orders(values: Any) -> tuple[Runs, Runs, Runs]:
 
 
 def encode_selection(selection: GraphSelection) -> bytes:
-    """Sorted, so that equal selections are equal bytes; none at all for nothing."""
+    """A selection as bytes, sorted so that equal ones are equal bytes; b"" for an empty one."""
     return _packed([sorted(selection.viewpoints), sorted(selection.edges)]) if selection else b""
 
 

@@ -1,5 +1,5 @@
 """How an operation is offered on what is selected: its words, when it can be done and why not, what it asks for first.
-Knows no window; whoever edits by hand builds menus, keys and forms from it."""
+Knows no window; an editor builds menus, keys and forms from it."""
 
 from __future__ import annotations
 
@@ -104,5 +104,5 @@ class Offer:
 
 
 def marked(chosen: Chosen) -> dict[str, Any]:
-    """Viewpoints and edges alike."""
+    """The arguments of an operation that takes viewpoints and edges alike."""
     return {"viewpoints": list(chosen.viewpoints), "edges": [list(key) for key in sorted(chosen.edges)]}

@@ -48,7 +48,7 @@ def script(history: History) -> list[str]:
 
 
 def comment(text: str) -> str:
-    """One line that says no more than words."""
+    """A comment of one line, which can hold nothing that would be run."""
     plain = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return f"# {plain if len(plain) <= _MOST_WORDS else plain[: _MOST_WORDS - 3] + '...'}"
 

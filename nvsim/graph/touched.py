@@ -28,7 +28,7 @@ class Touched:
     evidence: tuple[EvidenceKey, ...] = ()
 
     def then(self, later: Touched) -> Touched:
-        """Of this edit and a later one, each name once."""
+        """What this edit and a later one touched, each name once."""
         return Touched(
             _both(self.viewpoints, later.viewpoints),
             _both(self.edges, later.edges),

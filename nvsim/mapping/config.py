@@ -1,4 +1,4 @@
-"""What the map builder is told: thresholds, the robot, the lattice, the limits."""
+"""The configuration of the map builder: thresholds, the robot, the lattice, the limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user did to a graph, carried over when the machine decides again."""
+"""Carries the edits of a user over when the machine decides again."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from nvsim.graph.types import NavGraph
 
 
 def keep_edits(graph: NavGraph, previous: NavGraph | None) -> NavGraph:
-    """`graph` with what of `previous` a user made or locked (edges as far as their ends still exist),
-    the marks of what stands where it stood, and the findings that are let be."""
+    """`graph` with the viewpoints and edges of `previous` that a user made or locked (edges whose ends still exist),
+    the marks of what stands where it stood, and the ignored findings."""
     if previous is None:
         return graph
     viewpoints, edges = dict(graph.viewpoints), dict(graph.edges)

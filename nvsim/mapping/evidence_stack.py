@@ -10,16 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
+from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import CRITERIA, FULL, OPEN, Criterion, corridor_of, standing_limit, under
+from nvsim.mapping.criteria import FULL, OPEN, Criterion, corridor_of, standing_limit, under
 
-WORDS: tuple[Decision, ...] = (OPEN, *dict.fromkeys(c.word for c in CRITERIA))
-"""What the codes of `EvidenceStack.decide` say."""
 _KEPT = 4  # widths of corridors whose sums are kept
 
-
 _Kind = tuple[str, str, bool]  # plane, over, below: what a criterion takes from the evidence
+
+
+def words() -> tuple[Decision, ...]:
+    """What the codes of `EvidenceStack.decide` say; the first is OPEN."""
+    return (OPEN, *dict.fromkeys(c.word for c in criteria.CRITERIA))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,7 @@ class _Group:
         self._sums: dict[tuple[int, int], _Sums] = {}
 
     def codes(self, config: MappingConfig) -> NDArray[np.uint8]:
-        """(n,) indices into WORDS, as criteria.decide says."""
+        """(n,) indices into `words()`, as criteria.decide says."""
         _, across = corridor_of(self.sample, config)
         sums = self._summed(across.start, across.stop)
         e = self.sample
@@ -60,12 +63,12 @@ class _Group:
         last = np.minimum(np.maximum(used, 1), self.rows) - 1
         at = (np.arange(len(last)), last)
         count = (last + 1) * sums.cells
-        codes = np.zeros(len(last), np.uint8)
-        for criterion in reversed(CRITERIA):  # the first that fails is written last
+        codes, code = np.zeros(len(last), np.uint8), words().index
+        for criterion in reversed(criteria.CRITERIA):  # the first that fails is written last
             if criterion.asked(config):
                 cells = {"corridor": count, "row": sums.cells, "cell": 1}[criterion.over]
                 value = sums.of[_kind(criterion)][at] / cells / FULL[criterion.plane]
-                codes[~criterion.passes(value, criterion.limit(config))] = WORDS.index(criterion.word)
+                codes[~criterion.passes(value, criterion.limit(config))] = code(criterion.word)
         return codes
 
     def beneath(self, config: MappingConfig) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
@@ -86,7 +89,7 @@ class _Group:
             del self._sums[next(iter(self._sums))]
         of: dict[_Kind, NDArray[Any]] = {}
         for plane, cells in self._planes.items():
-            kinds = {_kind(c) for c in CRITERIA if c.plane == plane}
+            kinds = {_kind(c) for c in criteria.CRITERIA if c.plane == plane}
             row = cells[first:end].sum(axis=0, dtype=np.uint16) if any(k[1] != "cell" for k in kinds) else cells[first]
             for kind in kinds:
                 _, over, below = kind
@@ -118,7 +121,7 @@ class EvidenceStack:
         self._groups = [_Group(rows, [evidence[i] for i in rows]) for rows in members.values()]
 
     def decide(self, config: MappingConfig) -> NDArray[np.uint8]:
-        """(E,) indices into WORDS."""
+        """(E,) indices into `words()`."""
         codes = np.zeros(self._size, np.uint8)
         for group in self._groups:
             codes[group.index] = group.codes(config)

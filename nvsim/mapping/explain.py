@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
+from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import CRITERIA, OPEN, Criterion, Part, corridor_of
+from nvsim.mapping.criteria import OPEN, Criterion, Part, corridor_of
 
 
 @dataclass(frozen=True)
@@ -64,12 +65,12 @@ class Explanation:
 
     @property
     def failed(self) -> Measure | None:
-        """What decided; None for an open corridor."""
+        """The measure that decided; None for an open corridor."""
         return next((m for m in self.measures if m.decides and not m.passes), None)
 
     @property
     def tightest(self) -> Measure:
-        """Of what the rule asks about, what is nearest to its limit."""
+        """The measure nearest to its limit, of those that the rule asks about."""
         return min((m for m in self.measures if m.decides), key=lambda m: abs(m.slack))
 
 
@@ -77,7 +78,7 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
     """The decision of `criteria.decide`, with its reasons."""
     corridor = corridor_of(evidence, config)
     measures = []
-    for criterion in CRITERIA:
+    for criterion in criteria.CRITERIA:
         value, part = criterion.measure(evidence, corridor)
         measures.append(Measure(criterion, value, criterion.limit(config), criterion.asked(config), part))
     failed = next((m for m in measures if m.decides and not m.passes), None)

@@ -16,11 +16,11 @@ from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN
-from nvsim.mapping.evidence_stack import WORDS, EvidenceStack
+from nvsim.mapping.evidence_stack import EvidenceStack, words
 from nvsim.mapping.graph_builder import SAME
 
 MACHINE = frozenset({"step", "merge"})  # origins of edges that the thresholds decide
-_OPEN = WORDS.index(OPEN)
+_OPEN = 0  # the code of OPEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Rethresholder:
         stored = np.array([e.decision == "open" for e in self._evidence], bool)
         self._stored = _either(self._forward, stored) | _either(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
-        self._stopped = np.array([e.decision in WORDS[1:] and not e.joins for e in self._evidence], bool)
+        self._stopped = np.array([e.decision in words()[1:] and not e.joins for e in self._evidence], bool)
 
     def _leads(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
         """(E,) the row of the viewpoint that stands where the corridor ends, -1 where none does."""
@@ -183,9 +183,9 @@ class Rethresholder:
 
     def _word(self, e: Evidence, code: int, closed: bool) -> Decision:
         if code != _OPEN:
-            return WORDS[code]
+            return words()[code]
         if closed:
-            return "return" if e.decision in WORDS else e.decision
+            return "return" if e.decision in words() else e.decision
         return e.decision if e.decision in ("distance", "limit", "merge") else OPEN
 
     def _origins(self) -> dict[tuple[int, int], EdgeOrigin]:

@@ -69,7 +69,7 @@ class Search:
         return True
 
     def run(self, should_stop: Callable[[], bool], progress: Callable[[], None]) -> None:
-        """Expands until nothing waits."""
+        """Expands viewpoints until none waits."""
         while self._queue and not should_stop():
             viewpoint = self.draft.viewpoints.get(self._queue.popleft())
             if viewpoint is not None and self._arrive(viewpoint):

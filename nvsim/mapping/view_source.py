@@ -13,7 +13,7 @@ from nvsim.render.types import RenderOutput
 
 
 class ViewSource(Protocol):
-    """The ensemble of submap models, or whatever stands in for it."""
+    """The ensemble of submap models, or another source of views."""
 
     def views(
         self,

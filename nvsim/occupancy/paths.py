@@ -1,4 +1,4 @@
-"""Where a disc can stand, walk and see on an occupancy map. Unknown cells stop both feet and eyes."""
+"""Where a disc can stand, walk and see on an occupancy map. Unknown cells block walking and sight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the floor looks like, place by place, from many views: whatever looks different in one view (a person passing,
+"""What the floor looks like, place by place, from many views: what looks different in one view (a person passing,
 a chair that the cloud misses) is not floor there."""
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class FloorAppearance:
 
     def likeness(self, view: Glimpse) -> Float32:
         """(h, w) float32, 0 to 1: how much every pixel looks like the floor known where its ray meets the ground,
-        whatever stands before it; 0.5 where it begins to be strange, 0 where no floor is known."""
+        also where something stands before it; 0.5 where it begins to be strange, 0 where no floor is known."""
         expected, known = self.expected(view)
         score = self._score(view, expected, known, view.floor & known)
         like: Float32 = np.where(known, 0.5 ** ((score / self.config.different) ** 2), 0).astype(np.float32)

@@ -87,7 +87,7 @@ class GeometricFloor:
 
     def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image]) -> None:
         """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
-        uint8 RGB of the camera at an index, at any size. Without it, whatever the cloud misses stays in the masks."""
+        uint8 RGB of the camera at an index, at any size. Without it, what the cloud misses stays in the masks."""
         chosen = np.unique(
             np.linspace(0, len(cameras) - 1, min(len(cameras), self.config.glimpses)).round().astype(int)
         )

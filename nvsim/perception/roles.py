@@ -1,5 +1,5 @@
-"""The three roles of hybrid floor segmentation (paper section III-C). Whoever fills one, a network or geometry, the
-fusion in `hybrid` is the same.
+"""The three roles of hybrid floor segmentation (paper section III-C). A network or geometry may fill each; the fusion
+in `hybrid` is the same.
 
 The images are undistorted RGB, (H, W, 3) uint8; masks and maps have the image's size; the camera is the pinhole of the
 image at its pose.

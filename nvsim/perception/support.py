@@ -1,5 +1,5 @@
-"""Which floor anybody has seen: the map builder walks only there. Beyond a wall, inside furniture and in a room nobody
-saw, nothing is rendered either; only support tells them from floor."""
+"""The floor that masks or the cloud show: the map builder walks only there. Beyond a wall, inside furniture and
+in a room that no frame saw, nothing is rendered either; only support tells them from floor."""
 
 from __future__ import annotations
 

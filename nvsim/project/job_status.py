@@ -41,7 +41,7 @@ def encode_status(status: JobStatus) -> str:
 
 
 def read_status(folder: Path) -> JobStatus:
-    """Of the job in `folder`: "queued" where nothing is written yet, "interrupted" where that cannot be read."""
+    """The status of the job in `folder`: "queued" where none is written yet, "interrupted" where it is not readable."""
     try:
         data = json.loads(read_regular(folder / STATUS, _MOST))
         if not isinstance(data, dict) or data.get("state") not in STATES:

@@ -118,7 +118,7 @@ def finish(
 
 
 def forget(project: Project, stage: str) -> None:
-    """The stage was never run."""
+    """Removes the records of a stage, as if it had never run."""
     with project.transaction() as c:
         c.execute("DELETE FROM stages WHERE stage = ?", (stage,))
         c.execute("DELETE FROM meta WHERE key LIKE ?", (f"work {stage} %",))

@@ -50,7 +50,7 @@ def path_kind(path: Path) -> PathKind:
 
 
 def sentence_about(path: Path, kind: PathKind) -> str:
-    """What it is, and what to do with it."""
+    """A sentence that says what the path is, and what to do with it."""
     return f"{path} {_SENTENCES[kind]}"
 
 

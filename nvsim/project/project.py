@@ -61,7 +61,7 @@ class Project:
         return Layout(self.root, tuple((results.places(self.connection) | self._instead).items()))
 
     def making(self, places: Mapping[str, str]) -> Project:
-        """The same open project for whoever makes a new result: those named in `places` lie there for it alone."""
+        """The same open project for a stage that makes a new result: those named in `places` lie there for it alone."""
         other = copy.copy(self)
         other._instead = {**self._instead, **places}
         return other

@@ -232,7 +232,7 @@ def _models(root: Path) -> list[str]:
 
 
 def put_to_use(c: sqlite3.Connection, stage: str, result: Result) -> None:
-    """Makes `result` that of the stage: its rows and places; what lies in the database is its owner's affair."""
+    """Makes `result` that of the stage: its rows and places; other tables are left to the stage that writes them."""
     found = places(c)
     if stage == "train":
         gone = {n for n in found if n.startswith("models/")} | {p for p in _all_places(c) if p.startswith("models/")}

@@ -34,7 +34,7 @@ class StageStates:
 
 
 def stage_states(project: Project) -> StageStates:
-    """Of the project now. Raises InputError where its database is damaged."""
+    """The states of the stages of the project now. Raises InputError where its database is damaged."""
     c, rows = project.connection, tuple(project.read("stages", _ROW))
     ended = {(stage, part): at for stage, part, _, state, at in rows if state == "done"}
     imported = ended.get(("import", 0))

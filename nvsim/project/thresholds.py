@@ -1,4 +1,4 @@
-"""Which thresholds the committed graph was decided with."""
+"""The thresholds that the committed graph was decided with."""
 
 from __future__ import annotations
 

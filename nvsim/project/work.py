@@ -36,7 +36,7 @@ class Work(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """What is said of a stage by the state of its result.
+    """The words about a stage, by the state of its result.
 
     result    the result, as in "the project has no RESULT yet"
     lacking   why what needs the result cannot begin, without capital and full stop
@@ -160,6 +160,6 @@ def sentence(words: str) -> str:
 
 
 def lacks(project: object, stage: StageName) -> InputError:
-    """What is raised where the project at the path `project` has no result of `stage`, and it is needed."""
+    """The error for a project at the path `project` that lacks the result of `stage`, which is needed."""
     row = STAGE[stage]
     return InputError(f"{project} has no {row.result} yet; run `nvsim {row.command} --project` first.")

@@ -26,7 +26,7 @@ _UNTRACKED = np.empty((0, 3), np.float32)
 
 @dataclass(eq=False)
 class Statistics:
-    """What densification wants to know, summed over the backward passes since it was made.
+    """The sums that densification reads, over the backward passes since it was made.
 
     sums   (N, 3) float32, per Gaussian: the sum over views of the length of (sum over pixels of |dL/dx|, the same for
            y), centre in units of half the longer image side (absolute gradients of gsplat and AbsGS); the number of

@@ -1,4 +1,4 @@
-"""Cameras that look around from one place, and how six of their pictures lie side by side."""
+"""Cameras that look around from one place, and how six of their images lie side by side."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def render_cube(
     heading: float = 0.0,
     backend: Backend = "auto",
 ) -> list[RenderOutput]:
-    """The views of `around.cube` from `position` (3,), in its order; depth is along the optical axis of each face.
+    """The views of `camera_rig.cube` from `position` (3,), in its order; depth is along the optical axis of each face.
 
     Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel.

@@ -1,4 +1,4 @@
-"""A panorama as pictures: colours as JPEG or PNG, and what else was drawn as PNG files beside it."""
+"""A panorama as image files: colours as JPEG or PNG, and what else was drawn as PNG files beside it."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def scatter(
     entries: UInt64,  # (entries or more,) out
 ) -> None:
     """Writes an entry, depth key above and row below, for every wanted tile and splat that meet; block b uses its own
-    cursors, so that the order is that of the rows whatever the number of threads."""
+    cursors, so that the order is that of the rows with any number of threads."""
     blocks = visible.shape[0]
     for block in prange(blocks):
         _scatter_part(block, splats, n, visible, wanted, cursors, columns, lines, entries)

@@ -15,7 +15,7 @@ _EMBEDDING, _WEIGHTS, _FEATURES = "appearance.embedding.", "appearance.weights."
 
 
 def describe(appearance: Appearance | None) -> dict[str, Any] | None:
-    """What is not an array."""
+    """The description of an appearance: everything but its arrays."""
     if appearance is None:
         return None
     embedding = appearance.embedding
@@ -31,7 +31,7 @@ def describe(appearance: Appearance | None) -> dict[str, Any] | None:
 
 
 def tensors_of(appearance: Appearance | None) -> dict[str, np.ndarray]:
-    """The arrays by name."""
+    """The arrays of an appearance by name."""
     if appearance is None:
         return {}
     embedding = {_EMBEDDING + name: w for name, w in appearance.embedding.weights.items()}

@@ -108,7 +108,7 @@ class Appearance(Protocol):
         ...
 
     def of_rows(self, rows: NDArray[np.generic]) -> Appearance:
-        """That of the Gaussians in `rows` alone."""
+        """The appearance of the Gaussians in `rows` alone."""
         ...
 
 

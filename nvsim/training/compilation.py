@@ -55,7 +55,7 @@ def _stamp() -> Path:
 
 
 def _cache_folder(module: object) -> Path:
-    """Where numba keeps what it compiles of this package: beside the sources, or the person's own cache."""
+    """Where numba keeps what it compiles of this package: beside the sources, or the user's cache."""
     for value in vars(module).values():
         cache = getattr(value, "_cache", None)
         if isinstance(cache, FunctionCache):

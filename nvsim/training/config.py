@@ -1,4 +1,4 @@
-"""What training can be told: one frozen dataclass, grouped, with the paper's values and symbols."""
+"""The configuration of training: one frozen dataclass, grouped, with the paper's values and symbols."""
 
 from __future__ import annotations
 

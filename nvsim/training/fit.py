@@ -153,7 +153,7 @@ class Fit:
         return self._colours.shown(self.gaussians, self.groups[FEATURES].values, self.networks.seen, camera)
 
     def composite(self, camera: Camera) -> tuple[Float32, Float32]:
-        """The picture (H, W, 3), not clamped, and alpha (H, W)."""
+        """The image (H, W, 3), not clamped, and alpha (H, W)."""
         with LOCK:
             self.look(camera)
             rgb, transmittance = self.draw(camera)

@@ -42,7 +42,7 @@ class Networks:
         self._coefficients = torch.zeros(0)
 
     def groups(self) -> dict[str, Group]:
-        """What the optimiser moves, by name; the features of the Gaussians are not among it."""
+        """The parameters that the optimiser moves, by name; the features of the Gaussians are not among them."""
         rate = self._config.rate
         groups = {"embedding": Group.of(self.embedding.values, rate.embedding, self.embedding.gradient)}
         if self.background is not None:
@@ -72,7 +72,7 @@ class Networks:
         self._coefficients.backward(torch.from_numpy(d_coefficients))
 
     def learn(self) -> None:
-        """Sends what the background and the colours want of the embedding back to it."""
+        """Sends the gradients by the embedding, of the background and the colours, back through it."""
         if self.seen.grad is not None and self._taken.requires_grad:
             self._taken.backward(self.seen.grad)
 

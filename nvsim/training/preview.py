@@ -1,4 +1,4 @@
-"""The picture that shows how far a training is: image and model side by side, below them what makes up the model."""
+"""The image that shows how far a training is: image and model side by side, below them what makes up the model."""
 
 from __future__ import annotations
 

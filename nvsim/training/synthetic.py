@@ -30,7 +30,7 @@ class SyntheticRoom:
 
 
 def synthetic_room(views: int, width: int, height: int, points: int, seed: int = 0) -> SyntheticRoom:
-    """`views` pictures of `width` x `height` pixels, from a walk around the room, and `points` of its walls, ceiling
+    """`views` images of `width` x `height` pixels, from a walk around the room, and `points` of its walls, ceiling
     and floor."""
     rng = np.random.default_rng(seed)
     intrinsics = Intrinsics.from_fov(width, height, FIELD_OF_VIEW)

@@ -1,4 +1,4 @@
-"""What is trained on: an image, its camera, and where it shows floor."""
+"""The views that training uses: an image, its camera, and where it shows floor."""
 
 from __future__ import annotations
 

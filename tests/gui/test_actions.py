@@ -15,18 +15,18 @@ from app.look.icons import icon
 from app.state.document import Document
 from app.state.loading import Contents
 from app.views.navigation import _KEYS
-from app.wiring import ACTIONS
+from app.wiring import actions
 from app.wiring.window import MainWindow
 
 
 def test_ids_and_shortcuts_are_unique_and_no_letter_is_one_that_flies() -> None:
-    ids = [a.id for a in ACTIONS]
-    shortcuts = [a.shortcut for a in ACTIONS if a.shortcut]
+    ids = [a.id for a in actions()]
+    shortcuts = [a.shortcut for a in actions() if a.shortcut]
     assert len(set(ids)) == len(ids) and len(set(shortcuts)) == len(shortcuts)
     assert not set(shortcuts) & {Qt.Key(k).name.removeprefix("Key_") for k in _KEYS}
 
 
-@pytest.mark.parametrize("action", ACTIONS, ids=lambda a: a.id)
+@pytest.mark.parametrize("action", actions(), ids=lambda a: a.id)
 def test_every_action_has_words_and_an_icon_that_exists(action, qapp) -> None:
     assert action.text and action.tip
     if action.icon:
@@ -59,7 +59,7 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
     monkeypatch.setattr("app.wiring.new_project.QFileDialog.getSaveFileName", lambda *a: ("", ""))
     monkeypatch.setattr(window.jobs, "start", lambda *a: ordered.append(a[0]) or window)
     ordered: list[str] = []
-    for entry in ACTIONS:
+    for entry in actions():
         if entry.id in ("quit", "fullscreen", "turn_up", "import"):  # for splat files, for projects without a capture
             continue
         if entry.id.startswith("storey_"):  # these need a graph with several floors; see test_storeys.py

@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 from app.palette.entries import Entry
 from app.palette.fuzzy import fit
 from app.state.document import Document
-from app.wiring import ACTIONS
+from app.wiring import actions
 from app.wiring.palette import PalettePart
 from app.wiring.window import MainWindow
 
@@ -46,7 +46,7 @@ def test_every_command_is_offered_and_those_that_cannot_run_say_why(part: Palett
     part.view.open()
     offered = rows(part)
     panels = [e for e in offered if e.title.startswith("Show panel ")]
-    assert len(offered) - len(panels) == len(ACTIONS) - 1
+    assert len(offered) - len(panels) == len(actions()) - 1
     assert len(panels) == len(part.workspace.window.panels)
     kinds = [bool(e.reason) for e in offered]
     assert kinds == sorted(kinds), "what cannot run comes last"

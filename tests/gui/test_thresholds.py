@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 
 from app.state.document import Document
 from app.thresholds.preview import ends
-from app.thresholds.table import FIXED, THRESHOLDS, changed, preset
+from app.thresholds.table import FIXED, changed, preset, thresholds
 from app.wiring.inspector import InspectorPart
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.window import MainWindow
@@ -30,9 +30,9 @@ def tried(part: ThresholdPart, qtbot: QtBot) -> None:
 
 
 def test_every_threshold_has_a_slider_or_a_reason_to_have_none() -> None:
-    named = {t.field for t in THRESHOLDS} | set(FIXED) | {"rule", "both_ways"}
+    named = {t.field for t in thresholds()} | set(FIXED) | {"rule", "both_ways"}
     assert named == set(vars(MappingConfig()))
-    for threshold in THRESHOLDS:
+    for threshold in thresholds():
         for config in (MappingConfig(), MappingConfig.paper()):
             value = threshold.of(config)
             assert threshold.to_value(threshold.to_step(value)) == pytest.approx(value)

@@ -116,7 +116,7 @@ def test_memory_far_beyond_the_file_is_a_fault_though_it_is_given_back(fuzzing, 
         return 0.0
 
     figures, _ = outcome(fuzzing, tmp_path, read)
-    assert figures["memory"] > 0 and figures["accepted"] == 40 - figures["memory"]
+    assert figures["memory"] > 0 and figures["accepted"] == 40 - figures["memory"], figures
 
 
 def test_memory_that_is_refused_only_because_there_is_none_is_a_fault(fuzzing, tmp_path):

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from app.state.directions import directions
+from app.state.graph_arrays import GraphArrays
+from app.thresholds.table import thresholds
 from nvsim.capture import formats
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture
@@ -16,7 +24,16 @@ from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.edits import set_height
 from nvsim.graph.history import History
 from nvsim.graph.operations import perform
-from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
+from nvsim.mapping import criteria
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.criteria import decide
+from nvsim.mapping.edge_doubts import against, margin
+from nvsim.mapping.explain import explain
+from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.project.project import Project
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_a_capture_reader_is_a_file_and_a_row(
@@ -56,3 +73,91 @@ def test_an_operation_is_a_function_and_a_row(tmp_path: Path, monkeypatch: pytes
     file = write_connectivity(graph, tmp_path)
     assert main(["graph", "edit", str(file), "kneel", "--set", 'ids=["a"]']) == 0
     assert read_connectivity(file).viewpoints["a"].height == pytest.approx(0.5)
+
+
+ROW = """    Criterion(
+        "cell_support", "unknown", "least cell's known floor", "Cell known, least", "support", "cell", False, True
+    ),
+"""
+THRESHOLD = '    cell_support: float = 0.5\n    """Share of every cell that must be known as floor."""\n'
+
+
+@dataclass(frozen=True)
+class ToyConfig(MappingConfig):
+    cell_support: float = 0.5
+
+
+def two_viewpoints() -> NavGraph:
+    """An edge along a corridor in which the floor of one cell is not known: enough for every row, not for the toy."""
+    known = np.ones((29, 18), bool)
+    known[10, 9] = False
+    blank = np.zeros(known.shape, np.uint8)
+    evidence = Evidence("a", 0, 0.0, 2.5, blank, blank + 255, known, 0.0, 0.1, 0.9, 0, (0.0, 2.5), decision="open")
+    viewpoints = {id: Viewpoint(id, (0.0, y, 1.5)) for id, y in (("a", 0.0), ("b", 2.5))}
+    return NavGraph("pair", viewpoints, {("a", "b"): edge("a", "b")}, {evidence.key: evidence})
+
+
+def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = eval(ROW.strip().rstrip(","), {"Criterion": criteria.Criterion})
+    graph, config = two_viewpoints(), ToyConfig()
+    (evidence,) = graph.evidence.values()
+    assert decide(evidence, config) == "open"
+    monkeypatch.setattr(criteria, "CRITERIA", (*criteria.CRITERIA, row))
+    assert decide(evidence, config) == "unknown"
+    assert Rethresholder(graph).decide(config).disappear.tolist() == [[0, 1]]
+    assert len(Rethresholder(graph).decide(replace(config, cell_support=0.0)).disappear) == 0
+    failed = explain(evidence, config).failed
+    assert failed is not None and failed.criterion is row and failed.part == (slice(10, 11), slice(9, 10))
+    (direction,) = directions(graph, GraphArrays.of(graph), "a", config)  # what inspector and details show
+    assert "least cell's known floor 0.00, limit 0.50" in direction.sentence and direction.fate == "floor not seen"
+    assert "no image and no scan shows floor" in against(config)(graph, ("a", "b"))
+    assert margin(config)(graph, ("a", "b")) == -0.5
+    assert "Cell known, least" in [threshold.name for threshold in thresholds()]
+
+
+def test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window(tmp_path: Path) -> None:
+    (tmp_path / "nvsim" / "mapping").mkdir(parents=True)
+    for name in ("app", "resources"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for folder in ("nvsim", "nvsim/mapping"):
+        for path in (ROOT / folder).iterdir():
+            if not (tmp_path / folder / path.name).exists() and path.name != "__pycache__":
+                (tmp_path / folder / path.name).symlink_to(path)
+    for name, before, added in (
+        ("config.py", "    both_ways: bool", THRESHOLD),
+        ("criteria.py", ')\n"""In the order in which they are asked', ROW),
+    ):
+        path = tmp_path / "nvsim" / "mapping" / name
+        text = path.read_text()
+        path.unlink()
+        path.write_text(text.replace(before, added + before, 1))
+    with Project.create_or_open(tmp_path / "p.nvsim") as project:
+        project.set_graph(two_viewpoints())
+    script = """
+from pathlib import Path
+from PySide6.QtWidgets import QApplication
+from app.forms.fields import fields_of
+from app.state.document import Document
+from app.thresholds.panel import ThresholdPanel
+from app.thresholds.trial import Trial
+from nvsim.cli.main import main
+application = QApplication([])
+document = Document()
+row = ThresholdPanel(Trial(document), document).rows["cell_support"]
+print(row.name.text(), row.figure.value(), "|", row.toolTip() or row.name.toolTip())
+print([field.flag for field in fields_of("map") if "cell_support" in field.path])
+main(["graph", "check", "p.nvsim", "--json"])
+main(["map", "--help"])
+"""
+    ran = subprocess.run(
+        [sys.executable, "-P", "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path), "QT_QPA_PLATFORM": "offscreen"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    print(ran.stdout, ran.stderr)
+    assert "Cell known, least 0.5" in ran.stdout and "['--cell-support']" in ran.stdout
+    assert "no image and no scan shows floor along the corridor" in ran.stdout
+    assert "Share of every cell that must be known" in ran.stdout.partition("usage:")[2]

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from app.state.directions import compass, directions
 from app.state.graph_arrays import GraphArrays
-from app.thresholds.table import THRESHOLDS
+from app.thresholds.table import thresholds
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, decide
 from nvsim.mapping.edge_doubts import against, margin
-from nvsim.mapping.evidence_stack import WORDS, EvidenceStack
+from nvsim.mapping.evidence_stack import EvidenceStack, words
 from nvsim.mapping.explain import explain
 
 CORRIDOR = Corridor((0.0, 0.0), (0.0, 2.5))
@@ -58,7 +58,7 @@ def test_builder_stack_explanation_inspector_details_and_findings_say_the_same(
 ) -> None:
     decision = decide(evidence, config)
     stack = EvidenceStack([evidence], np.zeros(1, np.int64), 1)
-    assert WORDS[int(stack.decide(config)[0])] == decision
+    assert words()[int(stack.decide(config)[0])] == decision
     found = explain(evidence, config)
     assert found.decision == decision
     graph = graph_with(evidence)
@@ -83,7 +83,7 @@ def test_the_value_shown_is_the_one_that_was_asked_about(evidence: Evidence, con
 
 
 def test_every_criterion_has_a_slider_a_threshold_and_words() -> None:
-    fields = {t.field for t in THRESHOLDS}
+    fields = {t.field for t in thresholds()}
     for criterion in CRITERIA:
         assert criterion.field in fields
         assert 0 <= criterion.limit(MappingConfig()) <= 1

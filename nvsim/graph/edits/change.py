@@ -189,7 +189,7 @@ class Change:
                 del index[id]
 
     def ignore(self, key: str, reason: str | None) -> None:
-        """Notes why the finding `key` is let be; None forgets it."""
+        """Notes why the finding `key` is ignored; None removes the note."""
         left = {k: r for k, r in self._ignored.items() if k != key}
         self._ignored = left if reason is None else {**left, key: reason}
 

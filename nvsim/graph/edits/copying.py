@@ -1,4 +1,4 @@
-"""A part of the graph comes a second time, on another floor."""
+"""A part of the graph is copied to another floor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 
 
 def copy_by(graph: NavGraph, ids: Iterable[str], dz: float, dx: float = 0.0, dy: float = 0.0) -> NavGraph:
-    """The viewpoints come again `dz` metres higher (and dx, dy aside), as a user's, with the edges among them, and
+    """The viewpoints are copied `dz` metres higher (and dx, dy aside), as a user's, with the edges among them, and
     without evidence or submap, since nothing was seen from there.
 
     Raises EditError when one is missing or the copies would stand where the originals are.

@@ -1,4 +1,4 @@
-"""Edges come and go, one or many at once."""
+"""Edges are added and removed, one or many at once."""
 
 from __future__ import annotations
 

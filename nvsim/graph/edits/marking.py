@@ -1,4 +1,4 @@
-"""What a user notes about viewpoints, edges and findings: seen and right, not to be touched, let be."""
+"""Viewpoints and edges are marked as reviewed or locked, findings as ignored."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.graph.types import EdgeKey, NavGraph
 def mark_reviewed(
     graph: NavGraph, viewpoints: Iterable[str] = (), edges: Iterable[EdgeKey] = (), reviewed: bool = True
 ) -> NavGraph:
-    """A person looked at them and found them right, or takes that back. Raises EditError when one is not there."""
+    """A user looked at them and found them right, or takes that back. Raises EditError when one is not there."""
     change = Change(graph)
     for id in unique(viewpoints):
         change.put(replace(change.viewpoint(id), reviewed=reviewed))

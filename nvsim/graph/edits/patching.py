@@ -1,4 +1,4 @@
-"""Viewpoints and edges are put and taken as they are given: what an edit without a name of its own comes to."""
+"""Viewpoints and edges are put and removed as they are given: the edit for a change without a name of its own."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def add_viewpoint(graph: NavGraph, viewpoint: Viewpoint) -> NavGraph:
 def place_viewpoint(
     graph: NavGraph, position: Place, height: float = 1.5, submap: int = -1, id: str | None = None
 ) -> NavGraph:
-    """A person's viewpoint whose camera stands at `position`, `height` metres above the floor; its id is made from the
+    """A user's viewpoint whose camera stands at `position`, `height` metres above the floor; its id is made from the
     place when none is given. Raises EditError when the place or the id is unusable."""
     position = need_place(position)
     height = need_number(height, "The height above the floor")

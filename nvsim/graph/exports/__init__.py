@@ -1,4 +1,4 @@
-"""Graphs for other programs: GraphML, GeoJSON, an image; and what speaks against handing a graph to R2R agents."""
+"""Graphs for other programs: GraphML, GeoJSON, an image; and the findings that keep a graph from R2R agents."""
 
 from nvsim.graph.exports.geojson import Anchor, write_geojson
 from nvsim.graph.exports.graphml import write_graphml

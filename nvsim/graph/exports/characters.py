@@ -1,4 +1,4 @@
-"""What of a name can stand in XML. Definition: https://www.w3.org/TR/xml/#charsets"""
+"""The characters that XML allows. Definition: https://www.w3.org/TR/xml/#charsets"""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def legal(text: str) -> str:
-    """With U+FFFD in place of control characters and of what is no character at all."""
+    """`text` with U+FFFD in place of control characters and lone surrogates."""
     return _ILLEGAL.sub("\ufffd", text)

@@ -64,8 +64,8 @@ class Picture:
 
 
 def draw(graph: NavGraph, occupancy: OccupancyMap | None = None, longest_side: int = 1600) -> Picture:
-    """What is to be seen; lines by who made the edge: steps green, merges violet, a user's blue. Raises InputError
-    when there is nothing to draw, or the side is not between 64 and 16,384 pixels."""
+    """The image as lines and dots; lines are coloured by who made the edge: steps green, merges violet, a user's blue.
+    Raises InputError when there is nothing to draw, or the side is not between 64 and 16,384 pixels."""
     if not 64 <= longest_side <= _LARGEST:
         raise InputError(f"An image cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
     places = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)

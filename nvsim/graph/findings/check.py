@@ -37,7 +37,7 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
 
 
 def about_graph(graph: NavGraph) -> list[Finding]:
-    """What concerns the graph as a whole and can be said at once."""
+    """The findings about the graph as a whole that need no search."""
     found = []
     try:
         check_scan_id(graph.scan)

@@ -1,4 +1,4 @@
-"""What a graph is held against besides itself: limits, a map, floors, images, evidence."""
+"""The context that the findings of a graph depend on: limits, a map, floors, images, evidence."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from nvsim.graph.types import EdgeKey, NavGraph
 
 
 def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
-    """Edges with an excluded end are not walked; nothing is said about them."""
+    """The findings about an edge; none where one of its ends is excluded, since agents do not walk it."""
     a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
     if not (a.included and b.included):
         return []

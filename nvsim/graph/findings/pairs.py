@@ -13,7 +13,7 @@ _Cell = tuple[int, int, int]
 
 
 class Neighbourhood:
-    """The included viewpoints by place; to be told of every change."""
+    """The included viewpoints by place; it must be told of every change."""
 
     def __init__(self, reach: float) -> None:
         """`reach` in metres."""
@@ -56,7 +56,7 @@ class Neighbourhood:
 
 
 def about_pair(a: Viewpoint, b: Viewpoint) -> Finding:
-    """Whichever of the two is named first."""
+    """The finding that two viewpoints are nearly one place; the same in either order."""
     a, b = (a, b) if a.id < b.id else (b, a)
     apart = math.dist(a.position, b.position)
     message = f"Viewpoints {short(a.id)} and {short(b.id)} are {apart:.2f} m apart: they are nearly the same place."

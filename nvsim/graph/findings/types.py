@@ -48,6 +48,6 @@ class Finding:
 
     @property
     def key(self) -> str:
-        """The same for the same trouble, whatever else changes: what a user ignores is remembered under it."""
+        """A key that stays the same while the finding does, by which ignored findings are remembered."""
         names = self.viewpoints[:1] if self.kind == "island" else self.viewpoints
         return "/".join((self.kind, *names))

@@ -26,7 +26,7 @@ class Validator:
     in no particular order; those a user ignores are among them."""
 
     def __init__(self, graph: NavGraph | None = None, context: Context | None = None) -> None:
-        """Without a graph it has to be told to begin."""
+        """Without a graph, `begin` must be called first."""
         if graph is not None:
             self.begin(graph, context)
 
@@ -36,8 +36,8 @@ class Validator:
             pass
 
     def beginning(self, graph: NavGraph, context: Context | None = None) -> Iterator[None]:
-        """Looks at everything, in steps of well under a millisecond, for who has other things to do in between. The
-        findings count once it has come to its end."""
+        """Looks at everything, in steps of well under a millisecond, between which the caller may do other things. The
+        findings are complete once it has come to its end."""
         self._context = Context() if context is None else context
         self._graph = graph
         self._at: dict[_Place, tuple[Finding, ...]] = {}  # where it was found -> what; never empty

@@ -15,7 +15,7 @@ _SHOWN = 8  # characters of an id in a sentence
 
 
 def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> list[Finding]:
-    """Nothing is said about excluded ones but about their id and their entry, which are written all the same."""
+    """The findings about a viewpoint; of an excluded one those about its id and entry, which are still written."""
     found = []
     if problem := _id_problem(viewpoint.id):
         new = hashlib.blake2b(viewpoint.id.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()

@@ -1,4 +1,4 @@
-"""Connectivity files of anyone's, edited in place: what nobody touched is written back as it was read, to the byte.
+"""Connectivity files of other programs, edited in place: what no edit touched is written back to the byte.
 
 The format and its traps: Matterport3DSimulator, connectivity/README.md. Knows no window and no project.
 """

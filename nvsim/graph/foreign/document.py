@@ -45,7 +45,7 @@ class Entry:
         return next((m.value for m in self.members if m.key == key), None)
 
     def put(self, key: str, value: str | FlagStyle) -> Entry:
-        """With another value of a member, which is added at the end where it is not there."""
+        """The entry with another value of a member, which is added at the end where it is not there."""
         if any(m.key == key for m in self.members):
             members = tuple(replace(m, value=value) if m.key == key else m for m in self.members)
             return replace(self, members=members)

@@ -126,7 +126,7 @@ class ForeignFile:
         )
 
     def text(self, graph: NavGraph | None = None) -> str:
-        """What `save` would write."""
+        """The text that `save` would write."""
         document = self._document if graph is None else rewritten(self._document, self._kept, graph)
         return "".join(document.pieces())
 

@@ -1,4 +1,4 @@
-"""What a user noted about a connectivity file and its format has no place for, and where its original is kept:
+"""A user's notes on a connectivity file, for which its format has no place, and where its original is kept:
 SCAN_review.json beside it."""
 
 from __future__ import annotations

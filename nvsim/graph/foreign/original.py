@@ -1,4 +1,4 @@
-"""The file as somebody made it, kept beside the one that editing writes: NAME.json~.
+"""The original of a connectivity file, kept beside the one that editing writes: NAME.json~.
 
 Only what we did not write ourselves is an original, so the notes beside the file say what we wrote last: a later save
 of ours leaves the original alone, and what another program wrote meanwhile is kept as well. A file of that name that

@@ -1,4 +1,4 @@
-"""What the machine would add to a graph: edges where the way is free, viewpoints where nothing is seen.
+"""Proposals for a graph: edges where the way is free, viewpoints where no other sees the floor.
 
 It only proposes; a user, or a script, takes what is right.
 """

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import heapq
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,23 +58,23 @@ def propose_edges(
     Of the pairs that pass, the shortest come first, and who is reached by less than DETOUR times the straight way is
     not proposed any more: a greedy spanner (Althoefer et al. 1993, On Sparse Spanners of Weighted Graphs).
     """
+    import networkx as nx
+
     pairs = _pairs(graph, reach)
     confidence = _confidence(graph, pairs, occupancy, margin, radius)
     if visible is not None:
         confidence = _listed(graph, [key for key in pairs if key not in confidence], visible) | confidence
     length = {key: _apart(graph, key) for key in pairs}
-    ways = {id: dict[str, float]() for id in graph.viewpoints}
-    for a, b in graph.edges:
-        if graph.viewpoints[a].included and graph.viewpoints[b].included:
-            ways[a][b] = ways[b][a] = _apart(graph, (a, b))
+    ways = nx.Graph()
+    ways.add_nodes_from(id for id, v in graph.viewpoints.items() if v.included)
+    ways.add_weighted_edges_from((a, b, _apart(graph, (a, b))) for a, b in graph.edges if a in ways and b in ways)
     chosen = []
     for key in sorted(confidence, key=lambda k: (length[k] / confidence[k][0], k)):
         a, b = key
         if math.isinf(_way(ways, a, b, DETOUR * length[key])):
             chosen.append(key)
-            ways[a][b] = ways[b][a] = length[key]
-    for a, b in chosen:
-        del ways[a][b], ways[b][a]
+            ways.add_edge(a, b, weight=length[key])
+    ways.remove_edges_from(chosen)
     group = {id: i for i, ids in enumerate(components(graph)) for id in ids}
     found = []
     for key in chosen:
@@ -148,21 +147,14 @@ def _on_map(
     return segments_are_free(standing_room(occupancy, radius), occupancy, a, b), inside & ~passes
 
 
-def _way(ways: Mapping[str, Mapping[str, float]], start: str, end: str, limit: float) -> float:
-    """Metres of the shortest way, infinite where it is longer than `limit` (Dijkstra)."""
-    best, waiting = {start: 0.0}, [(0.0, start)]
-    while waiting:
-        gone, at = heapq.heappop(waiting)
-        if at == end:
-            return gone
-        if gone > best[at]:
-            continue
-        for other, step in ways[at].items():
-            further = gone + step
-            if further <= limit and further < best.get(other, math.inf):
-                best[other] = further
-                heapq.heappush(waiting, (further, other))
-    return math.inf
+def _way(ways: Any, start: str, end: str, limit: float) -> float:
+    """Metres of the shortest way in a networkx graph, infinite where it is longer than `limit`."""
+    import networkx as nx
+
+    try:
+        return float(nx.single_source_dijkstra(ways, start, end, cutoff=limit)[0])
+    except nx.NetworkXNoPath:
+        return math.inf
 
 
 def _words(length: float, today: float, apart: bool, why: str) -> str:

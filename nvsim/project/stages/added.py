@@ -33,8 +33,8 @@ def sources(capture: Capture) -> list[Path]:
 def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -> Capture:
     """Imports the project's captures and `source`, which may be a list itself, as one, without the frames that
     `leave_out` names as they will be called then, and without those that were left out before. Raises
-    InputError when the project has no capture or holds this one already, and whatever an import refuses; the project
-    is then as before."""
+    InputError when the project has no capture or holds this one already, and for what an import refuses; the
+    project is then as before."""
     former = project.need_capture()
     source = source.expanduser().resolve()
     held = sources(former)

@@ -22,7 +22,7 @@ def measure(
     listen: Listener,
     memory_budget: int | None = None,
 ) -> NewViewpointEvidence:
-    """See measure_newcomers. Raises InputError while no submap is trained, or when an id is not in `graph`."""
+    """See `measure_new_viewpoints`. Raises InputError while no submap is trained, or when an id is not in `graph`."""
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")

@@ -60,7 +60,7 @@ class OpenGLRenderer:
 
     @property
     def milliseconds(self) -> dict[str, float]:
-        """Of the last frame: "project", "sort", "upload"; and "frame", all of the last `render`."""
+        """The parts of the last frame: "project", "sort", "upload"; and "frame", all of the last `render`."""
         return dict(self._milliseconds)
 
     def draw(

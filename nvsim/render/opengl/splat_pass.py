@@ -30,7 +30,7 @@ class _Lot:
 
 
 class SplatPass:
-    """Owns the quads on the graphics card and the picture they make. Its context must be current at every call."""
+    """Owns the quads on the graphics card and the image they make. Its context must be current at every call."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context

@@ -83,8 +83,8 @@ def read_splats(path: Path) -> tuple[Gaussians, bool | None]:
 
 
 def write_splats(path: Path, gaussians: Gaussians, antialiased: bool, form: Format) -> None:
-    """Whole or not at all; the format is that asked for, whatever the name. Compressed PLY has no place for
-    `antialiased`. Raises InputError when the disk refuses, or when a format cannot hold the Gaussians."""
+    """Writes a splat file in the format that is asked for, under any name, whole or not at all. Compressed PLY has no
+    place for `antialiased`. Raises InputError when the disk refuses, or when a format cannot hold the Gaussians."""
     if form == "ply":
         write_ply(path, gaussians, antialiased)
     elif form == "compressed-ply":

@@ -35,8 +35,8 @@ def read_compressed_ply(path: Path) -> Gaussians:
 
 
 def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:
-    """In another order than they came in: the format wants neighbours in one chunk. Whole or not at all; raises
-    InputError when there are no Gaussians, or when the disk refuses."""
+    """Writes the Gaussians in an order of its own, since the format wants neighbours in one chunk. Whole or not at all;
+    raises InputError when there are no Gaussians, or when the disk refuses."""
     import gsply
 
     if len(gaussians) == 0:

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def guarded(path: Path, call: Callable[[], T]) -> T:
-    """What `call` returns; whatever the library makes of a damaged file becomes an InputError."""
+    """Returns what `call` returns; an error of the library over a damaged file becomes an InputError."""
     try:
         return call()
     except (ValueError, KeyError, IndexError, OverflowError, EOFError, OSError, RuntimeError, ArithmeticError) as error:

@@ -71,13 +71,13 @@ class Files(ABC):
 
 @contextmanager
 def from_folder(path: Path) -> Iterator[Files]:
-    """Of the folder whose meta.json is at `path`."""
+    """The files of the folder whose meta.json is at `path`."""
     yield _Folder(path)
 
 
 @contextmanager
 def from_archive(path: Path) -> Iterator[Files]:
-    """Of the zip archive at `path`. Raises InputError when it is none."""
+    """The files of the zip archive at `path`. Raises InputError when it is none."""
     with opened(path) as file:
         try:
             archive = zipfile.ZipFile(_Cautious(path, file))

@@ -26,7 +26,7 @@ def up_of(path: Path) -> Up:
 
 
 def upright(gaussians: Gaussians, up: Up) -> Gaussians:
-    """Turned so that `up` becomes z."""
+    """The Gaussians turned so that `up` becomes z."""
     if up == "z":
         return gaussians
     axis = np.zeros(3)

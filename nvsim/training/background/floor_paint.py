@@ -1,4 +1,4 @@
-"""What the background starts from: the mean colour of the floor, and a texture averaged from the images.
+"""The background before the first step: the mean colour of the floor, and a texture averaged from the images.
 
 A texture that starts as the average of what the views show of each spot leaves Adam only the details, and a floor that
 few views see is painted from the first step.

@@ -1,5 +1,5 @@
 """The SH background at every pixel of a view, and the way back to its 25 coefficients, by the polynomials of
-`render.sky`."""
+`render.sh_polynomials`."""
 
 from __future__ import annotations
 

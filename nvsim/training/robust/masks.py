@@ -20,12 +20,12 @@ just drawn."""
 
 class RobustMask(Protocol):
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> Judge | None:
-        """Before view number `view` is drawn in `step` (from 1): writes into `inlier` (H, W) what it knows, or returns
-        what will when the picture is there."""
+        """Called before view number `view` is drawn in `step` (from 1): writes `inlier` (H, W), or returns the function
+        that will once the image is drawn."""
         ...
 
     def end(self, view: int, error: Float32) -> None:
-        """After the step: `error` (3, H, W), drawn minus true colour."""
+        """Called after the step with `error` (3, H, W), drawn minus true colour."""
         ...
 
     def state(self) -> dict[str, NDArray[np.generic]]:

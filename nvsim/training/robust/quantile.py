@@ -50,7 +50,7 @@ class QuantileMask:
         self.extremes = np.array([0.0, np.inf])
 
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> Judge:
-        """What looks at the picture of `step` (from 1) when it is drawn, and writes `inlier` (H, W)."""
+        """Returns the function that judges the image of `step` (from 1) when it is drawn and writes `inlier` (H, W)."""
 
         def judge(rgb: Float32, transmittance: Float32, background: Float32) -> None:
             self._judge(step, rgb, transmittance, background, image, inlier)
@@ -58,7 +58,7 @@ class QuantileMask:
         return judge
 
     def end(self, view: int, error: Float32) -> None:
-        """Nothing: the picture was judged when it was drawn."""
+        """Does nothing: the image was judged when it was drawn."""
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         return {"extremes": self.extremes}

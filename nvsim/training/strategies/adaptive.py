@@ -28,7 +28,7 @@ class Adaptive:
         self._config, self._steps, self._cap, self._floor, self._rng = config, steps, cap, floor, rng
 
     def before_update(self, model: Model, step: int) -> None:
-        """Nothing."""
+        """Does nothing."""
 
     def after_update(self, model: Model, step: int) -> None:
         """Refines or resets when it is time. Culling goes on when growth has stopped, as in Splatfacto."""

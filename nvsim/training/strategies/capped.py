@@ -24,7 +24,7 @@ class Capped:
         self._config, self._steps, self._cap, self._floor = config, steps, cap, floor
 
     def before_update(self, model: Model, step: int) -> None:
-        """Nothing."""
+        """Does nothing."""
 
     def after_update(self, model: Model, step: int) -> None:
         """Refines when it is time."""

@@ -1,4 +1,4 @@
-"""What can be told to the strategies. Lengths are metres, times are shares of all steps, so that short runs and scenes
+"""The configuration of the strategies. Lengths are metres, times are shares of all steps, so that short runs and scenes
 of any size are treated alike."""
 
 from __future__ import annotations

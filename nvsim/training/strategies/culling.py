@@ -1,4 +1,4 @@
-"""What no strategy keeps."""
+"""The Gaussians that every strategy removes."""
 
 from __future__ import annotations
 

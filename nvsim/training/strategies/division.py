@@ -22,7 +22,7 @@ def taken(gaussians: Gaussians, chosen: Indices) -> Gaussians:
 
 
 def joined(first: Gaussians, second: Gaussians) -> Gaussians:
-    """One after the other."""
+    """The Gaussians of both, those of `first` before those of `second`."""
     names = ("means", "log_scales", "quats", "opacity_logits", "sh")
     return Gaussians(*(np.concatenate([getattr(first, n), getattr(second, n)]) for n in names))
 

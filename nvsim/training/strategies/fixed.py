@@ -7,7 +7,7 @@ from nvsim.training.strategies.types import Model
 
 class Fixed:
     def before_update(self, model: Model, step: int) -> None:
-        """Nothing."""
+        """Does nothing."""
 
     def after_update(self, model: Model, step: int) -> None:
-        """Nothing."""
+        """Does nothing."""

@@ -58,11 +58,11 @@ class Strategy(Protocol):
     random generator it was given, so that a checkpoint of those is all it needs."""
 
     def before_update(self, model: Model, step: int) -> None:
-        """After the gradients of a step are known: may add to them."""
+        """Called when the gradients of a step are known; may add to them."""
         ...
 
     def after_update(self, model: Model, step: int) -> None:
-        """After the optimiser moved the parameters: may move, add and remove Gaussians."""
+        """Called after the optimiser moved the parameters; may move, add and remove Gaussians."""
         ...
 
 
