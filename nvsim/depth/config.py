@@ -2,7 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class LabelConfig:
+    """Costs in bits of the census.
+
+    most      planes that compete in one image
+    farthest  metres
+    share     of the inverse depth by which a confirmed depth may be off, the unit of what it costs to differ
+    differ    what that unit costs
+    worst     a confirmed depth costs no plane more
+    own       to keep a confirmed depth that no plane explains
+    unknown   to leave a pixel without a depth
+    window    pixels: images are compared in windows of this side
+    change    price of a change of plane
+    fall      grey levels: a step in the image by so much halves it
+    """
+
+    most: int = 24
+    farthest: float = 20.0
+    share: float = 0.02
+    differ: float = 6.0
+    worst: float = 30.0
+    own: float = 20.0
+    unknown: float = 14.0
+    window: int = 7
+    change: float = 40.0
+    fall: float = 3.0
 
 
 @dataclass(frozen=True)
@@ -26,6 +54,7 @@ class DepthConfig:
     voxel         metres: edge of the cells in which the cloud is fused
     seen          a cell counts that was seen so often
     threads       frames in hand at the same time
+    labels        how bare surfaces are given to the planes of the building
     """
 
     longest_side: int = 480
@@ -49,3 +78,4 @@ class DepthConfig:
     voxel: float = 0.03
     seen: int = 3
     threads: int = 2
+    labels: LabelConfig = field(default_factory=LabelConfig)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,11 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Capture
-from nvsim.depth.agreement import agreed
+from nvsim.depth.agreement import Agreed, agreed
 from nvsim.depth.config import DepthConfig
-from nvsim.depth.files import read_confidence, read_depth, read_guess, write_depth, write_guess
+from nvsim.depth.files import (
+    confidence_path,
+    depth_path,
+    draft_path,
+    read_depth,
+    read_draft,
+    write_depth,
+    write_draft,
+)
 from nvsim.depth.fusion import FusedCloud, Fusion
+from nvsim.depth.labelling import label_planes
 from nvsim.depth.neighbours import neighbours
+from nvsim.depth.planes import find_planes
 from nvsim.depth.refinement import refine
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
@@ -43,38 +54,106 @@ def estimate_depth(
     that cannot be written; what is written so far stays.
     """
     config = config or DepthConfig()
-    guesses = folder / "guesses"
-    make_folder(guesses)
     views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
     count = len(capture.frames)
-    missing = [i for i in range(count) if not depth_exists(folder, i)]
-    near = {i: neighbours(views.poses, i, config.others, config.baseline, 0.1) for i in missing}
-    first = sorted({j for i in missing for j in (i, *near[i])})
+    near = [neighbours(views.poses, i, config.others, config.baseline, 0.1) for i in range(count)]
+    steps = _Steps(capture, config, listen, 4 * count)
+    drafts = [folder / name for name in ("single", "confirmed", "labelled")]
+    if not all(depth_exists(folder, i) for i in range(count)):
+        for draft in drafts:
+            make_folder(draft)
+        single, confirmed, labelled = drafts
+        steps.each(_missing(single, count), lambda i: write_draft(single, i, *guess_depth(views, i, config)))
 
-    def guess(index: int) -> None:
-        write_guess(guesses, index, *guess_depth(views, index, config))
+        def confirm(index: int) -> None:
+            found = _confirmed(views, index, near[index], single_maps, config)
+            write_draft(confirmed, index, found.inverse, found.views.astype(np.float32))
 
-    steps = count + len(first)
-    _each([i for i in first if not (guesses / f"{i:06d}.npz").is_file()], guess, config, listen, 0, steps, capture)
-    maps = lru_cache(maxsize=_KEPT_MAPS)(lambda i: read_guess(guesses, i))
+        single_maps = _kept(single)
+        steps.each(_missing(confirmed, count), confirm)
+        planes = find_planes(_fused(views, count, lambda i: read_draft(confirmed, i)[0], config))
 
-    def confirm(index: int) -> None:
-        found, weight = maps(index)
-        camera = views.camera(index)
-        others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near[index]]
-        result = agreed(found, weight, others, config.share, config.plane)
-        known = (result.views >= config.views) & (2 * result.through <= result.views)
-        write_depth(folder, index, np.where(known, result.inverse, 0).astype(np.float32), result.views)
+        def label(index: int) -> None:
+            known = read_draft(confirmed, index)[0]
+            chosen = neighbours(views.poses, index, config.sources, config.baseline)
+            camera = views.camera(index)
+            warps = [Warp.between(camera, views.camera(j)) for j in chosen]
+            sources = [views.at(j) for j in chosen]
+            found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
+            write_draft(labelled, index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
 
-    _each(missing, confirm, config, listen, len(first), steps, capture)
-    shutil.rmtree(guesses, ignore_errors=True)
+        steps.each(_missing(labelled, count), label)
+
+        def finish(index: int) -> None:
+            found = _confirmed(views, index, near[index], labelled_maps, config)
+            write_depth(folder, index, found.inverse, found.views)
+
+        labelled_maps = _kept(labelled)
+        steps.each([i for i in range(count) if not depth_exists(folder, i)], finish)
+    for draft in drafts:
+        shutil.rmtree(draft, ignore_errors=True)
+    listen(Progress(STAGE, steps.total, steps.total))
+
+    def written(index: int) -> NDArray[np.float32]:
+        depth = read_depth(folder, index)
+        with np.errstate(divide="ignore"):
+            return np.where(depth > 0, 1 / depth, 0).astype(np.float32)
+
+    return _fused(views, count, written, config)
+
+
+class _Steps:
+    """Does the work of frames, some at a time, and says how far the whole stage is."""
+
+    def __init__(self, capture: Capture, config: DepthConfig, listen: Listener, total: int) -> None:
+        self._capture, self._config, self._listen, self.total = capture, config, listen, total
+        self._done = 0
+
+    def each(self, todo: list[int], work: Callable[[int], None]) -> None:
+        """`work` for every frame of `todo`; the other frames had it in an earlier run."""
+        self._done += len(self._capture.frames) - len(todo)
+        with ThreadPoolExecutor(self._config.threads) as pool:
+            jobs = {pool.submit(work, i): i for i in todo}
+            try:
+                for job in as_completed(jobs):
+                    job.result()
+                    self._done += 1
+                    name = self._capture.frames[jobs[job]].name
+                    self._listen(Progress(STAGE, self._done, self.total, name))
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+
+
+def _missing(folder: Path, count: int) -> list[int]:
+    return [i for i in range(count) if not draft_path(folder, i).is_file()]
+
+
+def _kept(folder: Path) -> Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """Reads drafts, and keeps those that were read last."""
+    return lru_cache(maxsize=_KEPT_MAPS)(lambda i: read_draft(folder, i))
+
+
+def _confirmed(
+    views: Views,
+    index: int,
+    near: list[int],
+    maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
+    config: DepthConfig,
+) -> Agreed:
+    """What the maps of the frames `near` one confirm of its own: their mean, and 0 where too few agree."""
+    found, weight = maps(index)
+    camera = views.camera(index)
+    others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
+    result = agreed(found, weight, others, config.share, config.plane)
+    known = (result.views >= config.views) & (2 * result.through <= result.views)
+    return replace(result, inverse=np.where(known, result.inverse, 0).astype(np.float32))
+
+
+def _fused(views: Views, count: int, inverse: Callable[[int], NDArray[np.float32]], config: DepthConfig) -> FusedCloud:
     fusion = Fusion(config.voxel)
     for i in range(count):
-        with np.errstate(divide="ignore"):
-            depth = read_depth(folder, i)
-            inverse = np.where(depth > 0, 1 / depth, 0).astype(np.float32)
-        fusion.add(views.camera(i), inverse, views.at(i).image)
-    listen(Progress(STAGE, steps, steps))
+        fusion.add(views.camera(i), inverse(i), views.at(i).image)
     return fusion.cloud(config.seen)
 
 
@@ -109,32 +188,4 @@ def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[NDArray[
 
 def depth_exists(folder: Path, index: int) -> bool:
     """Whether the depth of a frame is there, with its confidence."""
-    from nvsim.depth.files import confidence_path, depth_path
-
     return depth_path(folder, index).is_file() and confidence_path(folder, index).is_file()
-
-
-def _each(
-    todo: list[int],
-    work: Callable[[int], None],
-    config: DepthConfig,
-    listen: Listener,
-    done: int,
-    total: int,
-    capture: Capture,
-) -> None:
-    """Does the work of all frames, some at a time, and says how far it is."""
-    done, last = done + 0, len(todo)
-    with ThreadPoolExecutor(config.threads) as pool:
-        jobs = {pool.submit(work, i): i for i in todo}
-        try:
-            for k, job in enumerate(as_completed(jobs)):
-                job.result()
-                listen(Progress(STAGE, done + k + 1, total, capture.frames[jobs[job]].name))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    assert last >= 0
-
-
-__all__ = ["STAGE", "depth_exists", "estimate_depth", "guess_depth", "read_confidence", "read_depth"]

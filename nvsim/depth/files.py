@@ -53,19 +53,24 @@ def read_confidence(folder: Path, index: int) -> NDArray[np.uint8]:
     )
 
 
-def write_guess(folder: Path, index: int, inverse: NDArray[np.float32], weight: NDArray[np.float32]) -> None:
-    """Keeps what one frame says by itself until its neighbours have confirmed it."""
+def draft_path(folder: Path, index: int) -> Path:
+    """Where what is found of frame `index` lies until the stage is done."""
+    return folder / f"{index:06d}.npz"
+
+
+def write_draft(folder: Path, index: int, inverse: NDArray[np.float32], weight: NDArray[np.float32]) -> None:
+    """Keeps inverse depth (H, W), 1 / metres, and its weight (H, W). Raises InputError when the disk refuses."""
     held = io.BytesIO()
     np.savez(held, inverse=inverse.astype(np.float16), weight=np.minimum(weight, 6e4).astype(np.float16))
-    write_bytes(folder / f"{index:06d}.npz", held.getvalue())
+    write_bytes(draft_path(folder, index), held.getvalue())
 
 
-def read_guess(folder: Path, index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """What `write_guess` kept. Raises InputError."""
-    path = folder / f"{index:06d}.npz"
-    arrays = read_arrays(path, "an unconfirmed depth map", {"inverse": ("f", 2), "weight": ("f", 2)}, _AGAIN)
+def read_draft(folder: Path, index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """What `write_draft` kept. Raises InputError."""
+    path = draft_path(folder, index)
+    arrays = read_arrays(path, "an unfinished depth map", {"inverse": ("f", 2), "weight": ("f", 2)}, _AGAIN)
     return arrays["inverse"].astype(np.float32), arrays["weight"].astype(np.float32)
 
 
-def _png(values: NDArray[np.generic]) -> bytes:
+def _png(values: NDArray[np.integer]) -> bytes:
     return bytes(cv2.imencode(".png", values, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes())

@@ -71,7 +71,9 @@ class Fusion:
         colors = np.clip(sums[:, 3:6] / say + 0.5, 0, 255).astype(np.uint8)
         towards = (sums[:, 6:9] / say).astype(np.float32)
         normals = normals_of(points, towards)
-        return FusedCloud(points, colors, normals, count.clip(0, 65535).astype(np.uint16), towards, say[:, 0].astype(np.float32))
+        return FusedCloud(
+            points, colors, normals, count.clip(0, 65535).astype(np.uint16), towards, say[:, 0].astype(np.float32)
+        )
 
 
 @njit(cache=True, nogil=True)

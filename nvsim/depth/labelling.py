@@ -7,13 +7,12 @@ where the image has an edge (piecewise planar stereo: Sinha, Steedly and Szelisk
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from nvsim.depth.config import LabelConfig
 from nvsim.depth.planes import Plane
 from nvsim.depth.smoothing import smooth
 from nvsim.depth.sweep import plane_costs
@@ -21,34 +20,6 @@ from nvsim.depth.view import View, Warp, matrix_of
 from nvsim.geometry.camera import Camera
 
 Float32 = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class LabelConfig:
-    """Costs in bits of the census.
-
-    most      planes that compete in one image
-    farthest  metres
-    share     of the inverse depth by which a confirmed depth may be off, the unit of what it costs to differ
-    differ    what that unit costs
-    worst     a confirmed depth costs no plane more
-    own       to keep a confirmed depth that no plane explains
-    unknown   to leave a pixel without a depth
-    window    pixels: images are compared in windows of this side
-    change    price of a change of plane
-    fall      grey levels: a step in the image by so much halves it
-    """
-
-    most: int = 24
-    farthest: float = 20.0
-    share: float = 0.02
-    differ: float = 6.0
-    worst: float = 30.0
-    own: float = 20.0
-    unknown: float = 14.0
-    window: int = 7
-    change: float = 40.0
-    fall: float = 3.0
 
 
 def label_planes(

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.depth.fusion import FusedCloud, normals_of
-from nvsim.geometry.camera import Camera
 from nvsim.depth.view import matrix_of
+from nvsim.geometry.camera import Camera
 
 Float64 = NDArray[np.float64]
 
@@ -157,9 +157,7 @@ def _parallel(points: Float64, normal: Float64, config: PlaneConfig, found: list
     return taken
 
 
-def _fitted(
-    points: Float64, normal: Float64, along: Float64, up: Float64, area: float, config: PlaneConfig
-) -> Plane:
+def _fitted(points: Float64, normal: Float64, along: Float64, up: Float64, area: float, config: PlaneConfig) -> Plane:
     """The plane through points (N, 3), which may turn by a few degrees from `normal` as far as they say so."""
     middle = points.mean(axis=0)
     local = points - middle

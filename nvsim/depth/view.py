@@ -33,7 +33,8 @@ class View:
         """Raises InputError for an image that cannot be read."""
         intrinsics = frame.intrinsics.within(longest_side)
         image = read_image(frame, intrinsics)
-        grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 0.7)
+        plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
         return View(Camera(intrinsics, frame.camera_to_world), grey, census_of(grey, threshold), image)
 
 
