@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.lens import Lens
 
-
 CloudKind = Literal["lidar", "sfm", "images"]
 """Where a cloud comes from: a scanner; features of images, which say nothing of bare walls; or the depth of images,
 which is as dense as a scan and noisier."""

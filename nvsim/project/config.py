@@ -10,7 +10,6 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import TrainingConfig
 
-
 DepthUse = Literal["auto", "always", "never"]
 """Whether depth is estimated from the images: "auto" where the capture has no scan."""
 

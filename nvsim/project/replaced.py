@@ -60,7 +60,11 @@ def _what(result: Result, stage: str) -> tuple[str, list[str]]:
         return f"the {'model' if models == 1 else 'models'} of {_count(models, 'submap')}", figures
     if stage == "depth":
         skipped = summary.get("skipped")
-        what = "the decision that no depth is estimated" if skipped else f"the depth of {_count(summary.get('frames', 0), 'frame')}"
+        what = (
+            "the decision that no depth is estimated"
+            if skipped
+            else f"the depth of {_count(summary.get('frames', 0), 'frame')}"
+        )
         return what, []
     if stage == "floors":
         return f"the floor masks of {_count(summary.get('frames', 0), 'frame')}", []

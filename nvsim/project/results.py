@@ -26,7 +26,9 @@ from nvsim.project.work import STAGES
 
 NOWHERE = "models/none"
 """The place of a model, or of depth, that a result does not have."""
-_PLACE = re.compile(r"((imported|depth|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)")
+_PLACE = re.compile(
+    r"((imported|depth|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)"
+)
 _NAME = re.compile(r"imported|depth|masks|floor|models/submap_\d{3,}|cut/(submaps|floors|train)")
 _MADE = re.compile(r"(imported|depth|masks|floor|submap_\d{3,})(\.\d+)?|\d+\.npz|graph\.\d+")
 _NAMES = {"import": ("imported",), "submaps": (), "depth": ("depth",), "floors": ("masks", "floor"), "map": ()}

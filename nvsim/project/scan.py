@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nvsim.project import ledger
+from nvsim.project.stage_records import StageRecord, record
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Cloud
-    from nvsim.project.ledger import StageRecord
     from nvsim.project.project import Project
 
 CLOUD = "cloud.ply"
@@ -22,7 +21,7 @@ ADDED = "added.ply"
 def depth_in_use(project: Project) -> StageRecord | None:
     """What the ledger says of the depth of the project's images; None where there is none: it was never estimated, was
     skipped, or is of another capture than there is now."""
-    found, imported = ledger.record(project, "depth"), ledger.record(project, "import")
+    found, imported = record(project, "depth"), record(project, "import")
     if found is None or imported is None or "skipped" in found.summary:
         return None
     return found if found.summary.get("capture") == imported.key else None

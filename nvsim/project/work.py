@@ -57,7 +57,9 @@ WORK: dict[str, Work] = {
     for row in (
         Work("import", "Import a capture", "read a capture into a project", None),
         Work("submaps", "Cut into submaps", "cut the trajectory into overlapping submaps", "import"),
-        Work("depth", "Estimate depth", "estimate dense depth from the images, where no scan lies beside them", "import"),
+        Work(
+            "depth", "Estimate depth", "estimate dense depth from the images, where no scan lies beside them", "import"
+        ),
         Work("floors", "Find the floor", "find the floor in every frame", "submaps"),
         Work("train", "Train", "fit the floor-aware Gaussian model of each submap", "floors"),
         Work("map", "Build the map", "walk the models and build the navigation graph", "train"),
