@@ -71,7 +71,9 @@ def estimate_depth(
 
         single_maps = _kept(single)
         steps.each(_missing(confirmed, count), confirm)
-        planes = find_planes(_fused(views, count, lambda i: read_draft(confirmed, i)[0], config))
+        planes = find_planes(
+            _fused(views, count, lambda i: read_draft(confirmed, i)[0], config).seen_points(config.seen)
+        )
 
         def label(index: int) -> None:
             known = read_draft(confirmed, index)[0]
@@ -99,7 +101,7 @@ def estimate_depth(
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, 0).astype(np.float32)
 
-    return _fused(views, count, written, config)
+    return _fused(views, count, written, config).cloud(config.seen)
 
 
 class _Steps:
@@ -150,11 +152,11 @@ def _confirmed(
     return replace(result, inverse=np.where(known, result.inverse, 0).astype(np.float32))
 
 
-def _fused(views: Views, count: int, inverse: Callable[[int], NDArray[np.float32]], config: DepthConfig) -> FusedCloud:
+def _fused(views: Views, count: int, inverse: Callable[[int], NDArray[np.float32]], config: DepthConfig) -> Fusion:
     fusion = Fusion(config.voxel)
     for i in range(count):
         fusion.add(views.camera(i), inverse(i), views.at(i).image)
-    return fusion.cloud(config.seen)
+    return fusion
 
 
 def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

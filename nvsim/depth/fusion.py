@@ -19,14 +19,22 @@ class FusedCloud:
     colors   (N, 3) uint8 RGB
     normals  (N, 3) float32, unit, towards the cameras
     views    (N,) uint16, how often the place was seen
-    towards  (N, 3) float32, the mean direction to the cameras that saw it
-    say      (N,) float32, the sum of 1 / depth^4 over what was seen: the inverse of its variance, but for a factor
     """
 
     points: NDArray[np.float32]
     colors: NDArray[np.uint8]
     normals: NDArray[np.float32]
     views: NDArray[np.uint16]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPoints:
+    """points   (N, 3) float32, metres, world
+    towards  (N, 3) float32, the mean direction to the cameras that saw them
+    say      (N,) float32, the sum of 1 / depth^4 over what was seen: the inverse of the variance, but for a factor
+    """
+
+    points: NDArray[np.float32]
     towards: NDArray[np.float32]
     say: NDArray[np.float32]
 
@@ -62,18 +70,24 @@ class Fusion:
             _insert(keys[used], sums[used], self._keys, self._sums)
         self._filled += _insert(_keys(points, self.voxel), values, self._keys, self._sums)
 
+    def seen_points(self, seen: int) -> SeenPoints:
+        """The means of the cells that at least `seen` points fell into."""
+        sums = self._cells(seen)
+        say = sums[:, 9:10]
+        points, towards = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
+        return SeenPoints(points, towards, say[:, 0].astype(np.float32))
+
     def cloud(self, seen: int) -> FusedCloud:
         """The cells that at least `seen` points fell into."""
+        sums, found = self._cells(seen), self.seen_points(seen)
+        colors = np.clip(sums[:, 3:6] / sums[:, 9:10] + 0.5, 0, 255).astype(np.uint8)
+        normals = normals_of(found.points, found.towards)
+        return FusedCloud(found.points, colors, normals, sums[:, 10].clip(0, 65535).astype(np.uint16))
+
+    def _cells(self, seen: int) -> NDArray[np.float64]:
+        """(N, 11), in the order of their places: points, colours and directions times their say, the say, how many."""
         chosen = np.flatnonzero(self._sums[:, 10] >= max(seen, 1))
-        sums = self._sums[chosen[np.argsort(self._keys[chosen])]]
-        count, say = sums[:, 10], sums[:, 9:10]
-        points = (sums[:, :3] / say).astype(np.float32)
-        colors = np.clip(sums[:, 3:6] / say + 0.5, 0, 255).astype(np.uint8)
-        towards = (sums[:, 6:9] / say).astype(np.float32)
-        normals = normals_of(points, towards)
-        return FusedCloud(
-            points, colors, normals, count.clip(0, 65535).astype(np.uint16), towards, say[:, 0].astype(np.float32)
-        )
+        return np.asarray(self._sums[chosen[np.argsort(self._keys[chosen])]])
 
 
 @njit(cache=True, nogil=True)

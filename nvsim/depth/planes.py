@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.depth.fusion import FusedCloud, normals_of
+from nvsim.depth.fusion import SeenPoints, normals_of
 from nvsim.depth.view import matrix_of
 from nvsim.geometry.camera import Camera
 
@@ -27,6 +27,7 @@ class PlaneConfig:
     gap         cells without a point that a patch may span
     smallest    square metres of cells with points
     margin      metres that a patch reaches beyond its points
+    say         points that were seen from so far away, or so seldom, that their say is less make no plane
     """
 
     coarse: float = 0.05
@@ -62,10 +63,10 @@ class Plane:
         return np.asarray((self.normal @ camera.rotation @ np.linalg.inv(matrix_of(camera))) / distance)
 
 
-def find_planes(cloud: FusedCloud, config: PlaneConfig | None = None) -> list[Plane]:
-    """The planes of a cloud, the largest first."""
+def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Plane]:
+    """The planes on which the points of a building lie, the largest first."""
     config = config or PlaneConfig()
-    points, towards = _thinned(cloud, config.coarse, config)
+    points, towards = _thinned(seen, config)
     if len(points) < 100:
         return []
     normals = normals_of(points.astype(np.float32), towards, 24).astype(np.float64)
@@ -81,18 +82,21 @@ def find_planes(cloud: FusedCloud, config: PlaneConfig | None = None) -> list[Pl
     return sorted(found, key=lambda p: -p.area)
 
 
-def _thinned(cloud: FusedCloud, cell: float, config: PlaneConfig) -> tuple[Float64, Float64]:
-    """One point and the direction to its cameras for every cell of `cell` metres."""
-    good = cloud.say > config.say
-    cloud = FusedCloud(*(getattr(cloud, n)[good] for n in ("points", "colors", "normals", "views", "towards", "say")))
-    keys = np.floor(cloud.points / cell).astype(np.int64)
+def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64]:
+    """One point and the direction to its cameras for every coarse cell, of what was seen from near enough."""
+    good = seen.say > config.say
+    keys = np.floor(seen.points[good] / config.coarse).astype(np.int64)
+    if not len(keys):
+        return np.empty((0, 3)), np.empty((0, 3))
     _, index = np.unique(keys, axis=0, return_inverse=True)
     index = index.reshape(-1)
-    weight = cloud.say.astype(np.float64)
+    weight = seen.say[good].astype(np.float64)
     mass = np.bincount(index, weight)
-    points = np.stack([np.bincount(index, cloud.points[:, c] * weight) / mass for c in range(3)], axis=1)
-    towards = np.stack([np.bincount(index, cloud.towards[:, c] * weight) / mass for c in range(3)], axis=1)
-    return points, towards
+
+    def mean(values: NDArray[np.float32]) -> Float64:
+        return np.stack([np.bincount(index, values[good][:, c] * weight) / mass for c in range(3)], axis=1)
+
+    return mean(seen.points), mean(seen.towards)
 
 
 def _headings(normals: Float64) -> list[Float64]:
