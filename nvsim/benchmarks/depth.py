@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +37,11 @@ def walk(folder: Path, frames: int, building: BuildingConfig) -> Capture:
 
 
 def measure(frames: int, config: DepthConfig, building: BuildingConfig | None = None) -> dict[str, Any]:
-    """ms_per_frame of the whole stage, its fusion included, after a first run over two frames, which compiles the
+    """ms_per_frame of the whole stage, its fusion included, after a first run at a small size, which compiles the
     kernels; frames, size of the maps, points of the cloud, threads."""
     with tempfile.TemporaryDirectory() as name:
         capture = walk(Path(name), frames, building or BuildingConfig(people=False))
-        few = Capture(capture.source, capture.format, capture.frames[:2], None, capture.alignment)
-        estimate_depth(few, Path(name) / "first", config)
+        estimate_depth(capture, Path(name) / "first", replace(config, longest_side=96, planes=16))
         started = time.perf_counter()
         cloud = estimate_depth(capture, Path(name) / "all", config)
         seconds = time.perf_counter() - started

@@ -42,12 +42,17 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
     the size of the estimated one: the pixel in the middle of each. Raises InputError."""
     from nvsim.depth.files import depth_path, read_depth
     from nvsim.project.scan import depth_in_use
+    from nvsim.project.stage_records import record
     from nvsim.project.work import lacks
 
     folder = truth or project.layout.ground_truth / "depth"
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder of true depth maps; name one with --truth DIR.")
     if depth_in_use(project) is None:
+        skipped = getattr(record(project, "depth"), "summary", {}).get("skipped")
+        if skipped:
+            again = "run `nvsim depth --depth always --project` first"
+            raise InputError(f"{project.layout.root} has no depth, as {skipped}; {again}.")
         raise lacks(project.layout.root, "depth")
     own = project.layout.depth
     frames = project.need_capture().frames

@@ -162,7 +162,9 @@ def test_depth_is_scored_against_itself_and_against_the_building(
     assert figures["frames"] == 4 and 0.05 < figures["covered"] < 1 and figures["within_10"] > 0.6
 
 
-def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(scanned: Project) -> None:
+def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
+    scanned: Project, capsys: pytest.CaptureFixture[str]
+) -> None:
     with_scan = scanned.scan()
     floors.run(scanned, silent)
     floors_before = ledger.record(scanned, "floors")
@@ -178,8 +180,8 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(scanned: Project)
     assert heard == [Log("No depth is estimated: the capture has a scan.", "depth")]
     floors.run(scanned, heard.append)
     assert ledger.record(scanned, "floors") == floors_before, "found before there was a depth stage, and still current"
-    before = ledger.record(scanned, "import")
-    assert before is not None
+    assert main(["evaluate", "depth", "--project", str(scanned.root), "--truth", str(scanned.root)]) == 2
+    assert "as the capture has a scan; run `nvsim depth --depth always" in capsys.readouterr().err
     imported.run(scanned, scanned.need_capture().source, CaptureConfig(scale=1.5), silent)
     assert "depth" in stage_states(scanned).outdated
     depths.run(scanned, "auto", CONFIG, silent)
