@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
-    "results", "training",
+    "results", "training", "cloud",
 )  # fmt: skip
 
 
@@ -52,7 +52,7 @@ class Contents:
     live          whether all that is to be seen is in training still
     outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
-    cloud         beside a graph of its own
+    cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
     arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
     """
 
@@ -82,8 +82,8 @@ class Contents:
 
     @property
     def scan_cloud(self) -> Cloud | None:
-        """The point cloud there is: of the capture, or beside the graph."""
-        return self.cloud if self.capture is None else self.capture.cloud
+        """The point cloud there is: beside the graph, of the images' depth, or of the capture."""
+        return self.cloud if self.capture is None or self.cloud is not None else self.capture.cloud
 
     @property
     def missing_verb(self) -> StageName | Literal[""]:
@@ -98,7 +98,8 @@ class Contents:
         if not self.submaps:
             return "submaps"
         if "floors" not in self.stages and not trained:
-            return "floors"
+            scanned = self.capture.cloud is not None and self.capture.cloud.is_dense
+            return "floors" if scanned or "depth" in self.stages else "depth"
         return "map" if trained else "train"
 
     @property
@@ -174,6 +175,7 @@ class ProjectReader:
     def updates(self) -> Iterator[Contents]:
         """The contents after each part that had changed, quick parts first; nothing when nothing did.
         Raises InputError when a file of the project is damaged."""
+        from nvsim.project.scan import depth_in_use
         from nvsim.project.thresholds import thresholds_of
 
         project = self._project
@@ -191,9 +193,10 @@ class ProjectReader:
         # A stage's row changes when it begins and ends; while it runs only the job's row does.
         states = stage_states(project)
         stages = states.rows
-        capture = _file_stamp(project.layout.imported / "capture.json")
+        capture, depth = _file_stamp(project.layout.imported / "capture.json"), depth_in_use(project)
         stamps: dict[str, Hashable] = {
             "capture": capture,
+            "cloud": (capture, depth and depth.key, project.layout.depth),
             "submaps": (capture, stages),
             "graph": stages,
             "stages": states,
@@ -204,6 +207,7 @@ class ProjectReader:
         }
         readers: dict[str, Callable[[], Any]] = {
             "capture": project.capture,
+            "cloud": lambda: None if depth is None else project.scan(),
             "submaps": project.submaps,
             "stages": lambda: states.done,
             "results": lambda: self._results(stamps["results"]),
@@ -225,7 +229,7 @@ class ProjectReader:
             if value is None and before is None:
                 continue
             self._contents = replace(self._contents, **{part: value})
-            if part in ("capture", "occupancy"):
+            if part in ("capture", "cloud", "occupancy"):
                 self._contents = prepared(self._contents)
             if part == "stages":
                 self._contents = replace(

@@ -26,6 +26,13 @@ def with_submaps(document: Document) -> Reason:
     return STAGE["submaps"].lacking
 
 
+def with_depth(document: Document) -> Reason:
+    reason = with_capture(document)
+    if reason is not None or _pending(document) or "depth" in document.contents.stages:
+        return reason
+    return STAGE["depth"].lacking
+
+
 def with_floors(document: Document) -> Reason:
     reason = with_submaps(document)
     if reason is not None or _pending(document) or "floors" in document.contents.stages:
@@ -48,6 +55,7 @@ def with_map(document: Document) -> Reason:
 _WITH: dict[StageName, Callable[[Document], Reason]] = {
     "import": with_capture,
     "submaps": with_submaps,
+    "depth": with_depth,
     "floors": with_floors,
     "train": with_models,
     "map": with_map,

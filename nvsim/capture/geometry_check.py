@@ -57,7 +57,7 @@ def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
         findings.warning(
             "there is no point cloud",
             place,
-            "floor heights follow from the camera height alone, and models start from features or at random",
+            "the depth of the images stands in for it, which misses what has no texture",
         )
         return True
     points = cloud.points[:: max(1, len(cloud.points) // _SAMPLE)].astype(np.float64)

@@ -11,21 +11,21 @@ from nvsim.capture import pcd, ply
 from nvsim.capture.findings import Findings
 from nvsim.capture.point_table import Columns
 from nvsim.capture.raw import FARTHEST, read_bytes
-from nvsim.capture.types import Cloud
+from nvsim.capture.types import Cloud, CloudKind
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 
 _COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 
 
-def read_cloud(path: Path, findings: Findings, kind: str = "lidar") -> Cloud:
+def read_cloud(path: Path, findings: Findings, kind: CloudKind = "lidar") -> Cloud:
     """The cloud in a PLY or PCD file, told apart by content. Raises InputError naming the file when it is
     empty, truncated or of another format."""
     with reading(path, "a point cloud", "export it again"):
         return _read(path, findings, kind)
 
 
-def _read(path: Path, findings: Findings, kind: str) -> Cloud:
+def _read(path: Path, findings: Findings, kind: CloudKind) -> Cloud:
     data = read_bytes(path)
     if data.startswith(b"ply"):
         columns = ply.parse(path, data)
@@ -42,7 +42,7 @@ def _read(path: Path, findings: Findings, kind: str) -> Cloud:
 
 
 def usable_cloud(
-    points: NDArray[np.float64], colors: NDArray[np.uint8] | None, kind: str, where: str, findings: Findings
+    points: NDArray[np.float64], colors: NDArray[np.uint8] | None, kind: CloudKind, where: str, findings: Findings
 ) -> Cloud:
     """A cloud of those points (N, 3) that are finite and not absurdly far; a warning says how many are left out."""
     good = np.asarray((np.abs(np.nan_to_num(points, nan=np.inf)) < FARTHEST).all(axis=1))

@@ -7,13 +7,13 @@ import json
 import math
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.lens_reading import LARGEST_SIDE
-from nvsim.capture.types import Alignment, Capture, Cloud, Frame
+from nvsim.capture.types import Alignment, Capture, Cloud, CloudKind, Frame
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.reading import reading
@@ -138,7 +138,10 @@ def _pose(rows: object) -> NDArray[np.float64]:
     return pose
 
 
-def _load_cloud(folder: Path, name: object, kind: str) -> Cloud:
+def _load_cloud(folder: Path, name: object, stored_kind: str) -> Cloud:
+    kind = next((k for k in get_args(CloudKind) if k == stored_kind), None)
+    if kind is None:
+        raise ValueError(f"a cloud of the kind {stored_kind[:40]!r}")
     if not isinstance(name, str) or not re.fullmatch(r"cloud-[0-9a-f]{1,64}\.npz", name):
         raise ValueError("a cloud outside the project")
     wanted = {"points": ("f", 2), "colors": ("u", 2)}

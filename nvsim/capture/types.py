@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +14,29 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.lens import Lens
 
+CloudKind = Literal["lidar", "sfm", "images"]
+"""Where a cloud comes from: a scanner; features of images, which say nothing of bare walls; or the depth of images,
+which is as dense as a scan and noisier."""
+
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """points (N, 3) float32, metres, world; colors (N, 3) uint8 RGB or None; kind "lidar" (dense, metric) or "sfm"."""
+    """points   (N, 3) float32, metres, world
+    colors   (N, 3) uint8 RGB, or None
+    kind     where it comes from
+    normals  (N, 3) float32, unit, towards the cameras, of the points that the depth of images gave; 0 of the others.
+             None where there are no such points
+    """
 
     points: NDArray[np.float32]
     colors: NDArray[np.uint8] | None = None
-    kind: str = "lidar"
+    kind: CloudKind = "lidar"
+    normals: NDArray[np.float32] | None = None
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether it shows surfaces, so that it says what stands where and what is floor."""
+        return self.kind != "sfm"
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,7 +95,7 @@ def finished(project: Project, run: Run, views: Views, listen: Listener) -> Subm
     atomic.write_text(run.folder / "run.json", json.dumps(asked, indent=1) + "\n")
     model = train_submap(
         views(),
-        project.need_capture().cloud,
+        project.scan_on(surface),
         surface,
         run.config,
         checkpoint=run.checkpoint,

@@ -70,7 +70,7 @@ def estimate_floor(
             "The cloud shows no floor below the cameras and the camera height is not given; "
             "give the height of the camera above the floor in metres (--camera-height)."
         )
-    trusted = camera_height is not None and (cloud is None or cloud.kind != "lidar")
+    trusted = camera_height is not None and (cloud is None or not cloud.is_dense)
     if trusted and camera_height is not None:
         height = camera_height
     grid = _Grid.around(walk, config)

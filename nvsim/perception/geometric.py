@@ -82,7 +82,7 @@ class GeometricFloor:
         self.config = config or GeometricConfig()
         self.surface = surface
         self._appearance: FloorAppearance | None = None
-        self._is_sparse = cloud is not None and cloud.kind != "lidar"
+        self._is_sparse = cloud is not None and not cloud.is_dense
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
 
     def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image]) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
+from nvsim.depth.floor_noise import calmed
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder, write_bytes
@@ -118,7 +119,8 @@ def learnt_floor(capture: Capture, members: list[int], surface: FloorSurface, co
         frame = capture.frames[near[k]]
         return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
 
-    floor = GeometricFloor(capture.cloud, surface, config.geometric)
+    cloud = None if capture.cloud is None else calmed(capture.cloud, surface)
+    floor = GeometricFloor(cloud, surface, config.geometric)
     floor.learn([camera(i) for i in near], read_small)
     return floor
 

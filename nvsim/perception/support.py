@@ -171,7 +171,7 @@ def observe(
         above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
         index = cell(near_cloud[:, :2])
         supported[index[np.abs(above) <= config.tolerance]] = True
-        if cloud is not None and cloud.kind == "lidar":
+        if cloud is not None and cloud.is_dense:
             blocking = index[(above > config.low) & (above < config.high)]
             standing = np.bincount(blocking, minlength=rows * columns) >= config.standing
     grid = supported.reshape(rows, columns).astype(np.uint8)

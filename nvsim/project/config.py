@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from typing import Literal
 
+from nvsim.depth.config import DepthConfig
 from nvsim.mapping.config import MappingConfig
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import TrainingConfig
+
+DepthUse = Literal["auto", "always", "never"]
+"""Whether depth is estimated from the images: "auto" where the capture has no scan."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,7 @@ class RunConfig:
     """The stages after the import."""
 
     submaps: SubmapConfig = field(default_factory=SubmapConfig)
+    depth: DepthConfig = field(default_factory=DepthConfig)
     train: TrainingConfig = field(default_factory=TrainingConfig)
     map: MappingConfig = field(default_factory=MappingConfig)
 

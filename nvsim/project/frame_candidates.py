@@ -3,6 +3,7 @@ correct a mask with. Nothing of the pipeline depends on them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +85,7 @@ class CandidateMaker:
         from nvsim.perception.segment import SegmentConfig, learnt_floor
 
         project = self._project
-        capture = project.need_capture()
+        capture = replace(project.need_capture(), cloud=project.scan())
         submap = next(s for s in project.need_submaps() if index in s.core)
         key = floors_key(project), submap.index
         if key not in self._hybrids:

@@ -55,6 +55,11 @@ class Layout:
         return self.root / "ground_truth"
 
     @property
+    def depth(self) -> Path:
+        """Depth maps of the images and the clouds that they make together."""
+        return self.in_use("depth")
+
+    @property
     def masks(self) -> Path:
         return self.in_use("masks")
 

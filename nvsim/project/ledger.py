@@ -9,23 +9,14 @@ import json
 import sqlite3
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-from nvsim.errors import InputError
-from nvsim.files.reading import reading
-from nvsim.files.tables import NUMBER, TEXT
 from nvsim.project import results
 from nvsim.project.project import Project
+from nvsim.project.stage_records import StageRecord, record
 
-
-@dataclass(frozen=True)
-class StageRecord:
-    """The finished result in use: key of its inputs, seconds of work, summary figures."""
-
-    key: str
-    seconds: float
-    summary: dict[str, Any]
+__all__ = ["StageRecord", "begin", "finish", "forget", "is_current", "key_of", "record"]
 
 
 def key_of(*parts: object) -> str:
@@ -38,22 +29,6 @@ def key_of(*parts: object) -> str:
 
     text = json.dumps([plain(p) for p in parts], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
-
-
-_STAGE = {"key": TEXT, "seconds": NUMBER, "summary": TEXT}
-
-
-def record(project: Project, stage: str, part: int = 0) -> StageRecord | None:
-    """What is in use of a part of a stage, whether or not it is being made again; None while it never was finished."""
-    rows = project.read("stages", _STAGE, "WHERE stage = ? AND part = ? AND state = 'done'", (stage, part))
-    if not rows:
-        return None
-    key, seconds, text = rows[0]
-    with reading(project.layout.database, f"a database with a summary of the stage {stage}", "run the stage again"):
-        summary = json.loads(text)
-    if not isinstance(summary, dict):
-        raise InputError(f"{project.layout.database}: the stage {stage} has no summary; run it again.")
-    return StageRecord(key, seconds, summary)
 
 
 def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:

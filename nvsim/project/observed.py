@@ -29,7 +29,9 @@ def observed_occupancy(
     """For a user to look at, not a truth: a sparse cloud leaves obstacles out. A map that would be too large for the
     memory is made coarser. Raises InputError when the cameras are too far apart for that."""
     positions = capture.positions[:, :2]
-    points = np.zeros((0, 3), np.float32) if capture.cloud is None else capture.cloud.points
+    floor = floor_of(project)
+    cloud = project.scan_on(floor)
+    points = np.zeros((0, 3), np.float32) if cloud is None else cloud.points
     low, high = positions.min(axis=0) - 8.0, positions.max(axis=0) + 8.0
     while np.prod((high - low) / resolution) > _MOST_CELLS and resolution < _COARSEST:
         resolution *= 2
@@ -38,7 +40,7 @@ def observed_occupancy(
     cells = np.where(support.at(empty.centres()), FREE, UNKNOWN)
     inside = ((points[:, :2] >= low) & (points[:, :2] < high)).all(axis=1)
     points = points[inside]
-    above = points[:, 2] - floor_of(project).height_at(points[:, :2])
+    above = points[:, 2] - floor.height_at(points[:, :2])
     index = empty.index(points[(above > _LOW) & (above < _HIGH), :2])
     counts = np.bincount(index[:, 0] * columns + index[:, 1], minlength=rows * columns).reshape(rows, columns)
     labels, sizes = cv2.connectedComponentsWithStats((counts >= _POINTS_PER_CELL).astype(np.uint8), connectivity=8)[1:3]

@@ -6,17 +6,25 @@ from collections.abc import Callable
 from pathlib import Path
 
 from nvsim.events import Listener
-from nvsim.project.config import CaptureConfig, RunConfig
+from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.project.project import Project
-from nvsim.project.stages import floors, imported, mapped, submaps, trained
+from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
 from nvsim.project.work import STAGES, StageName
 
 
-def run(project: Project, source: Path, understood: CaptureConfig, config: RunConfig, listen: Listener) -> None:
+def run(
+    project: Project,
+    source: Path,
+    understood: CaptureConfig,
+    config: RunConfig,
+    listen: Listener,
+    depth: DepthUse = "auto",
+) -> None:
     """A posed walk in, a navigation graph in the project out. Raises InputError for what a user can mend."""
     runs: dict[StageName, Callable[[], object]] = {
         "import": lambda: imported.run(project, source, understood, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
+        "depth": lambda: depths.run(project, depth, config.depth, listen),
         "floors": lambda: floors.run(project, listen),
         "train": lambda: trained.run(project, config.train, listen),
         "map": lambda: mapped.run(project, config.map, listen),

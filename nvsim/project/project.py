@@ -7,7 +7,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +31,7 @@ from nvsim.project.work import FROM_A_CUT, StageName, lacks
 from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:
-    from nvsim.capture.types import Capture
+    from nvsim.capture.types import Capture, Cloud
     from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.occupancy.types import OccupancyMap
     from nvsim.perception.support import FloorSupport
@@ -50,6 +50,7 @@ class Project:
         self.connection = connection
         self._lock = lock
         self._capture: tuple[tuple[Path, int], Capture] | None = None
+        self._scan: tuple[Hashable, Cloud | None] | None = None
         self._cut: tuple[Path, tuple[Submap, ...]] | None = None
         self._fresh = False
         self._stamp = stamp(layout.database)
@@ -183,6 +184,26 @@ class Project:
         if capture is None:
             raise lacks(self.layout.root, "import")
         return capture
+
+    def scan(self) -> Cloud | None:
+        """The cloud that all stages after the depth use, read once for as long as it stays the same: the capture's scan
+        where it is dense, with what the depth of the images adds where there is one too; else what the depth shows;
+        else the sparse cloud, or None. Raises InputError while nothing was imported, and for damaged files."""
+        from nvsim.project.scan import depth_in_use, load_scan
+
+        depth = depth_in_use(self)
+        self.need_capture()
+        stamp = self._capture and self._capture[0], depth and depth.key, self.layout.depth
+        if self._scan is None or self._scan[0] != stamp:
+            self._scan = stamp, load_scan(self)
+        return self._scan[1]
+
+    def scan_on(self, floor: FloorSurface) -> Cloud | None:
+        """The same with the noise of images taken off `floor`, so that floor is not taken for obstacles."""
+        from nvsim.depth.floor_noise import calmed
+
+        cloud = self.scan()
+        return None if cloud is None else calmed(cloud, floor)
 
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
         """The newest cut of the trajectory, or that which the floors or the models in use were made with."""

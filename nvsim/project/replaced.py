@@ -58,6 +58,14 @@ def _what(result: Result, stage: str) -> tuple[str, list[str]]:
         steps = sorted({int(r.summary["steps"]) for r in rows.values() if "steps" in r.summary})
         figures = [f"{' and '.join(map(str, steps))} steps"] if steps else []
         return f"the {'model' if models == 1 else 'models'} of {_count(models, 'submap')}", figures
+    if stage == "depth":
+        skipped = summary.get("skipped")
+        what = (
+            "the decision that no depth is estimated"
+            if skipped
+            else f"the depth of {_count(summary.get('frames', 0), 'frame')}"
+        )
+        return what, []
     if stage == "floors":
         return f"the floor masks of {_count(summary.get('frames', 0), 'frame')}", []
     if stage == "submaps":

@@ -25,12 +25,14 @@ from nvsim.project.layout import Layout, model_name
 from nvsim.project.work import STAGES
 
 NOWHERE = "models/none"
-"""The place of a model that a result does not have."""
-_PLACE = re.compile(r"((imported|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)")
-_NAME = re.compile(r"imported|masks|floor|models/submap_\d{3,}|cut/(submaps|floors|train)")
-_MADE = re.compile(r"(imported|masks|floor|submap_\d{3,})(\.\d+)?|\d+\.npz|graph\.\d+")
-_NAMES = {"import": ("imported",), "submaps": (), "floors": ("masks", "floor"), "map": ()}
-_FINISHED = {"imported": "capture.json", "floor": "support.npz", "models": "model.json"}
+"""The place of a model, or of depth, that a result does not have."""
+_PLACE = re.compile(
+    r"((imported|depth|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)"
+)
+_NAME = re.compile(r"imported|depth|masks|floor|models/submap_\d{3,}|cut/(submaps|floors|train)")
+_MADE = re.compile(r"(imported|depth|masks|floor|submap_\d{3,})(\.\d+)?|\d+\.npz|graph\.\d+")
+_NAMES = {"import": ("imported",), "submaps": (), "depth": ("depth",), "floors": ("masks", "floor"), "map": ()}
+_FINISHED = {"imported": "capture.json", "depth": "cloud.ply", "floor": "support.npz", "models": "model.json"}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, get_args
 
 from nvsim.errors import InputError
 
-StageName = Literal["import", "submaps", "floors", "train", "map"]
+StageName = Literal["import", "submaps", "depth", "floors", "train", "map"]
 """The steps of the main job, in their order; each makes a result that stays in the project."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
@@ -57,6 +57,9 @@ WORK: dict[str, Work] = {
     for row in (
         Work("import", "Import a capture", "read a capture into a project", None),
         Work("submaps", "Cut into submaps", "cut the trajectory into overlapping submaps", "import"),
+        Work(
+            "depth", "Estimate depth", "estimate dense depth from the images, where no scan lies beside them", "import"
+        ),
         Work("floors", "Find the floor", "find the floor in every frame", "submaps"),
         Work("train", "Train", "fit the floor-aware Gaussian model of each submap", "floors"),
         Work("map", "Build the map", "walk the models and build the navigation graph", "train"),
@@ -72,6 +75,13 @@ WORK: dict[str, Work] = {
             "Evaluate floor masks",
             "IoU of the floor masks against a truth",
             "floors",
+            prints_figures=True,
+        ),
+        Work(
+            "evaluate depth",
+            "Evaluate depth",
+            "how near the depth of the images comes to a true one",
+            "depth",
             prints_figures=True,
         ),
         Work(
@@ -123,6 +133,13 @@ STAGE: dict[StageName, Stage] = {
         "The capture has grown since it was divided into submaps.",
         "",
         "submaps",
+    ),
+    "depth": Stage(
+        "depth",
+        "no depth is estimated from the images yet",
+        "The capture has grown since depth was estimated.",
+        "",
+        "depth",
     ),
     "floors": Stage(
         "floor masks",

@@ -104,18 +104,18 @@ def initial_gaussians(
     points, colors = seen_points(views, cloud)
     points, colors = _above(points, colors, floor, config)
     surface = points
-    most = count if cloud.kind == "lidar" else int(count * SPARSE_SHARE)
+    most = count if cloud.is_dense else int(count * SPARSE_SHARE)
     if len(points) > most:
         shares = detail_shares(points, colors, config.seed_detail) if config.seed_detail > 0 else None
         chosen = np.sort(rng.choice(len(points), most, replace=False, p=shares))
         points, colors = points[chosen], colors[chosen]
-    if cloud.kind != "lidar" or len(points) < FEW:
+    if not cloud.is_dense or len(points) < FEW:
         more, more_colors = guessed_points(views, points, floor, count - len(points), rng)
         more, more_colors = _above(more, more_colors, floor, config)
         points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
     made = gaussians_at(points, colors, config.sh_degree, config.seed_opacity)
     made.log_scales += np.float32(np.log(config.seed_size))
-    if cloud.kind == "lidar" and config.seed_flatness < 1:
+    if cloud.is_dense and config.seed_flatness < 1:
         flatten(made, surface, config.seed_flatness)
     return made
 

@@ -141,7 +141,7 @@ def contents(path: Path | None = None, scene: bool = True) -> Contents:
     info: dict[int, dict[str, object]] = {
         i: {"psnr": 27.1 + 0.6 * i, "gaussians": 61_000 + 7_431 * i} for i in range(3)
     }
-    stages = frozenset({"import", "submaps", "floors", "train", "map"})
+    stages = frozenset({"import", "submaps", "depth", "floors", "train", "map"})
     return Contents(path, walk, parts, nav, plan, jobs(), "models" if scene else None, info if scene else {}, stages)
 
 

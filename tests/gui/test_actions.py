@@ -82,7 +82,7 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
         action.trigger()
         if entry.check and not entry.group:
             action.trigger()
-    assert ordered == ["submaps", "floors", "train", "map"]
+    assert ordered == ["submaps", "depth", "floors", "train", "map"]
     for dialog in window.findChildren(QDialog):
         dialog.reject()
     for child in window.findChildren(type(window.notice_area)):

@@ -22,8 +22,8 @@ from nvsim.training.config import TrainingConfig, preset
 
 PROJECT = Path("house.nvsim")
 VERBS = (
-    "submaps", "floors", "train", "map", "evaluate views", "evaluate floor", "evaluate graph", "evaluate ablation",
-    "export r2r", "export splats",
+    "submaps", "depth", "floors", "train", "map", "evaluate views", "evaluate floor", "evaluate depth",
+    "evaluate graph", "evaluate ablation", "export r2r", "export splats",
 )  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def test_a_wrong_command_line_is_exit_code_2(argv):
 
 
 @pytest.mark.parametrize(
-    "verb", ["submaps", "floors", "train", "map", "panorama", "evaluate views", "export r2r", "app"]
+    "verb", ["submaps", "depth", "floors", "train", "map", "panorama", "evaluate views", "export r2r", "app"]
 )
 def test_a_missing_project_is_one_sentence_and_exit_code_2(verb, tmp_path):
     result = run(*verb.split(), "--project", str(tmp_path / "nowhere.nvsim"))
@@ -58,7 +58,13 @@ def test_stages_out_of_order_say_what_to_run_first(tmp_path):
 
     root = tmp_path / "house.nvsim"
     Project.create_or_open(root).close()
-    for verb, first in (("submaps", "import"), ("floors", "submaps"), ("train", "submaps"), ("map", "train")):
+    for verb, first in (
+        ("submaps", "import"),
+        ("depth", "import"),
+        ("floors", "submaps"),
+        ("train", "submaps"),
+        ("map", "train"),
+    ):
         result = run(verb, "--project", str(root))
         assert result.returncode == 2
         assert "run `nvsim" in result.stderr, (first, result.stderr)

@@ -13,7 +13,7 @@ from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.project.stage_states import StageStates, first_stale, stage_states
-from nvsim.project.stages import floors, imported, mapped, submaps, trained
+from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
 from nvsim.project.work import FROM_A_CUT, PIPELINE, STAGE, STAGES, WORK, sentence
 
 
@@ -21,20 +21,22 @@ def test_every_work_is_a_command_that_helps_with_the_words_of_the_table() -> Non
     assert {verb: COMMANDS[verb][1] for verb in WORK} == {verb: row.does for verb, row in WORK.items()}
 
 
-def test_a_stage_needs_the_one_before_it() -> None:
-    assert [WORK[stage].needs for stage in STAGES] == [None, *STAGES[:-1]]
+def test_a_stage_needs_the_one_before_it_and_depth_may_be_left_out() -> None:
+    needed = [stage for stage in STAGES if stage != "depth"]
+    assert [WORK[stage].needs for stage in needed] == [None, *needed[:-1]]
+    assert WORK["depth"].needs == "import"
     assert STAGES[1:] == PIPELINE
 
 
 def test_the_modules_of_the_stages_call_themselves_by_the_names_of_the_table() -> None:
-    assert tuple(m.STAGE for m in (imported, submaps, floors, trained, mapped)) == STAGES
+    assert tuple(m.STAGE for m in (imported, submaps, depths, floors, trained, mapped)) == STAGES
 
 
 def test_the_main_job_runs_the_stages_in_the_order_of_the_table(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     ran: list[str] = []
-    for module in (mapped, trained, floors, submaps, imported):
+    for module in (mapped, trained, floors, depths, submaps, imported):
         monkeypatch.setattr(module, "run", lambda *_, name=module.STAGE: ran.append(name))
     with Project.create_or_open(tmp_path / "house.nvsim") as project:
         pipeline.run(project, tmp_path, CaptureConfig(), RunConfig(), lambda _: None)

@@ -10,7 +10,7 @@ from nvsim.cli import show, window
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.session import working
 from nvsim.project import pipeline
-from nvsim.project.config import CaptureConfig, RunConfig
+from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.training.config import Preset, preset
 
 
@@ -28,6 +28,8 @@ class Arguments:
     """Print typed events as JSON lines."""
     preset: Preset = "nvsim"
     """What the flags of training start from."""
+    depth: DepthUse = "auto"
+    """Whether depth is estimated from the images: where the capture has no scan, always, or never."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
 
@@ -45,7 +47,8 @@ def run(arguments: Arguments) -> int:
     with working(arguments.project, "demo", arguments.json, create=True) as (project, listen):
         config = BuildingConfig(seed=arguments.seed, size="small" if arguments.small else "full")
         generate(project.layout.root, config, listen)
-        pipeline.run(project, project.layout.built_in_capture, CaptureConfig(), arguments.config, listen)
+        capture = project.layout.built_in_capture
+        pipeline.run(project, capture, CaptureConfig(), arguments.config, listen, arguments.depth)
         truth = read_map(project.layout.ground_truth / "map.yaml")
         positions = project.need_capture().positions[:, :2]
         figures = evaluate_graph(project.need_graph(), truth, positions)

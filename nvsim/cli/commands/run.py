@@ -12,7 +12,7 @@ from nvsim.cli.arguments import Inline, given
 from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.session import working
 from nvsim.project import pipeline
-from nvsim.project.config import CaptureConfig, RunConfig
+from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.training.config import Preset, preset
 
 
@@ -26,6 +26,8 @@ class Arguments:
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
     preset: Preset = "nvsim"
     """What the flags of training start from."""
+    depth: DepthUse = "auto"
+    """Whether depth is estimated from the images: where the capture has no scan, always, or never."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
 
@@ -37,5 +39,5 @@ def defaults(argv: list[str]) -> Arguments:
 
 def run(arguments: Arguments) -> int:
     with working(arguments.project, "run", arguments.json, create=True) as (project, listen):
-        pipeline.run(project, arguments.capture, arguments.understood, arguments.config, listen)
+        pipeline.run(project, arguments.capture, arguments.understood, arguments.config, listen, arguments.depth)
     return 0

@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress
+from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files.atomic import replacing
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project import ledger, results
@@ -18,6 +19,7 @@ from nvsim.project.corrections import corrected_frames, corrections_key, discard
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
+from nvsim.project.scan import depth_in_use
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.work import StageName
@@ -26,6 +28,11 @@ STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
 
+_NOTHING_STANDS = (
+    "There is neither a scan nor depth of the images, so little says what stands on the floor: masks and map may lead "
+    "through furniture; run `nvsim depth --project` first."
+)
+
 
 def run(project: Project, listen: Listener, discard: bool = False) -> None:
     """Masks of all frames; frames that are held out of training do not count as support. Masks that a user corrected
@@ -33,14 +40,18 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
     config = capture_config(project)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
-    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION)
+    depth = depth_in_use(project)
+    # Without depth the key is that of before there was a depth stage.
+    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION, *([depth.key] if depth else []))
     if ledger.is_current(project, STAGE, key) and _is_whole(project):
         listen(Log("The floor masks are up to date.", STAGE))
         refresh_support(project, listen)
         return
     from nvsim.perception.segment import segment_capture
 
-    capture, submaps = project.need_capture(), submaps_of_capture(project)
+    capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
+    if capture.cloud is None or not capture.cloud.is_dense:
+        listen(Warning(_NOTHING_STANDS, STAGE))
     listen_to_what_is_replaced(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
     # Found beside the floors in use, and with the newest cut.
@@ -103,7 +114,7 @@ def _surface(project: Project, submap: int, positions: np.ndarray, config: Captu
         found = project.surface(submap)
         if found is not None:
             return found
-    surface = estimate_floor(project.need_capture().cloud, positions, config.camera_height)
+    surface = estimate_floor(project.scan(), positions, config.camera_height)
     with replacing(project.layout.surface(submap)) as path:
         np.savez(path, heights=surface.heights, origin=np.array(surface.origin), spacing=surface.spacing)
     return surface
@@ -129,11 +140,12 @@ def _support(project: Project) -> float:
     from nvsim.perception.support import observe
 
     capture, frames = project.need_capture(), supporting_frames(project)
+    floor = floor_of(project)
     support = observe(
         [capture.frames[i].camera for i in frames],
         (read_mask(project.mask_path(i)) for i in frames),
-        floor_of(project),
-        capture.cloud,
+        floor,
+        project.scan_on(floor),
     ).trodden(capture.positions[frames])
     support.save(project.layout.support)
     return float(support.cells.sum() * support.spacing**2)

@@ -30,7 +30,7 @@ def train(
     from nvsim.splats.files import save_model
     from nvsim.training.trainer import train_submap
 
-    layout, capture = project.layout, project.need_capture()
+    layout = project.layout
     place = results.made_at(project.connection, "train", index)[model_name(index)]
     started = time.monotonic()
     surface = project.surface(index)
@@ -40,7 +40,7 @@ def train(
     ready()
     model = train_submap(
         views,
-        capture.cloud,
+        project.scan_on(surface),
         surface,
         config,
         checkpoint=layout.checkpoint(index),

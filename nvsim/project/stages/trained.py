@@ -15,6 +15,7 @@ from nvsim.project import ensemble, ledger, results
 from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
+from nvsim.project.scan import depth_in_use
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.submap_training import train, training_frames, training_views
@@ -94,7 +95,9 @@ def run(
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     """What the model of a submap depends on: neither the number of threads nor how often it is saved."""
     corrected = corrections_key(project, training_frames(project, submap.index))
-    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected)
+    depth = depth_in_use(project)
+    seen = [depth.key] if depth else []  # without depth the key is that of before there was a depth stage
+    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected, *seen)
 
 
 def _same(config: TrainingConfig) -> TrainingConfig:

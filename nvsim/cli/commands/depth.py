@@ -1,0 +1,25 @@
+"""Estimate dense depth from the images and their poses, and the cloud that it makes: what a scan would say. Where the
+capture has a scan, nothing is done unless it is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.cli.session import working
+from nvsim.depth.config import DepthConfig
+from nvsim.project.config import DepthUse
+from nvsim.project.stages import depths
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    depth: DepthUse = "auto"
+    """When: where the capture has no scan; always, which fills holes of a scan and never overrules it; or never."""
+    config: Inline[DepthConfig] = field(default_factory=DepthConfig)
+
+
+def run(arguments: Arguments) -> int:
+    with working(arguments.project, "depth", arguments.json) as (project, listen):
+        depths.run(project, arguments.depth, arguments.config, listen)
+    return 0

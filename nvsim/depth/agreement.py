@@ -1,0 +1,101 @@
+"""Agreement between depth maps: a depth counts where the maps of other views have the same place at the same depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from nvsim.depth.view import Warp
+
+Float32 = NDArray[np.float32]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _compare(
+    found: Float32,
+    other: Float32,
+    weight: Float32,
+    turned: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    back: NDArray[np.float64],
+    share: float,
+    plane: float,
+    mass: Float32,
+    total: Float32,
+    views: NDArray[np.uint8],
+    through: NDArray[np.uint8],
+) -> None:
+    """Adds what `other` (H', W') with `weight` says of `found` (H, W) to the arrays (H, W) that follow."""
+    height, width = found.shape
+    tall, wide = other.shape
+    for y in range(height):
+        for x in range(width):
+            w = found[y, x]
+            if w <= 0:
+                continue
+            z = turned[2, 0] * x + turned[2, 1] * y + turned[2, 2] + w * shift[2]
+            if z <= 1e-6:
+                continue
+            p = (turned[0, 0] * x + turned[0, 1] * y + turned[0, 2] + w * shift[0]) / z
+            q = (turned[1, 0] * x + turned[1, 1] * y + turned[1, 2] + w * shift[1]) / z
+            if p < -0.5 or q < -0.5 or p >= wide - 0.5 or q >= tall - 0.5:
+                continue
+            u, v = int(p + 0.5), int(q + 0.5)
+            there = other[v, u]
+            if there <= 0:
+                continue
+            expected = w / z
+            allowed = share * expected + plane
+            if abs(there - expected) < allowed:
+                here = (back[0] * p + back[1] * q + back[2]) / there + back[3]
+                if here > 0:
+                    mass[y, x] += weight[v, u]
+                    total[y, x] += weight[v, u] / here
+                    views[y, x] += 1
+            elif there < expected - 2 * allowed:
+                through[y, x] += 1
+
+
+@dataclass(frozen=True, eq=False)
+class Agreed:
+    """inverse  (H, W) float32, 1 / metres: the weighted mean of the depths that agree, 0 where there is none
+    views    (H, W) uint8, how many other maps agree
+    through  (H, W) uint8, how many see through the place
+    """
+
+    inverse: Float32
+    views: NDArray[np.uint8]
+    through: NDArray[np.uint8]
+
+
+def agreed(
+    found: Float32,
+    weight: Float32,
+    others: list[tuple[Float32, Float32, Warp]],
+    share: float,
+    plane: float,
+) -> Agreed:
+    """An inverse depth map (H, W) with its weights, compared with those of other views (their maps, weights, and the
+    warps to them). They agree when they differ by less than `share` of it and `plane`, 1 / metres."""
+    mass = weight + np.float32(1e-3)
+    total = mass * found
+    views, through = np.zeros(found.shape, np.uint8), np.zeros(found.shape, np.uint8)
+    for other, its, warp in others:
+        _compare(
+            found,
+            other,
+            its + np.float32(1e-3),
+            warp.turned,
+            warp.shift,
+            warp.back,
+            share,
+            plane,
+            mass,
+            total,
+            views,
+            through,
+        )
+    return Agreed(total / mass, views, through)

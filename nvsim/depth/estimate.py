@@ -1,0 +1,193 @@
+"""The stage: dense depth of every frame from its posed neighbours, and the cloud that the frames make together.
+
+First every frame by itself, then what its neighbours confirm. Each result is written as it is found, so that a stopped
+run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.types import Capture
+from nvsim.depth.agreement import Agreed, agreed
+from nvsim.depth.config import DepthConfig
+from nvsim.depth.files import (
+    confidence_path,
+    depth_path,
+    draft_path,
+    read_depth,
+    read_draft,
+    write_depth,
+    write_draft,
+)
+from nvsim.depth.fusion import FusedCloud, Fusion
+from nvsim.depth.labelling import label_planes
+from nvsim.depth.neighbours import neighbours
+from nvsim.depth.planes import find_planes
+from nvsim.depth.refinement import refine
+from nvsim.depth.smoothing import smooth, winner
+from nvsim.depth.sweep import sweep
+from nvsim.depth.view import Views, Warp
+from nvsim.events import Listener, Progress, silent
+from nvsim.files.atomic import make_folder
+
+STAGE = "depth"
+_KEPT_VIEWS = 48
+_KEPT_MAPS = 96
+
+
+def estimate_depth(
+    capture: Capture, folder: Path, config: DepthConfig | None = None, listen: Listener = silent
+) -> FusedCloud:
+    """Writes the depth and the confidence of every frame to `folder` (see `nvsim.depth.files`); returns the cloud that
+    they make together, of no point where the images show no depth.
+
+    Frames whose files exist are not done again. Raises InputError for an image that cannot be read and for a folder
+    that cannot be written; what is written so far stays.
+    """
+    config = config or DepthConfig()
+    views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
+    count = len(capture.frames)
+    near = [neighbours(views.poses, i, config.others, config.baseline, 0.1) for i in range(count)]
+    steps = _Steps(capture, config, listen, 4 * count)
+    drafts = [folder / name for name in ("single", "confirmed", "labelled")]
+    if not all(depth_exists(folder, i) for i in range(count)):
+        for draft in drafts:
+            make_folder(draft)
+        single, confirmed, labelled = drafts
+        steps.each(_missing(single, count), lambda i: write_draft(single, i, *guess_depth(views, i, config)))
+
+        def confirm(index: int) -> None:
+            found = _confirmed(views, index, near[index], single_maps, config)
+            write_draft(confirmed, index, found.inverse, found.views.astype(np.float32))
+
+        single_maps = _kept(single)
+        steps.each(_missing(confirmed, count), confirm)
+        planes = find_planes(
+            _fused(views, count, lambda i: read_draft(confirmed, i)[0], config).seen_points(config.seen)
+        )
+
+        def label(index: int) -> None:
+            known = read_draft(confirmed, index)[0]
+            chosen = neighbours(views.poses, index, config.sources, config.baseline)
+            camera = views.camera(index)
+            warps = [Warp.between(camera, views.camera(j)) for j in chosen]
+            sources = [views.at(j) for j in chosen]
+            found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
+            write_draft(labelled, index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
+
+        steps.each(_missing(labelled, count), label)
+
+        def finish(index: int) -> None:
+            found = _confirmed(views, index, near[index], labelled_maps, config)
+            write_depth(folder, index, found.inverse, found.views)
+
+        labelled_maps = _kept(labelled)
+        steps.each([i for i in range(count) if not depth_exists(folder, i)], finish)
+    for draft in drafts:
+        shutil.rmtree(draft, ignore_errors=True)
+    listen(Progress(STAGE, steps.total, steps.total))
+
+    def written(index: int) -> NDArray[np.float32]:
+        depth = read_depth(folder, index)
+        with np.errstate(divide="ignore"):
+            return np.where(depth > 0, 1 / depth, 0).astype(np.float32)
+
+    return _fused(views, count, written, config).cloud(config.seen)
+
+
+class _Steps:
+    """Does the work of frames, some at a time, and says how far the whole stage is."""
+
+    def __init__(self, capture: Capture, config: DepthConfig, listen: Listener, total: int) -> None:
+        self._capture, self._config, self._listen, self.total = capture, config, listen, total
+        self._done = 0
+
+    def each(self, todo: list[int], work: Callable[[int], None]) -> None:
+        """`work` for every frame of `todo`; the other frames had it in an earlier run."""
+        self._done += len(self._capture.frames) - len(todo)
+        with ThreadPoolExecutor(self._config.threads) as pool:
+            jobs = {pool.submit(work, i): i for i in todo}
+            try:
+                for job in as_completed(jobs):
+                    job.result()
+                    self._done += 1
+                    name = self._capture.frames[jobs[job]].name
+                    self._listen(Progress(STAGE, self._done, self.total, name))
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+
+
+def _missing(folder: Path, count: int) -> list[int]:
+    return [i for i in range(count) if not draft_path(folder, i).is_file()]
+
+
+def _kept(folder: Path) -> Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """Reads drafts, and keeps those that were read last."""
+    return lru_cache(maxsize=_KEPT_MAPS)(lambda i: read_draft(folder, i))
+
+
+def _confirmed(
+    views: Views,
+    index: int,
+    near: list[int],
+    maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
+    config: DepthConfig,
+) -> Agreed:
+    """What the maps of the frames `near` one confirm of its own: their mean, and 0 where too few agree."""
+    found, weight = maps(index)
+    camera = views.camera(index)
+    others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
+    result = agreed(found, weight, others, config.share, config.plane)
+    known = (result.views >= config.views) & (2 * result.through <= result.views)
+    return replace(result, inverse=np.where(known, result.inverse, 0).astype(np.float32))
+
+
+def _fused(views: Views, count: int, inverse: Callable[[int], NDArray[np.float32]], config: DepthConfig) -> Fusion:
+    fusion = Fusion(config.voxel)
+    for i in range(count):
+        fusion.add(views.camera(i), inverse(i), views.at(i).image)
+    return fusion
+
+
+def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Two (H, W) float32 arrays of a frame by itself: inverse depth, 1 / metres, 0 where it cannot be told; and how
+    much the images know about it, its inverse variance."""
+    view = views.at(index)
+    chosen = neighbours(views.poses, index, config.sources, config.baseline)
+    if not chosen:
+        return np.zeros_like(view.grey), np.zeros_like(view.grey)
+    warps = [Warp.between(view.camera, views.camera(j)) for j in chosen]
+    turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
+    inverse = np.linspace(1 / config.farthest, 1 / config.nearest, config.planes)
+    cost = sweep(view.census, [views.at(j).census for j in chosen], turned, shifts, inverse)
+    total = smooth(cost, view.grey, config.small, config.large, config.fall)
+    found, margin = winner(total, inverse.astype(np.float32))
+    found[margin < config.margin] = 0
+    knowledge = np.zeros_like(found)
+    for _ in range(config.steps):
+        found, knowledge, _ = refine(
+            view.grey,
+            [views.at(j).grey for j in chosen],
+            turned,
+            shifts,
+            found,
+            config.window,
+            inverse[1] - inverse[0],
+            config.noise,
+        )
+    return found, knowledge
+
+
+def depth_exists(folder: Path, index: int) -> bool:
+    """Whether the depth of a frame is there, with its confidence."""
+    return depth_path(folder, index).is_file() and confidence_path(folder, index).is_file()

@@ -1,0 +1,76 @@
+"""Depth maps on disk: NNNNNN.png holds the depth along the optical axis in millimetres (16 bits, 0 = unknown), and
+NNNNNN_confidence.png how many other views confirm it (8 bits)."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.files.atomic import write_bytes
+from nvsim.files.decoding import decoded
+from nvsim.files.regular import read_bytes
+from nvsim.files.stored_arrays import read_arrays
+
+_AGAIN = "delete it and run `nvsim depth --project` again"
+
+
+def depth_path(folder: Path, index: int) -> Path:
+    """Where the depth of frame `index` lies."""
+    return folder / f"{index:06d}.png"
+
+
+def confidence_path(folder: Path, index: int) -> Path:
+    """Where the confidence of frame `index` lies."""
+    return folder / f"{index:06d}_confidence.png"
+
+
+def write_depth(folder: Path, index: int, inverse: NDArray[np.float32], views: NDArray[np.uint8]) -> None:
+    """Writes inverse depth (H, W), 1 / metres, 0 where unknown, and how many views confirm it (H, W). Raises InputError
+    when the disk refuses."""
+    with np.errstate(divide="ignore"):
+        depth = np.where(inverse > 1 / 65.0, np.rint(1000 / inverse), 0).astype(np.uint16)
+    # The depth last: where it is, the confidence is too.
+    write_bytes(confidence_path(folder, index), _png(np.where(depth > 0, views, 0).astype(np.uint8)))
+    write_bytes(depth_path(folder, index), _png(depth))
+
+
+def read_depth(folder: Path, index: int) -> NDArray[np.float32]:
+    """(H, W) float32 metres along the optical axis, 0 where unknown. Raises InputError."""
+    path = depth_path(folder, index)
+    stored = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=_AGAIN)
+    return np.asarray(stored, np.float32).reshape(stored.shape[:2]) / np.float32(1000)
+
+
+def read_confidence(folder: Path, index: int) -> NDArray[np.uint8]:
+    """(H, W) uint8, how many other views confirm the depth. Raises InputError."""
+    path = confidence_path(folder, index)
+    return np.asarray(
+        decoded(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a confidence map", then=_AGAIN), np.uint8
+    )
+
+
+def draft_path(folder: Path, index: int) -> Path:
+    """Where what is found of frame `index` lies until the stage is done."""
+    return folder / f"{index:06d}.npz"
+
+
+def write_draft(folder: Path, index: int, inverse: NDArray[np.float32], weight: NDArray[np.float32]) -> None:
+    """Keeps inverse depth (H, W), 1 / metres, and its weight (H, W). Raises InputError when the disk refuses."""
+    held = io.BytesIO()
+    np.savez(held, inverse=inverse.astype(np.float16), weight=np.minimum(weight, 6e4).astype(np.float16))
+    write_bytes(draft_path(folder, index), held.getvalue())
+
+
+def read_draft(folder: Path, index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """What `write_draft` kept. Raises InputError."""
+    path = draft_path(folder, index)
+    arrays = read_arrays(path, "an unfinished depth map", {"inverse": ("f", 2), "weight": ("f", 2)}, _AGAIN)
+    return arrays["inverse"].astype(np.float32), arrays["weight"].astype(np.float32)
+
+
+def _png(values: NDArray[np.integer]) -> bytes:
+    return bytes(cv2.imencode(".png", values, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes())

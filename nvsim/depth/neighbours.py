@@ -1,0 +1,35 @@
+"""Which images help one to see depth: those that look at the same from another place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+_DEGREES = 40.0
+
+
+def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: float, spread: float = 0.2) -> list[int]:
+    """Indices of at most `count` frames that see what `frame` sees with parallax, the best first.
+
+    poses     (N, 4, 4) camera to world
+    baseline  metres between the cameras that are best for the depths of the place
+    spread    chosen frames are at least this share of `baseline` apart
+
+    Parallax sideways is worth more than along the view, where it vanishes in the middle of the image.
+    """
+    places, views = poses[:, :3, 3], poses[:, :3, 2]
+    offset = places - places[frame]
+    length = np.linalg.norm(offset, axis=1)
+    turned = np.degrees(np.arccos(np.clip(views @ views[frame], -1, 1)))
+    aside = np.linalg.norm(offset - (offset @ views[frame])[:, None] * views[frame], axis=1)
+    with np.errstate(divide="ignore"):
+        fit = np.exp(-(np.log(length / baseline) ** 2))
+    score = fit * (0.3 + np.minimum(aside / baseline, 1.0)) * np.cos(np.radians(turned))
+    score[(length < 0.15 * baseline) | (length > 4 * baseline) | (turned > _DEGREES)] = 0.0
+    chosen: list[int] = []
+    for other in np.argsort(-score, kind="stable"):
+        if score[other] <= 0 or len(chosen) == count:
+            break
+        if all(np.linalg.norm(places[other] - places[taken]) > spread * baseline for taken in chosen):
+            chosen.append(int(other))
+    return chosen

@@ -1,0 +1,184 @@
+"""The planes of a building, found in the cloud of its depth maps: floors, ceilings and walls as patches with an extent.
+
+Upright and level planes only: those are what bare surfaces of buildings are, and what the cloud holds a border of.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.depth.fusion import SeenPoints, normals_of
+from nvsim.depth.view import matrix_of
+from nvsim.geometry.camera import Camera
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlaneConfig:
+    """coarse     metres: the cloud is thinned to cells of this size
+    turned      degrees by which the normal of a point of a plane may be off
+    thickness   metres: half of what counts as on a plane
+    scatter     metres: points this near to a plane make no plane of their own
+    cell        metres: cells in which the extent of a plane is told
+    gap         cells without a point that a patch may span
+    smallest    square metres of cells with points
+    margin      metres that a patch reaches beyond its points
+    say         points that were seen from so far away, or so seldom, that their say is less make no plane
+    """
+
+    coarse: float = 0.05
+    turned: float = 25.0
+    thickness: float = 0.05
+    scatter: float = 0.12
+    cell: float = 0.2
+    gap: int = 4
+    smallest: float = 0.5
+    margin: float = 0.4
+    say: float = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """normal @ p = offset for world points p on it; `along` and `up` span it; low and high (2,) are its extent in them,
+    metres; `area` its cells with points, square metres."""
+
+    normal: Float64
+    offset: float
+    along: Float64
+    up: Float64
+    low: Float64
+    high: Float64
+    area: float
+
+    def in_pixels(self, camera: Camera) -> Float64:
+        """(3,) a, b, c: a * x + b * y + c is the inverse depth of the plane at pixel index (x, y), not positive where
+        the plane is not before the camera."""
+        distance = self.offset - self.normal @ camera.position
+        if abs(distance) < 1e-6:
+            return np.zeros(3)
+        return np.asarray((self.normal @ camera.rotation @ np.linalg.inv(matrix_of(camera))) / distance)
+
+
+def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Plane]:
+    """The planes on which the points of a building lie, the largest first."""
+    config = config or PlaneConfig()
+    points, towards = _thinned(seen, config)
+    if len(points) < 100:
+        return []
+    normals = normals_of(points.astype(np.float32), towards, 24).astype(np.float64)
+    found: list[Plane] = []
+    z = np.array([0.0, 0.0, 1.0])
+    directions = [z, -z, *_headings(normals)]
+    near = np.cos(np.radians(config.turned))
+    free = np.ones(len(points), bool)
+    for normal in directions:
+        chosen = np.flatnonzero(free & (normals @ normal > near))
+        taken = _parallel(points[chosen], normal, config, found)
+        free[chosen[taken]] = False
+    return sorted(found, key=lambda p: -p.area)
+
+
+def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64]:
+    """One point and the direction to its cameras for every coarse cell, of what was seen from near enough."""
+    good = seen.say > config.say
+    keys = np.floor(seen.points[good] / config.coarse).astype(np.int64)
+    if not len(keys):
+        return np.empty((0, 3)), np.empty((0, 3))
+    _, index = np.unique(keys, axis=0, return_inverse=True)
+    index = index.reshape(-1)
+    weight = seen.say[good].astype(np.float64)
+    mass = np.bincount(index, weight)
+
+    def mean(values: NDArray[np.float32]) -> Float64:
+        return np.stack([np.bincount(index, values[good][:, c] * weight) / mass for c in range(3)], axis=1)
+
+    return mean(seen.points), mean(seen.towards)
+
+
+def _headings(normals: Float64) -> list[Float64]:
+    """Level directions in which many normals point."""
+    level = normals[np.abs(normals[:, 2]) < 0.35]
+    if not len(level):
+        return []
+    degree = np.degrees(np.arctan2(level[:, 1], level[:, 0])) % 360
+    votes = np.bincount(degree.astype(int), minlength=360).astype(float)
+    smooth = sum(np.roll(votes, s) * np.exp(-0.5 * (s / 3.0) ** 2) for s in range(-9, 10))
+    assert isinstance(smooth, np.ndarray)
+    chosen: list[int] = []
+    for peak in np.argsort(-smooth, kind="stable"):
+        if smooth[peak] < 0.04 * smooth.max() or len(chosen) == 24:
+            break
+        if all(min((peak - c) % 360, (c - peak) % 360) > 10 for c in chosen):
+            chosen.append(int(peak))
+    return [np.array([np.cos(a), np.sin(a), 0.0]) for a in np.radians(np.array(chosen) + 0.5)]
+
+
+def _parallel(points: Float64, normal: Float64, config: PlaneConfig, found: list[Plane]) -> NDArray[np.bool_]:
+    """Adds the patches of points (N, 3) that lie across `normal` to `found`; which points they took."""
+    from scipy.ndimage import gaussian_filter1d, label
+
+    taken = np.zeros(len(points), bool)
+    if len(points) < 50:
+        return taken
+    along = np.array([1.0, 0.0, 0.0]) if abs(normal[2]) > 0.5 else np.array([-normal[1], normal[0], 0.0])
+    up = np.cross(normal, along)
+    plane = np.stack([points @ along, points @ up], axis=1)
+    height = points @ normal
+    step = 0.02
+    base = height.min() - 5 * step
+    for _ in range(200):
+        free = ~taken
+        votes = np.bincount(((height[free] - base) / step).astype(int), minlength=int(np.ptp(height) / step) + 12)
+        smooth = gaussian_filter1d(votes.astype(float), 1.5)
+        peak = int(smooth.argmax())
+        least = config.smallest / config.coarse**2 * 0.2
+        if smooth[peak] * 3.8 < least:
+            break
+        centre = base + (peak + 0.5) * step
+        close = np.flatnonzero(free & (np.abs(height - centre) < config.thickness))
+        taken[free & (np.abs(height - centre) < config.scatter)] = True
+        cell = np.floor((plane[close] - plane[close].min(axis=0)) / config.cell).astype(int)
+        grid = np.zeros(cell.max(axis=0) + 1, bool)
+        np.logical_or.at(grid, (cell[:, 0], cell[:, 1]), True)
+        reach = config.gap // 2
+        wide = np.pad(grid, reach)
+        joined = np.zeros_like(wide)
+        for dx in range(-reach, reach + 1):
+            for dy in range(-reach, reach + 1):
+                joined |= np.roll(wide, (dx, dy), (0, 1))
+        parts, count = label(joined[reach : reach + grid.shape[0], reach : reach + grid.shape[1]])
+        member = parts[cell[:, 0], cell[:, 1]]
+        for part in range(1, count + 1):
+            area = float((grid & (parts == part)).sum() * config.cell**2)
+            rows = close[member == part]
+            if area < config.smallest or len(rows) < 40:
+                continue
+            found.append(_fitted(points[rows], normal, along, up, area, config))
+    return taken
+
+
+def _fitted(points: Float64, normal: Float64, along: Float64, up: Float64, area: float, config: PlaneConfig) -> Plane:
+    """The plane through points (N, 3), which may turn by a few degrees from `normal` as far as they say so."""
+    middle = points.mean(axis=0)
+    local = points - middle
+    a, b, h = local @ along, local @ up, local @ normal
+    weight = np.ones(len(h))
+    slope = np.zeros(3)
+    for _ in range(8):
+        design = np.stack([a, b, np.ones_like(a)], axis=1)
+        # A narrow patch says nothing about its slope across.
+        normal_matrix = design.T @ (design * weight[:, None]) + np.diag([0.5, 0.5, 0.0]) * len(h) * 0.05
+        slope = np.linalg.solve(normal_matrix, design.T @ (weight * h))
+        off = h - design @ slope
+        scale = max(1.5 * float(np.median(np.abs(off))), 0.005)
+        weight = 1 / (1 + (off / (2 * scale)) ** 2) ** 2
+    turned = normal - slope[0] * along - slope[1] * up
+    turned /= np.linalg.norm(turned)
+    offset = float(turned @ (middle + slope[2] * normal))
+    flat = np.stack([points @ along, points @ up], axis=1)
+    low, high = np.percentile(flat, 0.5, axis=0) - config.margin, np.percentile(flat, 99.5, axis=0) + config.margin
+    return Plane(turned, offset, along, up, low, high, area)

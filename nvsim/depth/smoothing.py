@@ -1,0 +1,114 @@
+"""Semi-global smoothing of a cost volume: along eight directions, a change of depth costs (Hirschmueller, 2008)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+_FAR = 16000  # more than any path costs
+
+
+@njit(nogil=True, error_model="numpy")
+def _step(
+    cost: NDArray[np.uint8],
+    left: NDArray[np.int16],
+    stay: NDArray[np.int16],
+    right: NDArray[np.int16],
+    small: np.int16,
+    large: np.int16,
+    after: NDArray[np.int16],
+    total: NDArray[np.int16],
+) -> None:
+    """One pixel further along a direction, all arrays (D,). `stay` is the pixel before, whose lowest is 0, `left` and
+    `right` the same one plane aside. Three plain loops over 16 bits: LLVM vectorises each."""
+    planes = cost.shape[0]
+    for d in range(planes):
+        a, b = left[d], right[d]
+        near = np.int16((a if a < b else b) + small)
+        same = stay[d]
+        value = same if same < near else near
+        value = value if value < large else large
+        after[d] = np.int16(np.int16(cost[d]) + value)
+    lowest = np.int16(_FAR)
+    for d in range(planes):
+        value = after[d]
+        lowest = value if value < lowest else lowest
+    for d in range(planes):
+        total[d] = np.int16(total[d] + after[d])
+        after[d] = np.int16(after[d] - lowest)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def smooth(
+    cost: NDArray[np.uint8], guide: NDArray[np.float32], small: int, large: float, fall: float
+) -> NDArray[np.int16]:
+    """(H, W, D) int16: `cost` (H, W, D) uint8, smoothed.
+
+    `small` is the price of a change by one plane, `large` of any greater one, divided by 1 + (the step of `guide`
+    (H, W) float32, grey levels) / `fall`: depth breaks where the image does.
+    """
+    height, width, planes = cost.shape
+    total = np.zeros((height, width, planes), np.int16)
+    few = np.int16(small)
+    nothing = np.full(planes + 2, 0, np.int16)
+    rows = np.full((2, 3, width, planes + 2), _FAR, np.int16)
+    line = np.full((2, planes + 2), _FAR, np.int16)
+    for turn in range(2):
+        sign = 1 - 2 * turn
+        for i in range(height):
+            y = i if turn == 0 else height - 1 - i
+            old, new = (i + 1) % 2, i % 2
+            for j in range(width):
+                x = j if turn == 0 else width - 1 - j
+                for k in range(4):
+                    # k = 0 along the row, 1 to 3 from the row before: one side, straight, the other side.
+                    u = x - sign if k == 0 else x + k - 2
+                    v = y if k == 0 else y - sign
+                    into = line[j % 2] if k == 0 else rows[new, k - 1, x]
+                    before = nothing
+                    price = np.int16(0)
+                    if 0 <= u < width and (k == 0 or i > 0):
+                        step = abs(guide[y, x] - guide[v, u])
+                        price = np.int16(max(small + 2.0, large / (1.0 + step / fall)))
+                        before = line[(j + 1) % 2] if k == 0 else rows[old, k - 1, u]
+                    _step(
+                        cost[y, x],
+                        before[:planes],
+                        before[1 : planes + 1],
+                        before[2 : planes + 2],
+                        few,
+                        price,
+                        into[1 : planes + 1],
+                        total[y, x],
+                    )
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def winner(total: NDArray[np.int16], inverse: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Two (H, W) float32 arrays: the inverse depth (1 / metres) of the lowest of `total` (H, W, D), a parabola through
+    its neighbours giving what lies between planes, 0 at the ends of the range; and how much the next best is worse,
+    as a share of it."""
+    height, width, planes = total.shape
+    found = np.zeros((height, width), np.float32)
+    margin = np.zeros((height, width), np.float32)
+    for y in range(height):
+        for x in range(width):
+            here = total[y, x]
+            best, lowest = 0, here[0]
+            for d in range(planes):
+                if here[d] < lowest:
+                    lowest, best = here[d], d
+            second = np.int16(32000)
+            for d in range(planes):
+                if abs(d - best) > 2 and here[d] < second:
+                    second = here[d]
+            margin[y, x] = (float(second) - float(lowest)) / max(1.0, float(second))
+            if best == 0 or best == planes - 1:
+                continue
+            left, right = float(here[best - 1]), float(here[best + 1])
+            bend = left + right - 2 * float(lowest)
+            offset = 0.5 * (left - right) / bend if bend > 0 else 0.0
+            found[y, x] = inverse[best] + offset * (inverse[1] - inverse[0])
+    return found, margin

@@ -1,0 +1,85 @@
+"""A frame as the depth stage sees it, and how its pixels fall into another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Frame
+from nvsim.depth.census import census_of
+from nvsim.geometry.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """camera  the pinhole at the working size
+    grey    (H, W) float32, grey values, slightly blurred
+    census  (H, W) uint64
+    image   (H, W, 3) uint8 RGB
+    """
+
+    camera: Camera
+    grey: NDArray[np.float32]
+    census: NDArray[np.uint64]
+    image: NDArray[np.uint8]
+
+    @staticmethod
+    def read(frame: Frame, longest_side: int, threshold: float) -> View:
+        """Raises InputError for an image that cannot be read."""
+        intrinsics = frame.intrinsics.within(longest_side)
+        image = read_image(frame, intrinsics)
+        plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
+        return View(Camera(intrinsics, frame.camera_to_world), grey, census_of(grey, threshold), image)
+
+
+@dataclass(frozen=True, eq=False)
+class Warp:
+    """From pixel indices p of one view to another: p at inverse depth w falls on turned @ p + w * shift, of which the
+    third component is the depth there as a multiple of the depth here.
+
+    turned (3, 3) float64, shift (3,) float64; back (4,) float64: the depth here of the pixel q at depth z there is
+    z * (back[:3] @ (q, 1)) + back[3]
+    """
+
+    turned: NDArray[np.float64]
+    shift: NDArray[np.float64]
+    back: NDArray[np.float64]
+
+    @staticmethod
+    def between(here: Camera, there: Camera) -> Warp:
+        relative = there.world_to_camera @ here.camera_to_world
+        into, out = matrix_of(there), np.linalg.inv(matrix_of(here))
+        turned, shift = into @ relative[:3, :3] @ out, into @ relative[:3, 3]
+        backwards = here.world_to_camera @ there.camera_to_world
+        back = np.append(backwards[2, :3] @ np.linalg.inv(into), backwards[2, 3])
+        return Warp(turned, shift, back)
+
+
+def matrix_of(camera: Camera) -> NDArray[np.float64]:
+    """(3, 3) from camera coordinates to pixel indices: the first pixel's centre is 0."""
+    k = camera.intrinsics
+    return np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]])
+
+
+class Views:
+    """The views of a capture, read when they are needed, the last used kept."""
+
+    def __init__(self, frames: tuple[Frame, ...], longest_side: int, threshold: float, most: int) -> None:
+        self.frames = frames
+        self._side = longest_side
+        self.at = lru_cache(maxsize=most)(lambda i: View.read(frames[i], longest_side, threshold))
+
+    def camera(self, index: int) -> Camera:
+        frame = self.frames[index]
+        return Camera(frame.intrinsics.within(self._side), frame.camera_to_world)
+
+    @cached_property
+    def poses(self) -> NDArray[np.float64]:
+        """(N, 4, 4) camera to world."""
+        return np.array([f.camera_to_world for f in self.frames])

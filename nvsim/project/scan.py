@@ -1,0 +1,51 @@
+"""What is known of the surfaces of a building: the capture's scan, or what the depth stage saw in the images."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nvsim.project.stage_records import StageRecord, record
+
+if TYPE_CHECKING:
+    from nvsim.capture.types import Cloud
+    from nvsim.project.project import Project
+
+CLOUD = "cloud.ply"
+"""Of the depth stage's folder: all that the images show."""
+ADDED = "added.ply"
+"""Beside it where the capture has a scan: what the scan lacks."""
+
+
+def depth_in_use(project: Project) -> StageRecord | None:
+    """What the ledger says of the depth of the project's images; None where there is none: it was never estimated, was
+    skipped, or is of another capture than there is now."""
+    found, imported = record(project, "depth"), record(project, "import")
+    if found is None or imported is None or "skipped" in found.summary:
+        return None
+    return found if found.summary.get("capture") == imported.key else None
+
+
+def load_scan(project: Project) -> Cloud | None:
+    """See `Project.scan`."""
+    scanned = project.need_capture().cloud
+    if depth_in_use(project) is None:
+        return scanned
+    from nvsim.depth.cloud_file import as_cloud, read_cloud_file
+
+    dense = scanned is not None and scanned.is_dense
+    seen = as_cloud(read_cloud_file(project.layout.depth / (ADDED if dense else CLOUD)))
+    if not len(seen.points):
+        return scanned
+    return _completed(scanned, seen) if scanned is not None and dense else seen
+
+
+def _completed(scan: Cloud, added: Cloud) -> Cloud:
+    from nvsim.capture.types import Cloud
+
+    assert added.colors is not None and added.normals is not None  # the depth of images has both
+    colors = None if scan.colors is None else np.concatenate([scan.colors, added.colors])
+    unknown = np.zeros_like(scan.points)
+    points, normals = np.concatenate([scan.points, added.points]), np.concatenate([unknown, added.normals])
+    return Cloud(points, colors, scan.kind, normals)

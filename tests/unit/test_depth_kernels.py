@@ -1,0 +1,138 @@
+"""The kernels of depth against slow references, and against planes whose depth is known."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from nvsim.depth.agreement import agreed
+from nvsim.depth.census import census_of
+from nvsim.depth.neighbours import neighbours
+from nvsim.depth.refinement import refine
+from nvsim.depth.smoothing import smooth, winner
+from nvsim.depth.sweep import WORST, sweep
+from nvsim.depth.view import View, Warp
+from nvsim.geometry.camera import Camera, Intrinsics
+
+LENS = Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0)
+
+
+def camera_at(x: float, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Camera:
+    """Looks along the world's z, a pose that is as good as any."""
+    pose = np.eye(4)
+    pose[:3, :3] = cv2.Rodrigues(np.array([0.0, yaw, 0.0]))[0]
+    pose[:3, 3] = x, y, z
+    return Camera(LENS, pose)
+
+
+def wall_seen_by(camera: Camera, rng_seed: int = 3) -> tuple[View, np.ndarray]:
+    """A textured wall, slanted: z = 3 + 0.2 x; the view and its true inverse depth."""
+    rng = np.random.default_rng(rng_seed)
+    texture = cv2.GaussianBlur(rng.uniform(0, 255, (512, 512)).astype(np.float32), (0, 0), 2.0)
+    texture = (texture - texture.mean()) * 4 + 128
+    rays = camera.rays().astype(np.float64)
+    along = (3 + 0.2 * camera.position[0] - camera.position[2]) / (rays[..., 2] - 0.2 * rays[..., 0])
+    points = camera.position + along[..., None] * rays
+    image = cv2.remap(
+        texture,
+        (256 + 40 * points[..., 0]).astype(np.float32),
+        (256 + 40 * points[..., 1]).astype(np.float32),
+        cv2.INTER_LINEAR,
+    )
+    depth = ((points - camera.position) @ camera.rotation)[..., 2]
+    rgb = np.repeat(image.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    return View(camera, image, census_of(image, 2.0), rgb), (1 / depth).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def wall() -> tuple[View, np.ndarray, list[View], list[Warp]]:
+    here = camera_at(0.0)
+    others = [camera_at(0.4, yaw=0.03), camera_at(-0.4), camera_at(0.1, 0.3, 0.1), camera_at(-0.1, -0.3, 0.1)]
+    view, truth = wall_seen_by(here)
+    return view, truth, [wall_seen_by(c)[0] for c in others], [Warp.between(here, c) for c in others]
+
+
+def swept(wall: tuple[View, np.ndarray, list[View], list[Warp]], planes: int) -> tuple[np.ndarray, np.ndarray]:
+    view, _, sources, warps = wall
+    inverse = np.linspace(0.1, 0.8, planes)
+    turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
+    return sweep(view.census, [s.census for s in sources], turned, shifts, inverse), inverse
+
+
+def test_the_sweep_counts_the_bits_that_differ_in_the_best_two_images(wall) -> None:
+    cost, inverse = swept(wall, 8)
+    view, _, sources, warps = wall
+    rng = np.random.default_rng(0)
+    same = 0
+    for _ in range(300):
+        y, x, d = rng.integers(72), rng.integers(96), rng.integers(8)
+        found = []
+        for source, warp in zip(sources, warps, strict=True):
+            p = warp.turned @ [x, y, 1.0] + inverse[d] * warp.shift
+            u, v = np.rint(p[:2] / p[2]).astype(int)
+            if 0 <= u < 96 and 0 <= v < 72:
+                found.append(bin(int(view.census[y, x]) ^ int(source.census[v, u])).count("1"))
+            else:
+                found.append(WORST)
+        same += int(cost[y, x, d]) == sum(sorted(min(f, WORST) for f in found)[:2])
+    assert same >= 295  # where a pixel falls between two, rounding may differ
+
+
+def test_smoothing_is_the_recurrence_along_eight_directions() -> None:
+    rng = np.random.default_rng(1)
+    cost = rng.integers(0, 40, (6, 7, 5)).astype(np.uint8)
+    guide = rng.uniform(0, 20, (6, 7)).astype(np.float32)
+    expected = np.zeros((6, 7, 5))
+    for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        path = np.zeros((6, 7, 5))
+        for y in range(6) if dy >= 0 else range(5, -1, -1):
+            for x in range(7) if dx >= 0 else range(6, -1, -1):
+                v, u = y - dy, x - dx
+                path[y, x] = cost[y, x]
+                if 0 <= v < 6 and 0 <= u < 7:
+                    before = path[v, u] - path[v, u].min()
+                    price = int(max(4 + 2.0, 30.0 / (1 + abs(float(guide[y, x]) - float(guide[v, u])) / 5.0)))
+                    padded = np.pad(before, 1, constant_values=1e9)
+                    path[y, x] += np.minimum(np.minimum(before, np.minimum(padded[:-2], padded[2:]) + 4), price)
+        expected += path
+    assert np.array_equal(smooth(cost, guide, 4, 30.0, 5.0), expected)
+
+
+def test_a_slanted_wall_is_found_to_within_two_per_cent(wall) -> None:
+    cost, inverse = swept(wall, 64)
+    view, truth, sources, warps = wall
+    found, margin = winner(smooth(cost, view.grey, 4, 40.0, 8.0), inverse.astype(np.float32))
+    error = np.abs(found / truth - 1)[8:-8, 8:-8]
+    assert np.median(error) < 0.015 and np.mean(error < 0.05) > 0.95 and np.median(margin) > 0.1
+
+
+def test_a_step_of_refinement_halves_the_error_and_knows_where_it_can(wall) -> None:
+    view, truth, sources, warps = wall
+    turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
+    start = (truth * 1.02).astype(np.float32)
+    better, knowledge, alike = refine(view.grey, [s.grey for s in sources], turned, shifts, start, 2.0, 0.02, 2.0)
+    before, after = (np.abs(w / truth - 1)[8:-8, 8:-8] for w in (start, better))
+    assert np.median(after) < 0.5 * np.median(before) and np.median(alike) > 0.8
+    bare = np.full_like(view.grey, 100.0)
+    same, nothing, _ = refine(bare, [bare] * 4, turned, shifts, start, 2.0, 0.02, 2.0)
+    assert np.array_equal(same, start) and nothing.max() < 1e-3 * np.median(knowledge)
+
+
+def test_depths_count_that_other_views_have_too_and_not_those_seen_through(wall) -> None:
+    view, truth, sources, warps = wall
+    maps = [(wall_seen_by(s.camera)[1], np.ones(truth.shape, np.float32), w) for s, w in zip(sources, warps)]
+    wrong = truth.copy()
+    wrong[20:40, 30:50] *= 1.5
+    found = agreed(wrong, np.ones_like(truth), maps, 0.02, 0.002)
+    inside = np.s_[22:38, 32:48]
+    assert found.views[inside].max() == 0 and found.through[inside].min() >= 3
+    good = found.views >= 3
+    assert good.mean() > 0.5 and np.abs(found.inverse / truth - 1)[good].max() < 0.01
+
+
+def test_neighbours_look_the_same_way_from_another_place() -> None:
+    poses = np.stack([camera_at(x).camera_to_world for x in (0.0, 0.01, 0.5, 0.6, 9.0)])
+    poses = np.concatenate([poses, camera_at(0.6, yaw=2.0).camera_to_world[None]])
+    assert neighbours(poses, 0, 4, 0.6) == [3]  # 2 stands too near to 3 to say more
+    assert neighbours(poses[:2], 0, 4, 0.6) == []

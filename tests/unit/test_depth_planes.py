@@ -1,0 +1,86 @@
+"""Planes found in points, and given to the pixels of bare walls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.depth.census import census_of
+from nvsim.depth.config import LabelConfig
+from nvsim.depth.fusion import Fusion, SeenPoints
+from nvsim.depth.labelling import label_planes
+from nvsim.depth.planes import find_planes
+from nvsim.depth.view import View, Warp
+from nvsim.geometry.camera import Camera, Intrinsics
+
+
+def room(rng: np.random.Generator) -> SeenPoints:
+    """A room of 6 x 4 x 2.5 m seen from its middle, every face by points with 1 cm of noise."""
+    size = np.array([6.0, 4.0, 2.5])
+    faces = []
+    for axis in range(3):
+        for side in (0.0, 1.0):
+            points = rng.uniform(0, 1, (6000, 3)) * size
+            points[:, axis] = side * size[axis]
+            faces.append(points)
+    points = np.concatenate(faces) + 0.01 * rng.standard_normal((36000, 3))
+    towards = np.array([3.0, 2.0, 1.2]) - points
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    return SeenPoints(points.astype(np.float32), towards.astype(np.float32), np.ones(len(points), np.float32))
+
+
+def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
+    planes = find_planes(room(np.random.default_rng(0)))
+    assert len(planes) == 6
+    offsets = sorted(round(p.offset, 2) for p in planes)
+    assert np.allclose(offsets, [-6.0, -4.0, -2.5, 0.0, 0.0, 0.0], atol=0.01)
+    for plane in planes:
+        assert plane.normal @ [3.0, 2.0, 1.2] > plane.offset  # it faces those who saw it
+        assert np.abs(plane.normal).max() > 0.999
+
+
+def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
+    planes = find_planes(room(np.random.default_rng(0)))
+    lens = Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0)
+    # Towards +x, level: right is -y, down is -z.
+    turn = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+
+    def view(y: float) -> View:
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = turn, (2.0, y, 1.2)
+        camera = Camera(lens, pose)
+        rays = camera.rays()
+        with np.errstate(divide="ignore"):
+            wall = 4.0 / rays[..., 0]
+            floor = np.where(rays[..., 2] < 0, -1.2 / rays[..., 2], np.inf)
+            ceiling = np.where(rays[..., 2] > 0, 1.3 / rays[..., 2], np.inf)
+        nearest = np.argmin(np.stack([wall, floor, ceiling]), axis=0)
+        grey = np.array([200.0, 90.0, 240.0], np.float32)[nearest]
+        return View(camera, grey, census_of(grey, 2.0), np.repeat(grey.astype(np.uint8)[..., None], 3, 2))
+
+    here, others = view(2.0), [view(1.6), view(2.4)]
+    warps = [Warp.between(here.camera, o.camera) for o in others]
+    nothing = np.zeros(here.grey.shape, np.float32)
+    found, which = label_planes(here, others, warps, nothing, planes, LabelConfig())
+    wall = here.grey == 200.0
+    assert np.mean(which[wall] >= 0) > 0.9
+    assert np.mean(np.abs(found[wall] * 4.0 - 1) < 0.02) > 0.85
+
+
+def test_points_are_averaged_in_cells_by_what_their_distance_makes_of_them() -> None:
+    camera = Camera(Intrinsics(4, 3, 4.0, 4.0, 2.0, 1.5), np.eye(4))
+    image = np.full((3, 4, 3), 7, np.uint8)
+    fusion = Fusion(0.05)
+    for _ in range(3):
+        fusion.add(camera, np.full((3, 4), 0.5, np.float32), image)
+    cloud = fusion.cloud(3)
+    assert len(cloud.points) == 12 and np.allclose(cloud.points[:, 2], 2.0) and (cloud.views == 3).all()
+    assert (cloud.colors == 7).all() and len(fusion.cloud(4).points) == 0
+    many = Fusion(0.001)
+    rng = np.random.default_rng(0)
+    for _ in range(40):  # beyond the first size of the table
+        many.add(
+            Camera(Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0), np.eye(4)),
+            rng.uniform(0.2, 1.0, (60, 80)).astype(np.float32),
+            np.zeros((60, 80, 3), np.uint8),
+        )
+    assert many.cloud(1).views.sum() == 40 * 80 * 60
