@@ -57,9 +57,9 @@ class DepthConfig:
     labels        how bare surfaces are given to the planes of the building
     """
 
-    longest_side: int = 480
-    planes: int = 160
-    nearest: float = 0.6
+    longest_side: int = 400
+    planes: int = 144
+    nearest: float = 0.5
     farthest: float = 20.0
     baseline: float = 0.6
     sources: int = 4
