@@ -168,9 +168,6 @@ class FrameBrowser(QObject):
         for layer in self.layers:
             layer.painted = None
         self._show_mask(matter)
-        if matter.depth is not None and matter.views is not None:
-            self._layer["depth"].painted = pictures.depth(matter.depth)
-            self._layer["views"].painted = pictures.confidence(matter.views)
         canvas = self.page.canvas
         canvas.render_note = "" if self._document.contents.scene_stamp is not None else _NO_MODEL
         canvas.show_photo(pictures.photo(matter.image), keep_zoom=again or canvas.zoom.scale > 0)

@@ -1,5 +1,4 @@
-"""What can be laid over a frame: its floor mask, its depth, normals, and the masks that the hybrid segmentation passes
-through."""
+"""What can be laid over a frame: its floor mask, normals, and the masks that the hybrid segmentation passes through."""
 
 from __future__ import annotations
 
@@ -35,10 +34,6 @@ class FrameLayer:
 def standard_layers() -> tuple[FrameLayer, ...]:
     """In the order in which they are painted."""
     return (
-        FrameLayer("depth", "Depth of the images", "Estimated from this image and its neighbours; near is bright",
-                   "", False, 0.8),
-        FrameLayer("views", "Confidence of the depth", "How many other images confirm it; eight are bright",
-                   "", False, 0.8),
         FrameLayer("normals", "Normals", "Which way surfaces face, as the cloud shows them", "", False, 0.8),
         FrameLayer("semantic", "Looks like floor", "M_sem: colours like those of the floor seen there from elsewhere",
                    "#b07aa1", False, 0.55),
