@@ -57,7 +57,7 @@ class Candidates(QObject):
         self.changed.emit()
 
     def prepare_points(self) -> None:
-        """A person is about to set points: a network answers them, or the normals are fetched."""
+        """A user is about to set points: a network answers them, or the normals are fetched."""
         try:
             network = prompted_files() is not None
         except InputError as error:

@@ -92,7 +92,7 @@ VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
     Column("In", "Whether agents use it", _of_viewpoint("included"), _yes),
     Column("Reviewed", "Whether a user looked at it", _of_viewpoint("reviewed"), _yes),
     Column("Locked", "Whether edits leave it alone", _of_viewpoint("locked"), _yes),
-    Column("From", "What put it there: a step of the search, a merge, a person, a file", _of_viewpoint("origin"), str),
+    Column("From", "What put it there: a step of the search, a merge, a user, a file", _of_viewpoint("origin"), str),
 )
 
 EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
@@ -103,7 +103,7 @@ EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
            lambda f, key: f.evidence.at(f.graph, key), _share, True),
     Column("Reviewed", "Whether a user looked at it", _of_edge("reviewed"), _yes),
     Column("Locked", "Whether edits leave it alone", _of_edge("locked"), _yes),
-    Column("Made by", "What put it there: a step of the search, a merge, a person, a file", _of_edge("origin"), str),
+    Column("Made by", "What put it there: a step of the search, a merge, a user, a file", _of_edge("origin"), str),
 )  # fmt: skip
 
 

@@ -7,75 +7,74 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class LabelConfig:
-    """Costs in bits of the census.
-
-    most      planes that compete in one image
-    farthest  metres
-    share     of the inverse depth by which a confirmed depth may be off, the unit of what it costs to differ
-    differ    what that unit costs
-    worst     a confirmed depth costs no plane more
-    own       to keep a confirmed depth that no plane explains
-    unknown   to leave a pixel without a depth
-    window    pixels: images are compared in windows of this side
-    change    price of a change of plane
-    fall      grey levels: a step in the image by so much halves it
-    """
+    """How bare surfaces are given to the planes of the building. Costs are in bits of the census."""
 
     most: int = 24
+    """Planes that compete in one image."""
     farthest: float = 20.0
+    """Metres: planes are not looked for beyond."""
     share: float = 0.02
+    """Share of the inverse depth by which a confirmed depth may be off: the unit of what it costs to differ."""
     differ: float = 6.0
+    """What a plane costs for each such unit between it and a confirmed depth,"""
     worst: float = 30.0
+    """and at most."""
     own: float = 20.0
+    """What it costs to keep a confirmed depth that no plane explains."""
     unknown: float = 14.0
+    """What it costs to leave a pixel without a depth."""
     window: int = 7
+    """Pixels: images are compared in windows of this side."""
     change: float = 40.0
+    """Price of a change of plane between two pixels."""
     fall: float = 3.0
+    """Grey levels: a step in the image by so much halves that price."""
 
 
 @dataclass(frozen=True)
 class DepthConfig:
-    """longest_side  pixels: images are shrunk so that neither side exceeds it
-    planes        of the sweep, even in inverse depth
-    nearest       metres: nothing nearer to a camera is looked for
-    farthest      metres: nor beyond
-    baseline      metres between two cameras that see depth best
-    sources       neighbouring images that a frame is compared with
-    threshold     grey levels by which a pixel is clearly brighter or darker than another
-    small, large  price of a change of depth by one plane, and by more, in bits of the census
-    fall          grey levels: a step in the image by so much halves the price of a step in depth
-    window        pixels: standard deviation of the window in which depth between planes is found
-    steps         of that
-    noise         of the grey values, standard deviation
-    margin        share by which the best depth is better than the next
-    others        depth maps that one is compared with
-    views         of them have to agree
-    share, plane  they agree within this share of the inverse depth and this much, 1 / metres
-    voxel         metres: edge of the cells in which the cloud is fused
-    seen          a cell counts that was seen so often
-    threads       frames in hand at the same time
-    labels        how bare surfaces are given to the planes of the building
-    """
+    """How depth is estimated from posed images."""
 
-    longest_side: int = 480
-    planes: int = 160
-    nearest: float = 0.6
+    longest_side: int = 400
+    """Pixels: images are shrunk so that neither side exceeds it."""
+    planes: int = 144
+    """Depths that are tried at every pixel, even in inverse depth."""
+    nearest: float = 0.5
+    """Metres: nothing nearer to a camera is looked for,"""
     farthest: float = 20.0
+    """nor anything beyond."""
     baseline: float = 0.6
+    """Metres between two cameras that see depth best."""
     sources: int = 4
+    """Neighbouring images that a frame is compared with."""
     threshold: float = 1.5
+    """Grey levels by which a pixel is clearly brighter or darker than another."""
     small: int = 4
+    """Price of a change of depth by one plane between two pixels, in bits of the census,"""
     large: float = 60.0
+    """and of a greater one."""
     fall: float = 4.0
+    """Grey levels: a step in the image by so much halves the price of a step in depth."""
     window: float = 2.0
+    """Pixels: standard deviation of the window in which depth between planes is found."""
     steps: int = 1
+    """How often that is done."""
     noise: float = 2.0
+    """Standard deviation of the grey values."""
     margin: float = 0.02
+    """Share by which the best depth is better than the next, or it is no depth."""
     others: int = 8
+    """Depth maps that one is compared with,"""
     views: int = 2
+    """of which so many have to agree."""
     share: float = 0.03
+    """They agree within this share of the inverse depth"""
     plane: float = 0.003
+    """and this much more, 1 / metres."""
     voxel: float = 0.03
+    """Metres: edge of the cells in which the cloud is fused."""
     seen: int = 3
+    """A cell counts that was seen so often."""
     threads: int = 2
+    """Frames in hand at the same time."""
     labels: LabelConfig = field(default_factory=LabelConfig)

@@ -15,8 +15,23 @@ def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: flo
     baseline  metres between the cameras that are best for the depths of the place
     spread    chosen frames are at least this share of `baseline` apart
 
-    Parallax sideways is worth more than along the view, where it vanishes in the middle of the image.
+    Where somebody stood and turned there are too few, and cameras that are a half, or a quarter, as far apart do.
     """
+    chosen: list[int] = []
+    for part in (1.0, 0.5, 0.25):
+        score = _scores(poses, frame, part * baseline)
+        for other in np.argsort(-score, kind="stable"):
+            if score[other] <= 0 or len(chosen) >= count:
+                break
+            apart = [np.linalg.norm(poses[other, :3, 3] - poses[taken, :3, 3]) for taken in chosen]
+            if all(length > part * spread * baseline for length in apart):
+                chosen.append(int(other))
+    return chosen
+
+
+def _scores(poses: NDArray[np.float64], frame: int, baseline: float) -> NDArray[np.float64]:
+    """(N,) how much each frame helps; 0 where not at all. Parallax sideways is worth more than along the view, where it
+    vanishes in the middle of the image."""
     places, views = poses[:, :3, 3], poses[:, :3, 2]
     offset = places - places[frame]
     length = np.linalg.norm(offset, axis=1)
@@ -24,12 +39,6 @@ def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: flo
     aside = np.linalg.norm(offset - (offset @ views[frame])[:, None] * views[frame], axis=1)
     with np.errstate(divide="ignore"):
         fit = np.exp(-(np.log(length / baseline) ** 2))
-    score = fit * (0.3 + np.minimum(aside / baseline, 1.0)) * np.cos(np.radians(turned))
+    score: NDArray[np.float64] = fit * (0.3 + np.minimum(aside / baseline, 1.0)) * np.cos(np.radians(turned))
     score[(length < 0.15 * baseline) | (length > 4 * baseline) | (turned > _DEGREES)] = 0.0
-    chosen: list[int] = []
-    for other in np.argsort(-score, kind="stable"):
-        if score[other] <= 0 or len(chosen) == count:
-            break
-        if all(np.linalg.norm(places[other] - places[taken]) > spread * baseline for taken in chosen):
-            chosen.append(int(other))
-    return chosen
+    return score

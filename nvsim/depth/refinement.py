@@ -54,7 +54,7 @@ def refine(
             p = (turned[0, 0] * x + turned[0, 1] * y + turned[0, 2] + found * shift[0]) * scale
             q = (turned[1, 0] * x + turned[1, 1] * y + turned[1, 2] + found * shift[1]) * scale
         there = (z > 1e-6) & (p >= 0) & (q >= 0) & (p <= grey.shape[1] - 1) & (q <= grey.shape[0] - 1) & (found > 0)
-        p, q = np.where(there, p, 0), np.where(there, q, 0)
+        p, q, scale = np.where(there, p, 0), np.where(there, q, 0), np.where(there, scale, 0)
         warped = cv2.remap(grey, p, q, cv2.INTER_LINEAR)
         # The slope along the epipolar line, from two samples half a pixel apart on either side.
         du, dv = (shift[0] - p * shift[2]) * scale, (shift[1] - q * shift[2]) * scale

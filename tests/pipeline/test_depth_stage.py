@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.state.loading import Contents, ProjectReader
 from nvsim.building import BuildingConfig, generate
 from nvsim.cli.main import main
 from nvsim.depth.cloud_file import read_cloud_file
@@ -25,9 +26,10 @@ from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.replaced import what_is_replaced
 from nvsim.project.restored import kept_results, restore
-from nvsim.project.stage_states import stage_states
+from nvsim.project.stage_states import first_stale, stage_states
 from nvsim.project.stages import depths, floors, imported, submaps
 from nvsim.project.stages.trained import train_key
+from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import TrainingConfig
 
@@ -234,6 +236,32 @@ def test_floors_without_scan_and_depth_warn(building: Path, tmp_path: Path, caps
     assert main(["submaps", *here]) == 0
     assert main(["floors", *here]) == 0
     assert "run `nvsim depth --project`" in capsys.readouterr().err
+    assert main(["floors", *here]) == 0
+    assert "up to date" in capsys.readouterr().err, "as are floors of before there was a depth stage"
+    with Project.open(tmp_path / "rooms.nvsim") as opened:
+        found = stage_states(opened)
+    assert first_stale(found.outdated, found.former) is None
+
+
+def test_the_window_shows_the_cloud_of_the_images(project: Project) -> None:
+    reader = ProjectReader(project.root)
+    try:
+        read = list(reader.updates())[-1]
+    finally:
+        reader.close()
+    assert read.capture is not None and read.capture.cloud is None
+    assert read.scan_cloud is not None and read.scan_cloud.kind == "images"
+    assert read.dots is not None and read.dots.cloud is read.scan_cloud
+
+
+def test_the_window_offers_depth_only_where_it_is_missing(project: Project, scanned: Project) -> None:
+    walk, parts = project.need_capture(), project.submaps()
+    begun: frozenset[StageName] = frozenset({"import", "submaps"})
+    bare = Contents(project.root, walk, parts, stages=begun)
+    assert bare.missing_verb == "depth" and bare.missing is not None and "nvsim depth" in bare.missing[1]
+    assert replace(bare, stages=begun | {"depth"}).missing_verb == "floors"
+    assert replace(bare, stages=begun | {"floors"}).missing_verb == "train", "of before there was a depth stage"
+    assert replace(bare, capture=scanned.need_capture()).missing_verb == "floors"
 
 
 def test_a_skipped_depth_loads_nothing_heavy(scanned: Project) -> None:

@@ -12,6 +12,7 @@ from fuzzing.graphs import row
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
 from nvsim.project.layout import Layout
+from nvsim.project.work import STAGES
 
 
 def readers() -> list[Reader]:
@@ -28,6 +29,8 @@ def project_with_walk() -> Files:
     """A project with all but masks and models: capture, submaps, graph, floors, results, stages, commands."""
     from capture_samples import room, walk, write_nerfstudio
 
+    from nvsim.depth.cloud_file import write_cloud
+    from nvsim.depth.fusion import FusedCloud
     from nvsim.events import Done, Log, Progress
     from nvsim.graph.types import NavGraph
     from nvsim.mapping.config import MappingConfig
@@ -35,6 +38,7 @@ def project_with_walk() -> Files:
     from nvsim.project.config import CaptureConfig
     from nvsim.project.jobs import JobJournal
     from nvsim.project.project import Project
+    from nvsim.project.scan import ADDED, CLOUD
     from nvsim.project.stages import imported
     from nvsim.project.thresholds import recorded
     from nvsim.submaps.types import Submap
@@ -52,6 +56,12 @@ def project_with_walk() -> Files:
             project.set_graph(graph)
             project.set_result("views", {"psnr": 27.5, "rows": [{"submap": 0, "ssim": 0.8}]})
             project.set_meta("scan_name", "row")
+            ledger.begin(project, "depth", "key of depth")
+            one = np.ones((1, 3), np.float32)
+            fused = FusedCloud(one, one.astype(np.uint8), one, np.ones(1, np.uint16))
+            for name in (CLOUD, ADDED):
+                write_cloud(root / "depth" / name, fused)
+            ledger.finish(project, "depth", 1.0, {"capture": imported.capture_key(project)})
             for stage in ("submaps", "floors", "train", "map"):
                 ledger.begin(project, stage, f"key of {stage}")
                 ledger.finish(project, stage, 1.5, recorded(MappingConfig()) if stage == "map" else {"psnr": 20.0})
@@ -67,7 +77,7 @@ def project_with_walk() -> Files:
         connection.close()
         _lay_floor(Layout(root))
         images = {n.removeprefix("walk/"): d for n, d in files_in(folder).items() if n.endswith(".png")}
-        kept = ("project.db", "imported/", "floor/", "cuts/")
+        kept = ("project.db", "imported/", "depth/", "floor/", "cuts/")
         return {
             n: d for n, d in files_in(root).items() if n.startswith(kept) and not n.endswith(("-wal", "-shm"))
         } | images
@@ -86,7 +96,7 @@ def _lay_floor(layout: Layout) -> None:
 
 def _project() -> list[Seed]:
     """Without the floor, from which the window would have an occupancy map made in another process."""
-    names = ("project.db", "imported/", "cuts/")
+    names = ("project.db", "imported/", "depth/", "cuts/")
     files = {n: d for n, d in project_with_walk().items() if n.startswith(names)}
     return each(files, "", {"project.db": "sqlite"})
 
@@ -106,8 +116,9 @@ def _contents(path: Path) -> object:
     with Project.open(path) as project:
         project.jobs(), project.results(), project.submaps(), project.graph(), project.scene()
         scan_name(project), thresholds_of(project), imported.capture_config(project)
-        for stage in ("import", "submaps", "floors", "train", "map"):
+        for stage in STAGES:
             ledger.record(project, stage)
+        project.scan()
         context, graph = context_of(project), project.graph()
         floor_of(project)
         if graph is not None:

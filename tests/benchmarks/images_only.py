@@ -1,0 +1,102 @@
+"""The whole job on a capture whose scan is left out, scored against its truth: a table and one JSON line.
+
+python tests/benchmarks/images_only.py PROJECT [--capture FOLDER | --seed N] [--truth FOLDER] [--occupancy MAP]
+
+Without --capture the built-in building of that seed is taken. The capture is copied with links to its images and
+without its scan; --truth holds depth/ and floor/ as house_walk's ground_truth does.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+_STAGES = ("submaps", "depth", "floors", "train", "map")
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: tyro.conf.Positional[Path]
+    capture: Path | None = None
+    seed: int = 32
+    truth: Path | None = None
+    occupancy: Path | None = None
+    camera_height: float | None = None
+
+
+def main() -> None:
+    arguments = tyro.cli(Arguments, description=__doc__)
+    capture, truth = arguments.capture, arguments.truth
+    beside = arguments.project.with_suffix(".images")
+    if capture is None:
+        from nvsim.building import BuildingConfig, generate
+
+        made = arguments.project.with_suffix(".building")
+        generate(made, BuildingConfig(seed=arguments.seed))
+        capture, truth = made / "capture", made / "ground_truth"
+    occupancy = arguments.occupancy or (None if truth is None else truth / "map.yaml")
+    without_scan(capture, beside)
+    height = [] if arguments.camera_height is None else ["--camera-height", str(arguments.camera_height)]
+    project = ["--project", str(arguments.project)]
+    figures: dict[str, Any] = {}
+    nvsim("import", str(beside), *height, *project)
+    for stage in _STAGES:
+        started = time.perf_counter()
+        nvsim(stage, *project)
+        figures[f"{stage}_seconds"] = round(time.perf_counter() - started, 1)
+    if truth is not None:
+        figures["depth"] = scored("depth", *project, "--truth", str(truth / "depth"))
+        figures["floor"] = scored("floor", *project, "--truth", str(truth))
+    if occupancy is not None:
+        figures["graph"] = scored("graph", *project, "--occupancy", str(occupancy))
+    figures["views"] = scored("views", *project).get("mean")
+    for key, value in figures.items():
+        print(f"{key:16} {value}")
+    print(json.dumps(figures))
+
+
+def without_scan(capture: Path, folder: Path) -> None:
+    """A copy of a kapture or nerfstudio capture in `folder`: its poses, links to its images, nothing of its scan."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if (capture / "transforms.json").is_file():
+        tree = json.loads((capture / "transforms.json").read_text())
+        tree.pop("ply_file_path", None)
+        for frame in tree["frames"]:
+            frame["file_path"] = str((capture / frame["file_path"]).resolve())
+        (folder / "transforms.json").write_text(json.dumps(tree))
+        return
+    sensors = folder / "sensors"
+    (sensors / "records_data").mkdir(parents=True, exist_ok=True)
+    for name in ("sensors.txt", "trajectories.txt", "records_camera.txt", "rigs.txt"):
+        if (capture / "sensors" / name).is_file():
+            lines = (capture / "sensors" / name).read_text().splitlines(keepends=True)
+            (sensors / name).write_text("".join(line for line in lines if "lidar" not in line))
+    for images in (capture / "sensors" / "records_data").iterdir():
+        link = sensors / "records_data" / images.name
+        if "lidar" not in images.name and not link.exists():
+            link.symlink_to(images.resolve())
+
+
+def nvsim(*words: str) -> str:
+    """What a command printed. Raises CalledProcessError."""
+    command = [sys.executable, "-m", "nvsim.cli.main", *words]
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def scored(what: str, *words: str) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads(nvsim("evaluate", what, *words, "--json").splitlines()[-1])
+    except (subprocess.CalledProcessError, ValueError, IndexError) as error:
+        return {"failed": str(error)}
+    return found
+
+
+if __name__ == "__main__":
+    main()
