@@ -23,6 +23,8 @@ class LabelConfig:
     """What it costs to keep a confirmed depth that no plane explains."""
     unknown: float = 14.0
     """What it costs to leave a pixel without a depth."""
+    good: float = 9.0
+    """What images that show the same plane differ by where they are sharp; where it is more, depths cost more too."""
     window: int = 7
     """Pixels: images are compared in windows of this side."""
     change: float = 40.0
