@@ -27,22 +27,25 @@ def opened(path: Path) -> Iterator[FileIO]:
     fails inside the block is the block's."""
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
     try:
-        descriptor = os.open(path, flags)  # a pipe would be waited for, and a folder is told apart below
+        _refuse_unless_regular(path, os.stat(path))  # before it is opened: to open a device may have an effect
+        descriptor = os.open(path, flags)
     except OSError as error:
         raise as_reading_error(path, error) from error
     except ValueError as error:  # a NUL in the name
         raise InputError(f"Cannot read {str(path)!r}: no file can have this name; check the path.") from error
     try:
-        mode = os.fstat(descriptor).st_mode
-    except OSError as error:
+        _refuse_unless_regular(path, os.fstat(descriptor))  # another may have been put in its place
+    except (OSError, InputError) as error:
         os.close(descriptor)
-        raise as_reading_error(path, error) from error
-    if not stat.S_ISREG(mode):
-        os.close(descriptor)
-        kind = "it is a folder, not a file" if stat.S_ISDIR(mode) else "it is a pipe, a socket or a device"
-        raise InputError(f"Cannot read {path}: {kind}; name a regular file.")
+        raise error if isinstance(error, InputError) else as_reading_error(path, error) from error
     with FileIO(descriptor, "rb") as file:
         yield file
+
+
+def _refuse_unless_regular(path: Path, found: os.stat_result) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        kind = "it is a folder, not a file" if stat.S_ISDIR(found.st_mode) else "it is a pipe, a socket or a device"
+        raise InputError(f"Cannot read {path}: {kind}; name a regular file.")
 
 
 def size_of(file: FileIO) -> int:

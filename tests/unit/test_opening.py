@@ -18,6 +18,7 @@ from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.opening import NotPlain, own_file, plain_file
+from nvsim.files.regular import read_bytes
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.joblist import JobList
@@ -190,3 +191,13 @@ def test_a_mask_of_another_walk_is_not_carried_through_a_link(project: Path, let
     put_link(target, letter)
     save_correction(Layout(project), Named(), np.ones((4, 4), np.bool_))  # type: ignore[arg-type]
     assert letter.read_text() == LETTER and not target.is_symlink()
+
+
+def test_a_pipe_is_refused_before_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    (tmp_path / "link").symlink_to(pipe)
+    monkeypatch.setattr(os, "open", lambda *_: pytest.fail("to open it may have an effect"))
+    for path in (pipe, tmp_path / "link"):
+        with pytest.raises(InputError, match="a pipe, a socket or a device"):
+            read_bytes(path)
