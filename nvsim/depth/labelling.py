@@ -53,9 +53,7 @@ def label_planes(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _usual(
-    photo: NDArray[np.uint8], confirmed: Float32, forms: NDArray[np.float64], share: float, far: float
-) -> float:
+def _usual(photo: NDArray[np.uint8], confirmed: Float32, forms: NDArray[np.float64], share: float, far: float) -> float:
     """What images that show the same plane differ by here: the mean cost of planes at pixels whose depth was confirmed
     to lie on them. Noise, blur and a fine texture make it high. 0 where no plane was confirmed."""
     height, width = confirmed.shape
