@@ -21,7 +21,7 @@ from nvsim.capture.images import decode
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 from nvsim.evaluation.scores import LEAST_PIXELS, Scores, psnr
-from nvsim.files.regular import read_text
+from nvsim.files.regular import is_regular, read_text
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.perception.segment import read_mask
 
@@ -90,7 +90,7 @@ def read_novel_views(folder: Path, alignment: Alignment) -> list[NovelView]:
         picture = folder / name
         mask = folder / "novel_floor" / f"{picture.stem}.png"
         camera = Camera(intrinsics, aligned_pose(pose, alignment))
-        views.append(NovelView(picture.stem, camera, picture, mask if mask.is_file() else None))
+        views.append(NovelView(picture.stem, camera, picture, mask if is_regular(mask) else None))
     return views
 
 

@@ -20,7 +20,7 @@ from nvsim.files.regular import read_bytes
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 _DEPTH = 16
-_ANYWAY = 16_000_000  # cells that any file may span: 200 x 200 m in cells of 5 cm
+_ANYWAY = 1_500_000  # cells that any file may span: 60 x 60 m in cells of 5 cm; a larger building is a larger file
 _MOST_PAINTED = 1 << 31  # cells, each as often as voxels of one column lie in the band
 _FINEST, _COARSEST = 1e-4, 1e3  # metres
 _MAGIC = b"# Octomap OcTree binary file"
