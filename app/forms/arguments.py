@@ -119,13 +119,15 @@ class Settings:
 
 
 _UNFIT = object()
+_LARGEST = 1e300
+"""More is no number that a form can show; NaN is not less either."""
 
 
 def _fitting(field: Field, value: Any) -> object:  # Any: JSON as somebody wrote it
     """The stored value as one of the field's type, or _UNFIT, because the file may hold anything."""
     if value is None:
         return None if field.optional else _UNFIT
-    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    plain = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
     if field.kind == "switch":
         return value if isinstance(value, bool) else _UNFIT
     if field.kind == "number":

@@ -102,7 +102,13 @@ def test_settings_keep_only_what_was_changed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["{", "[]", '{"train": 3}', '{"train": {"config.steps": "many", "config.colour": 1, "preset": "none"}}'],
+    [
+        "{",
+        "[]",
+        '{"train": 3}',
+        '{"train": {"config.steps": "many", "config.colour": 1, "preset": "none"}}',
+        '{"train": {"config.steps": NaN, "config.loss.ssim": 1' + 400 * "0" + "}}",
+    ],
 )
 def test_a_settings_file_that_somebody_wrote_into_does_no_harm(tmp_path: Path, text: str) -> None:
     (tmp_path / "settings.json").write_text(text)
