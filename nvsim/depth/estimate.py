@@ -155,7 +155,7 @@ def _confirmed(
 def _fused(views: Views, count: int, inverse: Callable[[int], NDArray[np.float32]], config: DepthConfig) -> Fusion:
     fusion = Fusion(config.voxel)
     for i in range(count):
-        fusion.add(views.camera(i), inverse(i), views.at(i).image)
+        fusion.add(views.camera(i), inverse(i), views.image(i))
     return fusion
 
 

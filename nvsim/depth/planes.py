@@ -119,7 +119,7 @@ def _headings(normals: Float64) -> list[Float64]:
 
 def _parallel(points: Float64, normal: Float64, config: PlaneConfig, found: list[Plane]) -> NDArray[np.bool_]:
     """Adds the patches of points (N, 3) that lie across `normal` to `found`; which points they took."""
-    from scipy.ndimage import gaussian_filter1d, label
+    from scipy.ndimage import binary_dilation, gaussian_filter1d, label
 
     taken = np.zeros(len(points), bool)
     if len(points) < 50:
@@ -144,13 +144,8 @@ def _parallel(points: Float64, normal: Float64, config: PlaneConfig, found: list
         cell = np.floor((plane[close] - plane[close].min(axis=0)) / config.cell).astype(int)
         grid = np.zeros(cell.max(axis=0) + 1, bool)
         np.logical_or.at(grid, (cell[:, 0], cell[:, 1]), True)
-        reach = config.gap // 2
-        wide = np.pad(grid, reach)
-        joined = np.zeros_like(wide)
-        for dx in range(-reach, reach + 1):
-            for dy in range(-reach, reach + 1):
-                joined |= np.roll(wide, (dx, dy), (0, 1))
-        parts, count = label(joined[reach : reach + grid.shape[0], reach : reach + grid.shape[1]])
+        side = 2 * (config.gap // 2) + 1
+        parts, count = label(binary_dilation(grid, np.ones((side, side), bool)))
         member = parts[cell[:, 0], cell[:, 1]]
         for part in range(1, count + 1):
             area = float((grid & (parts == part)).sum() * config.cell**2)

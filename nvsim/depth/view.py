@@ -79,6 +79,10 @@ class Views:
         frame = self.frames[index]
         return Camera(frame.intrinsics.within(self._side), frame.camera_to_world)
 
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """(H, W, 3) uint8 RGB alone. Raises InputError for an image that cannot be read."""
+        return read_image(self.frames[index], self.camera(index).intrinsics)
+
     @cached_property
     def poses(self) -> NDArray[np.float64]:
         """(N, 4, 4) camera to world."""
