@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.neighbourhood import axes_of
 
 _EMPTY = -1
 
@@ -121,10 +122,7 @@ def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neigh
     out = np.empty((len(points), 3), np.float32)
     for start in range(0, len(points), 100_000):
         part = slice(start, start + 100_000)
-        around = points[index[part]].astype(np.float64)
-        around -= around.mean(axis=1, keepdims=True)
-        _, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
-        normal = vectors[:, :, 0]
+        normal = axes_of(points[index[part]])[:, :, 0]
         normal *= np.where((normal * towards[part]).sum(axis=1) < 0, -1, 1)[:, None]
         out[part] = normal
     return out

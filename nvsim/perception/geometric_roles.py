@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.neighbourhood import axes_of
 from nvsim.perception.geometric import GeometricFloor
 from nvsim.perception.roles import Float32, Image
 
@@ -59,10 +60,7 @@ class CloudNormals:
         if "cloud" not in self._tree:
             self._tree["cloud"] = cKDTree(cloud.points)
         _, index = self._tree["cloud"].query(places, k=_NEIGHBOURS, workers=1)
-        around = cloud.points[index].astype(np.float64)
-        around -= around.mean(axis=1, keepdims=True)
-        _, axes = np.linalg.eigh(around.transpose(0, 2, 1) @ around)
-        planes = axes[..., 0]
+        planes = axes_of(cloud.points[index])[..., 0]
         planes *= -np.sign(np.sum(planes * toward, axis=-1, keepdims=True))
         return planes.astype(np.float32)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from nvsim.geometry.neighbourhood import axes_of
 from nvsim.splats.types import Gaussians
 
 AROUND = 8
@@ -41,9 +42,7 @@ def flatten(gaussians: Gaussians, surface: Float32, flatness: float) -> None:
     if len(surface) < AROUND or len(gaussians) == 0:
         return
     nearest = _nearest(surface, gaussians.means)
-    around = surface[nearest].astype(np.float64)
-    around -= around.mean(axis=1, keepdims=True)
-    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
+    axes = axes_of(surface[nearest])
     axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]  # a rotation, no reflection
     gaussians.quats[:] = Rotation.from_matrix(axes).as_quat()[:, [3, 0, 1, 2]]
     gaussians.log_scales[:, 0] += np.float32(np.log(flatness))
