@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from nvsim.errors import InputError
+
 
 @dataclass(frozen=True)
 class LabelConfig:
@@ -80,3 +82,18 @@ class DepthConfig:
     threads: int = 2
     """Frames in hand at the same time."""
     labels: LabelConfig = field(default_factory=LabelConfig)
+
+    def __post_init__(self) -> None:
+        for what, fine in (
+            ("longest_side must be at least 32 pixels", self.longest_side >= 32),
+            ("planes must be 8 to 1000", 8 <= self.planes <= 1000),
+            ("nearest must lie above 0 and below farthest", 0 < self.nearest < self.farthest < 1e4),
+            ("baseline and voxel must lie above 0", 0 < self.baseline < 1e4 and 1e-4 < self.voxel < 1e3),
+            ("sources, others, views, seen and threads must be at least 1",
+             min(self.sources, self.others, self.views, self.seen, self.threads) >= 1),
+            ("small and large must be 0 to 1000", 0 <= self.small <= 1000 and 0 <= self.large <= 1000),
+            ("fall, window and noise must lie above 0", min(self.fall, self.window, self.noise) > 0),
+            ("steps must be 0 to 100", 0 <= self.steps <= 100),
+        ):  # fmt: skip
+            if not fine:
+                raise InputError(f"Depth configuration: {what}; change it and try again.")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from nvsim.depth.census import census_of
-from nvsim.depth.config import LabelConfig
+from nvsim.depth.config import DepthConfig, LabelConfig
 from nvsim.depth.fusion import Fusion, SeenPoints
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.planes import find_planes
 from nvsim.depth.view import View, Warp
+from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics
 
 
@@ -84,3 +86,9 @@ def test_points_are_averaged_in_cells_by_what_their_distance_makes_of_them() -> 
             np.zeros((60, 80, 3), np.uint8),
         )
     assert many.cloud(1).views.sum() == 40 * 80 * 60
+
+
+@pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "window"])
+def test_a_setting_that_makes_no_sense_is_one_sentence(setting: str) -> None:
+    with pytest.raises(InputError, match=rf"^Depth configuration: .*{setting}.*; change it and try again\.$"):
+        DepthConfig(**{setting: 0})
