@@ -62,11 +62,13 @@ def _compare(
 @dataclass(frozen=True, eq=False)
 class Agreed:
     """inverse  (H, W) float32, 1 / metres: the weighted mean of the depths that agree, 0 where there is none
+    weight   (H, W) float32, the sum of the weights of those
     views    (H, W) uint8, how many other maps agree
     through  (H, W) uint8, how many see through the place
     """
 
     inverse: Float32
+    weight: Float32
     views: NDArray[np.uint8]
     through: NDArray[np.uint8]
 
@@ -98,4 +100,4 @@ def agreed(
             views,
             through,
         )
-    return Agreed(total / mass, views, through)
+    return Agreed(total / mass, mass, views, through)

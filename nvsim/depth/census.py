@@ -3,39 +3,41 @@ exposure, and in a bare region, where only noise differs, it says nothing (Zabih
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+_UP, _LEFT = 3, 4
 _AROUND = np.array(
     [(dy, dx) for dy in (-3, -1, 0, 1, 3) for dx in (-4, -2, -1, 0, 1, 2, 4) if dy or abs(dx) in (1, 2)], np.int64
 )
 """(32, 2) rows and columns of the pixels that are compared with the one in the middle."""
 
 
-@njit(cache=True, nogil=True)
-def census(gray: NDArray[np.float32], threshold: float, offsets: NDArray[np.int64]) -> NDArray[np.uint64]:
-    """(H, W) uint64 of `gray` (H, W) float32: two bits for each of `offsets` (N <= 32, 2), brighter and darker by more
-    than `threshold` grey levels. Beyond the border the border counts."""
-    height, width = gray.shape
-    out = np.empty((height, width), np.uint64)
-    for y in range(height):
-        for x in range(width):
-            middle = gray[y, x]
-            bits = np.uint64(0)
-            for i in range(offsets.shape[0]):
-                v = min(max(y + offsets[i, 0], 0), height - 1)
-                u = min(max(x + offsets[i, 1], 0), width - 1)
-                difference = gray[v, u] - middle
-                bits = bits << np.uint64(2)
-                if difference > threshold:
-                    bits |= np.uint64(1)
-                elif difference < -threshold:
-                    bits |= np.uint64(2)
-            out[y, x] = bits
+@njit(cache=True, nogil=True, error_model="numpy")
+def _compared(
+    padded: NDArray[np.float32], threshold: np.float32, offsets: NDArray[np.int64], out: NDArray[np.uint64]
+) -> None:
+    """Fills `out` (H, W); `padded` has `_UP` more rows and `_LEFT` more columns on every side. A row at a time and with
+    unsigned places, so that LLVM vectorises."""
+    for y in range(out.shape[0]):
+        middle, to = padded[y + _UP], out[y]
+        to[:] = 0
+        for i in range(offsets.shape[0]):
+            row, shift = padded[y + _UP + offsets[i, 0]], np.uintp(offsets[i, 1] + _LEFT)
+            for j in range(out.shape[1]):
+                x = np.uintp(j)
+                difference = row[x + shift] - middle[x + np.uintp(_LEFT)]
+                brighter = np.uint64(1) if difference > threshold else np.uint64(0)
+                darker = np.uint64(2) if difference < -threshold else np.uint64(0)
+                to[x] = (to[x] << np.uint64(2)) | brighter | darker
+
+
+def census_of(grey: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]:
+    """(H, W) uint64 of `grey` (H, W) float32: two bits for each of 32 pixels of a neighbourhood of 9 x 7, brighter and
+    darker by more than `threshold` grey levels. Beyond the border the border counts."""
+    padded = cv2.copyMakeBorder(grey, _UP, _UP, _LEFT, _LEFT, cv2.BORDER_REPLICATE)
+    out = np.empty(grey.shape, np.uint64)
+    _compared(np.asarray(padded, np.float32), np.float32(threshold), _AROUND, out)
     return out
-
-
-def census_of(gray: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]:
-    """`census` over the neighbourhood of 9 x 7 pixels that the sweep uses."""
-    return np.asarray(census(gray, threshold, _AROUND))

@@ -39,42 +39,50 @@ class LabelConfig:
 class DepthConfig:
     """How depth is estimated from posed images."""
 
-    longest_side: int = 400
+    longest_side: int = 320
     """Pixels: images are shrunk so that neither side exceeds it."""
-    planes: int = 144
-    """Depths that are tried at every pixel, even in inverse depth."""
+    planes: int = 96
+    """Depths that are tried at every pixel, even in inverse depth; a multiple of 16 is fastest."""
     nearest: float = 0.5
     """Metres: nothing nearer to a camera is looked for,"""
     farthest: float = 20.0
     """nor anything beyond."""
-    baseline: float = 0.6
+    baseline: float = 0.45
     """Metres between two cameras that see depth best."""
-    sources: int = 4
-    """Neighbouring images that a frame is compared with."""
+    sources: int = 8
+    """Neighbouring images that a frame is compared with,"""
+    refining: int = 4
+    """and those of them that say where between two planes a pixel lies,"""
+    labelling: int = 6
+    """and which plane of the building it shows."""
     threshold: float = 1.5
     """Grey levels by which a pixel is clearly brighter or darker than another."""
-    small: int = 4
+    small: int = 20
     """Price of a change of depth by one plane between two pixels, in bits of the census,"""
-    large: float = 60.0
+    large: float = 150.0
     """and of a greater one."""
     fall: float = 4.0
     """Grey levels: a step in the image by so much halves the price of a step in depth."""
-    window: float = 2.0
-    """Pixels: standard deviation of the window in which depth between planes is found."""
+    window: int = 9
+    """Pixels: side of the window in which depth between planes is found."""
     steps: int = 1
     """How often that is done."""
     noise: float = 2.0
     """Standard deviation of the grey values."""
     margin: float = 0.02
     """Share by which the best depth is better than the next, or it is no depth."""
+    finest: float = 0.001
+    """1 / metres: standard deviation of what is known best; poses and lenses are not better."""
     others: int = 8
     """Depth maps that one is compared with,"""
-    views: int = 2
+    views: int = 3
     """of which so many have to agree."""
     share: float = 0.03
     """They agree within this share of the inverse depth"""
     plane: float = 0.003
     """and this much more, 1 / metres."""
+    certain: float = 0.01
+    """Share of its depth by which a pixel may be off, by what the images know about it, for planes to follow it."""
     voxel: float = 0.03
     """Metres: edge of the cells in which the cloud is fused."""
     seen: int = 3
@@ -89,10 +97,11 @@ class DepthConfig:
             ("planes must be 8 to 1000", 8 <= self.planes <= 1000),
             ("nearest must lie above 0 and below farthest", 0 < self.nearest < self.farthest < 1e4),
             ("baseline and voxel must lie above 0", 0 < self.baseline < 1e4 and 1e-4 < self.voxel < 1e3),
-            ("sources, others, views, seen and threads must be at least 1",
-             min(self.sources, self.others, self.views, self.seen, self.threads) >= 1),
+            ("sources, refining, labelling, others, views, seen and threads must be at least 1",
+             min(self.sources, self.refining, self.labelling, self.others, self.views, self.seen, self.threads) >= 1),
             ("small and large must be 0 to 1000", 0 <= self.small <= 1000 and 0 <= self.large <= 1000),
-            ("fall, window and noise must lie above 0", min(self.fall, self.window, self.noise) > 0),
+            ("fall, window, noise, finest and certain must lie above 0",
+             min(self.fall, self.window, self.noise, self.finest, self.certain) > 0),
             ("steps must be 0 to 100", 0 <= self.steps <= 100),
         ):  # fmt: skip
             if not fine:

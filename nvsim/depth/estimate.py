@@ -31,17 +31,19 @@ from nvsim.depth.files import (
 from nvsim.depth.fusion import FusedCloud, Fusion
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.neighbours import neighbours
-from nvsim.depth.planes import find_planes
-from nvsim.depth.refinement import refine
+from nvsim.depth.planes import Plane, find_planes, mirrored
+from nvsim.depth.refinement import calm, refine
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
 from nvsim.depth.view import Views, Warp
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder
+from nvsim.geometry.camera import Camera
 
 STAGE = "depth"
 _KEPT_VIEWS = 48
 _KEPT_MAPS = 96
+_REACH = 2.0  # pixels over which depths are made smooth
 
 
 def estimate_depth(
@@ -64,20 +66,18 @@ def estimate_depth(
             make_folder(draft)
         single, confirmed, labelled = drafts
         steps.each(_missing(single, count), lambda i: write_draft(single, i, *guess_depth(views, i, config)))
+        single_maps = _kept(single)
 
         def confirm(index: int) -> None:
             found = _confirmed(views, index, near[index], single_maps, config)
-            write_draft(confirmed, index, found.inverse, found.views.astype(np.float32))
+            write_draft(confirmed, index, found.inverse, found.weight)
 
-        single_maps = _kept(single)
         steps.each(_missing(confirmed, count), confirm)
-        planes = find_planes(
-            _fused(views, count, lambda i: read_draft(confirmed, i)[0], config).seen_points(config.seen)
-        )
+        planes = find_planes(_fused(views, count, _kept(confirmed), config).seen_points(config.seen))
 
         def label(index: int) -> None:
-            known = read_draft(confirmed, index)[0]
-            chosen = neighbours(views.poses, index, config.sources, config.baseline)
+            known = _certain(views.camera(index), *read_draft(confirmed, index), planes, config)
+            chosen = neighbours(views.poses, index, config.labelling, config.baseline)
             camera = views.camera(index)
             warps = [Warp.between(camera, views.camera(j)) for j in chosen]
             sources = [views.at(j) for j in chosen]
@@ -85,21 +85,21 @@ def estimate_depth(
             write_draft(labelled, index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
 
         steps.each(_missing(labelled, count), label)
+        labelled_maps = _kept(labelled)
 
         def finish(index: int) -> None:
             found = _confirmed(views, index, near[index], labelled_maps, config)
             write_depth(folder, index, found.inverse, found.views)
 
-        labelled_maps = _kept(labelled)
         steps.each([i for i in range(count) if not depth_exists(folder, i)], finish)
     for draft in drafts:
         shutil.rmtree(draft, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
 
-    def written(index: int) -> NDArray[np.float32]:
+    def written(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         depth = read_depth(folder, index)
         with np.errstate(divide="ignore"):
-            return np.where(depth > 0, 1 / depth, 0).astype(np.float32)
+            return np.where(depth > 0, 1 / depth, 0).astype(np.float32), np.ones_like(depth)
 
     return _fused(views, count, written, config).cloud(config.seen)
 
@@ -149,13 +149,36 @@ def _confirmed(
     others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
     result = agreed(found, weight, others, config.share, config.plane)
     known = (result.views >= config.views) & (2 * result.through <= result.views)
-    return replace(result, inverse=np.where(known, result.inverse, 0).astype(np.float32))
+    inverse, weight = np.where(known, result.inverse, 0), np.where(known, result.weight, 0)
+    return replace(result, inverse=inverse.astype(np.float32), weight=weight.astype(np.float32))
 
 
-def _fused(views: Views, count: int, inverse: Callable[[int], NDArray[np.float32]], config: DepthConfig) -> Fusion:
+def _certain(
+    camera: Camera,
+    inverse: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    planes: list[Plane],
+    config: DepthConfig,
+) -> NDArray[np.float32]:
+    """`inverse` (H, W), 1 / metres, where it is known well enough, and not seen in a shining floor; 0 elsewhere."""
+    sure = inverse * np.sqrt(weight) >= 1 / config.certain
+    rows, columns = np.nonzero(sure)
+    rays = camera.rays()[rows, columns]
+    depth = 1 / inverse[rows, columns, None] / (rays @ camera.rotation[:, 2])[:, None]
+    behind = mirrored(planes, camera.position, camera.position + depth * rays)
+    sure[rows[behind], columns[behind]] = False
+    return np.where(sure, inverse, 0).astype(np.float32)
+
+
+def _fused(
+    views: Views,
+    count: int,
+    maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
+    config: DepthConfig,
+) -> Fusion:
     fusion = Fusion(config.voxel)
     for i in range(count):
-        fusion.add(views.camera(i), inverse(i), views.image(i))
+        fusion.add(views.camera(i), *maps(i), views.image(i))
     return fusion
 
 
@@ -168,24 +191,23 @@ def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[NDArray[
         return np.zeros_like(view.grey), np.zeros_like(view.grey)
     warps = [Warp.between(view.camera, views.camera(j)) for j in chosen]
     turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
+    sources = [views.at(j).grey for j in chosen]
     inverse = np.linspace(1 / config.farthest, 1 / config.nearest, config.planes)
-    cost = sweep(view.census, [views.at(j).census for j in chosen], turned, shifts, inverse)
+    step = float(inverse[1] - inverse[0])
+    cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
     total = smooth(cost, view.grey, config.small, config.large, config.fall)
     found, margin = winner(total, inverse.astype(np.float32))
     found[margin < config.margin] = 0
+    found = calm(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)
+    few = config.refining
     for _ in range(config.steps):
-        found, knowledge, _ = refine(
-            view.grey,
-            [views.at(j).grey for j in chosen],
-            turned,
-            shifts,
-            found,
-            config.window,
-            inverse[1] - inverse[0],
-            config.noise,
+        found, knowledge = refine(
+            view.grey, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
         )
-    return found, knowledge
+        found = calm(found, _REACH, 0.5 * step)
+    with np.errstate(divide="ignore"):
+        return found, (1 / (1 / knowledge + np.float32(config.finest**2))).astype(np.float32)
 
 
 def depth_exists(folder: Path, index: int) -> bool:

@@ -59,17 +59,19 @@ def draft_path(folder: Path, index: int) -> Path:
 
 
 def write_draft(folder: Path, index: int, inverse: NDArray[np.float32], weight: NDArray[np.float32]) -> None:
-    """Keeps inverse depth (H, W), 1 / metres, and its weight (H, W). Raises InputError when the disk refuses."""
+    """Keeps inverse depth (H, W), 1 / metres, and its inverse variance (H, W), metres squared. Raises InputError when
+    the disk refuses."""
     held = io.BytesIO()
-    np.savez(held, inverse=inverse.astype(np.float16), weight=np.minimum(weight, 6e4).astype(np.float16))
+    root = np.minimum(np.sqrt(weight), 6e4)  # half floats end at 65504
+    np.savez(held, inverse=inverse.astype(np.float16), sharpness=root.astype(np.float16))
     write_bytes(draft_path(folder, index), held.getvalue())
 
 
 def read_draft(folder: Path, index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What `write_draft` kept. Raises InputError."""
     path = draft_path(folder, index)
-    arrays = read_arrays(path, "an unfinished depth map", {"inverse": ("f", 2), "weight": ("f", 2)}, _AGAIN)
-    return arrays["inverse"].astype(np.float32), arrays["weight"].astype(np.float32)
+    arrays = read_arrays(path, "an unfinished depth map", {"inverse": ("f", 2), "sharpness": ("f", 2)}, _AGAIN)
+    return arrays["inverse"].astype(np.float32), arrays["sharpness"].astype(np.float32) ** 2
 
 
 def _png(values: NDArray[np.integer]) -> bytes:

@@ -31,12 +31,12 @@ class FusedCloud:
 @dataclass(frozen=True, eq=False)
 class SeenPoints:
     """points   (N, 3) float32, metres, world
-    towards  (N, 3) float32, the mean direction to the cameras that saw them
-    say      (N,) float32, the sum of 1 / depth^4 over what was seen: the inverse of the variance, but for a factor
+    eyes     (N, 3) float32, the mean place of the cameras that saw them
+    say      (N,) float32, what was seen adds up to this inverse variance, 1 / metres squared
     """
 
     points: NDArray[np.float32]
-    towards: NDArray[np.float32]
+    eyes: NDArray[np.float32]
     say: NDArray[np.float32]
 
 
@@ -49,8 +49,11 @@ class Fusion:
         self._sums = np.zeros((1 << 16, 11), np.float64)
         self._filled = 0
 
-    def add(self, camera: Camera, inverse: NDArray[np.float32], image: NDArray[np.uint8]) -> None:
-        """The points of a map (H, W) of inverse depth, 0 where there is none, with their colours (H, W, 3) RGB."""
+    def add(
+        self, camera: Camera, inverse: NDArray[np.float32], weight: NDArray[np.float32], image: NDArray[np.uint8]
+    ) -> None:
+        """The points of a map (H, W) of inverse depth, 0 where there is none, with its inverse variance (H, W) and
+        their colours (H, W, 3) RGB."""
         v, u = np.nonzero(inverse > 0)
         if not len(v):
             return
@@ -58,11 +61,11 @@ class Fusion:
         depth = 1.0 / inverse[v, u].astype(np.float64)
         local = np.stack([(u + 0.5 - k.cx) / k.fx * depth, (v + 0.5 - k.cy) / k.fy * depth, depth], 1)
         points = local @ camera.rotation.T + camera.position
-        towards = camera.position - points
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
         # The noise of a depth grows with its square, so its say falls with the fourth power.
-        say = np.minimum(1 / depth, 2.0)[:, None] ** 4
-        values = np.concatenate([say * points, say * image[v, u], say * towards, say, np.ones_like(say)], axis=1)
+        say = weight[v, u].astype(np.float64)[:, None] * np.minimum(1 / depth, 2.0)[:, None] ** 4
+        values = np.concatenate(
+            [say * points, say * image[v, u], say * camera.position, say, np.ones_like(say)], axis=1
+        )
         while 2 * (self._filled + len(v)) > len(self._keys):
             keys, sums = self._keys, self._sums
             self._keys = np.full(2 * len(keys), _EMPTY, np.int64)
@@ -75,18 +78,18 @@ class Fusion:
         """The means of the cells that at least `seen` points fell into."""
         sums = self._cells(seen)
         say = sums[:, 9:10]
-        points, towards = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
-        return SeenPoints(points, towards, say[:, 0].astype(np.float32))
+        points, eyes = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
+        return SeenPoints(points, eyes, say[:, 0].astype(np.float32))
 
     def cloud(self, seen: int) -> FusedCloud:
         """The cells that at least `seen` points fell into."""
         sums, found = self._cells(seen), self.seen_points(seen)
         colors = np.clip(sums[:, 3:6] / sums[:, 9:10] + 0.5, 0, 255).astype(np.uint8)
-        normals = normals_of(found.points, found.towards)
+        normals = normals_of(found.points, found.eyes - found.points)
         return FusedCloud(found.points, colors, normals, sums[:, 10].clip(0, 65535).astype(np.uint16))
 
     def _cells(self, seen: int) -> NDArray[np.float64]:
-        """(N, 11), in the order of their places: points, colours and directions times their say, the say, how many."""
+        """(N, 11), in the order of their places: points, colours and cameras times their say, the say, how many."""
         chosen = np.flatnonzero(self._sums[:, 10] >= max(seen, 1))
         return np.asarray(self._sums[chosen[np.argsort(self._keys[chosen])]])
 

@@ -27,7 +27,11 @@ class PlaneConfig:
     gap         cells without a point that a patch may span
     smallest    square metres of cells with points
     margin      metres that a patch reaches beyond its points
-    say         points that were seen from so far away, or so seldom, that their say is less make no plane
+    floor       square metres from which on a level patch is a floor, through which nothing is seen
+    through     metres: what lies further below a floor was seen in it, not through it: floors shine
+    say         1 / metres squared: points whose inverse variance is less make no plane,
+    most        and one of more has no more to say
+    least       share of the cells of the smallest plane that points of the most say would have to fill
     """
 
     coarse: float = 0.05
@@ -38,13 +42,18 @@ class PlaneConfig:
     gap: int = 4
     smallest: float = 0.5
     margin: float = 0.4
-    say: float = 0.15
+    floor: float = 4.0
+    through: float = 0.08
+    say: float = 1e4
+    most: float = 1e6
+    least: float = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
     """normal @ p = offset for world points p on it; `along` and `up` span it; low and high (2,) are its extent in them,
-    metres; `area` its cells with points, square metres."""
+    metres; `area` its cells with points, square metres; `cells` (A, B) bool are these, small gaps closed, of `cell`
+    metres from `corner` (2,) on."""
 
     normal: Float64
     offset: float
@@ -53,6 +62,9 @@ class Plane:
     low: Float64
     high: Float64
     area: float
+    cells: NDArray[np.bool_]
+    corner: Float64
+    cell: float
 
     def in_pixels(self, camera: Camera) -> Float64:
         """(3,) a, b, c: a * x + b * y + c is the inverse depth of the plane at pixel index (x, y), not positive where
@@ -63,31 +75,54 @@ class Plane:
         return np.asarray((self.normal @ camera.rotation @ np.linalg.inv(matrix_of(camera))) / distance)
 
 
+def mirrored(
+    planes: list[Plane], eyes: Float64, points: Float64, config: PlaneConfig | None = None
+) -> NDArray[np.bool_]:
+    """Whether world points (N, 3) that were seen from `eyes` (N, 3) or (3,) lie behind a floor: what shines in it seems
+    to."""
+    config = config or PlaneConfig()
+    behind = np.zeros(len(points), bool)
+    for plane in planes:
+        if plane.normal[2] < 0.9 or plane.area < config.floor:
+            continue
+        below, above = plane.offset - points @ plane.normal, eyes @ plane.normal - plane.offset
+        may = np.flatnonzero((below > config.through) & (above > 0))
+        share = (below / (below + above))[may, None]
+        at = points[may] + share * (np.broadcast_to(eyes, points.shape)[may] - points[may])
+        index = np.floor((np.stack([at @ plane.along, at @ plane.up], axis=1) - plane.corner) / plane.cell).astype(int)
+        inside = np.all((index >= 0) & (index < plane.cells.shape), axis=1)
+        index = np.where(inside[:, None], index, 0)
+        behind[may] |= inside & plane.cells[index[:, 0], index[:, 1]]
+    return behind
+
+
 def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Plane]:
     """The planes on which the points of a building lie, the largest first."""
     config = config or PlaneConfig()
-    points, towards = _thinned(seen, config)
+    points, eyes, say = _thinned(seen, config)
     if len(points) < 100:
         return []
-    normals = normals_of(points.astype(np.float32), towards, 24).astype(np.float64)
-    found: list[Plane] = []
-    z = np.array([0.0, 0.0, 1.0])
-    directions = [z, -z, *_headings(normals)]
+    normals = normals_of(points.astype(np.float32), eyes - points, 24).astype(np.float64)
     near = np.cos(np.radians(config.turned))
-    free = np.ones(len(points), bool)
-    for normal in directions:
+    z = np.array([0.0, 0.0, 1.0])
+    level: list[Plane] = []
+    up = np.flatnonzero(normals @ z > near)
+    _parallel(points[up], say[up], z, config, level)
+    free = ~mirrored(level, eyes, points, config)
+    found: list[Plane] = []
+    for normal in [z, -z, *_headings(normals[free])]:
         chosen = np.flatnonzero(free & (normals @ normal > near))
-        taken = _parallel(points[chosen], normal, config, found)
+        taken = _parallel(points[chosen], say[chosen], normal, config, found)
         free[chosen[taken]] = False
     return sorted(found, key=lambda p: -p.area)
 
 
-def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64]:
-    """One point and the direction to its cameras for every coarse cell, of what was seen from near enough."""
+def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64, Float64]:
+    """One point, the place of its cameras and its say for every coarse cell, of what is known well enough."""
     good = seen.say > config.say
     keys = np.floor(seen.points[good] / config.coarse).astype(np.int64)
     if not len(keys):
-        return np.empty((0, 3)), np.empty((0, 3))
+        return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
     _, index = np.unique(keys, axis=0, return_inverse=True)
     index = index.reshape(-1)
     weight = seen.say[good].astype(np.float64)
@@ -96,7 +131,7 @@ def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64]:
     def mean(values: NDArray[np.float32]) -> Float64:
         return np.stack([np.bincount(index, values[good][:, c] * weight) / mass for c in range(3)], axis=1)
 
-    return mean(seen.points), mean(seen.towards)
+    return mean(seen.points), mean(seen.eyes), np.minimum(mass, config.most)
 
 
 def _headings(normals: Float64) -> list[Float64]:
@@ -117,9 +152,12 @@ def _headings(normals: Float64) -> list[Float64]:
     return [np.array([np.cos(a), np.sin(a), 0.0]) for a in np.radians(np.array(chosen) + 0.5)]
 
 
-def _parallel(points: Float64, normal: Float64, config: PlaneConfig, found: list[Plane]) -> NDArray[np.bool_]:
-    """Adds the patches of points (N, 3) that lie across `normal` to `found`; which points they took."""
-    from scipy.ndimage import binary_dilation, gaussian_filter1d, label
+def _parallel(
+    points: Float64, say: Float64, normal: Float64, config: PlaneConfig, found: list[Plane]
+) -> NDArray[np.bool_]:
+    """Adds the patches of points (N, 3) that lie across `normal` to `found`, by what each has to say (N,); which points
+    they took."""
+    from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter1d, label
 
     taken = np.zeros(len(points), bool)
     if len(points) < 50:
@@ -132,36 +170,54 @@ def _parallel(points: Float64, normal: Float64, config: PlaneConfig, found: list
     base = height.min() - 5 * step
     for _ in range(200):
         free = ~taken
-        votes = np.bincount(((height[free] - base) / step).astype(int), minlength=int(np.ptp(height) / step) + 12)
-        smooth = gaussian_filter1d(votes.astype(float), 1.5)
+        votes = np.bincount(
+            ((height[free] - base) / step).astype(int),
+            say[free] / config.most,
+            minlength=int(np.ptp(height) / step) + 12,
+        )
+        smooth = gaussian_filter1d(votes, 1.5)
         peak = int(smooth.argmax())
-        least = config.smallest / config.coarse**2 * 0.2
+        least = config.smallest / config.coarse**2 * config.least
         if smooth[peak] * 3.8 < least:
             break
         centre = base + (peak + 0.5) * step
         close = np.flatnonzero(free & (np.abs(height - centre) < config.thickness))
         taken[free & (np.abs(height - centre) < config.scatter)] = True
-        cell = np.floor((plane[close] - plane[close].min(axis=0)) / config.cell).astype(int)
+        corner = plane[close].min(axis=0)
+        cell = np.floor((plane[close] - corner) / config.cell).astype(int)
         grid = np.zeros(cell.max(axis=0) + 1, bool)
         np.logical_or.at(grid, (cell[:, 0], cell[:, 1]), True)
         side = 2 * (config.gap // 2) + 1
-        parts, count = label(binary_dilation(grid, np.ones((side, side), bool)))
+        wide = binary_dilation(grid, np.ones((side, side), bool))
+        parts, count = label(wide)
+        closed = binary_erosion(wide, np.ones((side, side), bool), border_value=1)
         member = parts[cell[:, 0], cell[:, 1]]
         for part in range(1, count + 1):
             area = float((grid & (parts == part)).sum() * config.cell**2)
             rows = close[member == part]
             if area < config.smallest or len(rows) < 40:
                 continue
-            found.append(_fitted(points[rows], normal, along, up, area, config))
+            extent = (area, closed & (parts == part), corner)
+            found.append(_fitted(points[rows], say[rows], normal, along, up, extent, config))
     return taken
 
 
-def _fitted(points: Float64, normal: Float64, along: Float64, up: Float64, area: float, config: PlaneConfig) -> Plane:
-    """The plane through points (N, 3), which may turn by a few degrees from `normal` as far as they say so."""
-    middle = points.mean(axis=0)
+def _fitted(
+    points: Float64,
+    say: Float64,
+    normal: Float64,
+    along: Float64,
+    up: Float64,
+    extent: tuple[float, NDArray[np.bool_], Float64],
+    config: PlaneConfig,
+) -> Plane:
+    """The plane through points (N, 3), which may turn by a few degrees from `normal` as far as they say so (N,);
+    `extent` is its area, its cells and their corner."""
+    share = say / say.mean()
+    middle = np.average(points, axis=0, weights=say)
     local = points - middle
     a, b, h = local @ along, local @ up, local @ normal
-    weight = np.ones(len(h))
+    weight = share
     slope = np.zeros(3)
     for _ in range(8):
         design = np.stack([a, b, np.ones_like(a)], axis=1)
@@ -170,10 +226,11 @@ def _fitted(points: Float64, normal: Float64, along: Float64, up: Float64, area:
         slope = np.linalg.solve(normal_matrix, design.T @ (weight * h))
         off = h - design @ slope
         scale = max(1.5 * float(np.median(np.abs(off))), 0.005)
-        weight = 1 / (1 + (off / (2 * scale)) ** 2) ** 2
+        weight = share / (1 + (off / (2 * scale)) ** 2) ** 2
     turned = normal - slope[0] * along - slope[1] * up
     turned /= np.linalg.norm(turned)
     offset = float(turned @ (middle + slope[2] * normal))
     flat = np.stack([points @ along, points @ up], axis=1)
     low, high = np.percentile(flat, 0.5, axis=0) - config.margin, np.percentile(flat, 99.5, axis=0) + config.margin
-    return Plane(turned, offset, along, up, low, high, area)
+    area, cells, corner = extent
+    return Plane(turned, offset, along, up, low, high, area, cells, corner, config.cell)

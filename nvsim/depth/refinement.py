@@ -1,16 +1,33 @@
 """Inverse depth between the planes of a sweep: Gauss-Newton on the grey values around each pixel.
 
 Every neighbouring image is warped by the depth found so far; what differs still, and the slope of the grey values along
-the epipolar line, give a better depth and say how much the images know about it: next to nothing on a bare wall.
+the epipolar line, give a better depth and say how much the images know about it: next to nothing on a bare wall. A
+window is warped by the depths of all its pixels, so these are made smooth first: where they jump, it falls to pieces.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Float32 = NDArray[np.float32]
+
+_MOMENTS = 10
+_LEAST_ALIKE = 0.3
+_NOWHERE = -1.0  # what is unknown lies further from any inverse depth than the filter reaches
+
+
+def calm(inverse: Float32, reach: float, tolerance: float) -> Float32:
+    """`inverse` (H, W), 1 / metres, 0 where there is none, made smooth: the mean over the pixels around, those that
+    differ by much more than `tolerance` left out (Tomasi and Manduchi, 1998). `reach` is the standard deviation of
+    their weights, pixels."""
+    known = inverse > 0
+    side = 2 * int(2 * reach + 0.5) + 1
+    held = np.where(known, inverse, np.float32(_NOWHERE)).astype(np.float32)
+    found: Float32 = np.where(known, cv2.bilateralFilter(held, side, tolerance, reach), 0).astype(np.float32)
+    return found
 
 
 def refine(
@@ -19,68 +36,113 @@ def refine(
     rotations: NDArray[np.float64],
     shifts: NDArray[np.float64],
     found: Float32,
-    window: float,
+    window: int,
     longest: float,
     noise: float,
-) -> tuple[Float32, Float32, Float32]:
+) -> tuple[Float32, Float32]:
     """One step on `found` (H, W), inverse depth in 1 / metres, 0 where there is none.
 
     reference  (H, W) float32, grey values; sources S times (H', W')
     rotations, shifts  as in `nvsim.depth.sweep`
-    window     standard deviation of the weights around a pixel, pixels
+    window     side of the square around a pixel, pixels
     longest    the step is at most so much, 1 / metres
     noise      of the grey values, standard deviation
 
-    Returns three (H, W) float32: the better inverse depth; its inverse variance, metres squared; and the mean
-    correlation of the windows, -1 where no source shows the place.
+    Returns two (H, W) float32: the better inverse depth, and its inverse variance, metres squared.
     """
+    push, curve = np.zeros(found.shape, np.float32), np.zeros(found.shape, np.float32)
+    moments = np.empty((*found.shape, _MOMENTS), np.float32)
+    tiny = noise * noise
+    for grey, turned, shift in zip(sources, rotations, shifts, strict=True):
+        _sample(reference, grey, turned, shift, found, moments)
+        _gather(np.asarray(cv2.blur(moments, (window, window)), np.float32), tiny, push, curve)
+    return _stepped(found, push, curve, longest, tiny), curve * np.float32(window * window / (2 * tiny))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _at(grey: Float32, p: float, q: float) -> float:
+    """`grey` (H, W) between its pixels; p and q lie inside."""
+    x, y = int(p), int(q)
+    right, below = min(x + 1, grey.shape[1] - 1), min(y + 1, grey.shape[0] - 1)
+    a, b = p - x, q - y
+    top = grey[y, x] + a * (grey[y, right] - grey[y, x])
+    return float(top + b * (grey[below, x] + a * (grey[below, right] - grey[below, x]) - top))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _sample(
+    reference: Float32,
+    grey: Float32,
+    turned: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    found: Float32,
+    out: Float32,
+) -> None:
+    """Fills `out` (H, W, 10): whether the pixel is seen, its grey value here and there, the slope there along the
+    epipolar line by the inverse depth, and the products of these three."""
     height, width = found.shape
-    x = np.arange(width, dtype=np.float32)[None, :]
-    y = np.arange(height, dtype=np.float32)[:, None]
-    known = (found > 0).astype(np.float32)
+    wide, tall = grey.shape[1] - 1.0, grey.shape[0] - 1.0
+    for y in range(height):
+        for x in range(width):
+            w = found[y, x]
+            for c in range(_MOMENTS):
+                out[y, x, c] = 0
+            z = turned[2, 0] * x + turned[2, 1] * y + turned[2, 2] + w * shift[2]
+            if w <= 0 or z < 1e-6:
+                continue
+            p = (turned[0, 0] * x + turned[0, 1] * y + turned[0, 2] + w * shift[0]) / z
+            q = (turned[1, 0] * x + turned[1, 1] * y + turned[1, 2] + w * shift[1]) / z
+            if p < 0 or q < 0 or p > wide or q > tall:
+                continue
+            du, dv = (shift[0] - p * shift[2]) / z, (shift[1] - q * shift[2]) / z
+            length = np.sqrt(du * du + dv * dv) + 1e-6
+            # The slope from two samples half a pixel to either side.
+            hx, hy = 0.5 * du / length, 0.5 * dv / length
+            ahead = _at(grey, min(max(p + hx, 0.0), wide), min(max(q + hy, 0.0), tall))
+            behind = _at(grey, min(max(p - hx, 0.0), wide), min(max(q - hy, 0.0), tall))
+            here, there, slope = reference[y, x], _at(grey, p, q), (ahead - behind) * length
+            out[y, x, 0] = 1
+            out[y, x, 1] = here
+            out[y, x, 2] = there
+            out[y, x, 3] = slope
+            out[y, x, 4] = here * here
+            out[y, x, 5] = there * there
+            out[y, x, 6] = slope * slope
+            out[y, x, 7] = here * there
+            out[y, x, 8] = slope * here
+            out[y, x, 9] = slope * there
 
-    def mean(values: Float32) -> Float32:
-        return np.asarray(cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT), np.float32)
 
-    curve = np.zeros((height, width), np.float32)
-    push = np.zeros((height, width), np.float32)
-    alike = np.zeros((height, width), np.float32)
-    used = np.zeros((height, width), np.float32)
-    tiny = np.float32(noise * noise)
-    for grey, turned, shift in zip(sources, rotations.astype(np.float32), shifts.astype(np.float32), strict=True):
-        z = turned[2, 0] * x + turned[2, 1] * y + turned[2, 2] + found * shift[2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scale = 1 / z
-            p = (turned[0, 0] * x + turned[0, 1] * y + turned[0, 2] + found * shift[0]) * scale
-            q = (turned[1, 0] * x + turned[1, 1] * y + turned[1, 2] + found * shift[1]) * scale
-        there = (z > 1e-6) & (p >= 0) & (q >= 0) & (p <= grey.shape[1] - 1) & (q <= grey.shape[0] - 1) & (found > 0)
-        p, q, scale = np.where(there, p, 0), np.where(there, q, 0), np.where(there, scale, 0)
-        warped = cv2.remap(grey, p, q, cv2.INTER_LINEAR)
-        # The slope along the epipolar line, from two samples half a pixel apart on either side.
-        du, dv = (shift[0] - p * shift[2]) * scale, (shift[1] - q * shift[2]) * scale
-        length = np.sqrt(du * du + dv * dv) + np.float32(1e-6)
-        hx, hy = np.float32(0.5) * du / length, np.float32(0.5) * dv / length
-        ahead = cv2.remap(grey, p + hx, q + hy, cv2.INTER_LINEAR)
-        slope = (ahead - cv2.remap(grey, p - hx, q - hy, cv2.INTER_LINEAR)) * length
-        m = there.astype(np.float32)
-        share = mean(m)
-        inverse = 1 / np.maximum(share, np.float32(1e-3))
-        mr, mt, ms = mean(m * reference) * inverse, mean(m * warped) * inverse, mean(m * slope) * inverse
-        vr = mean(m * reference * reference) * inverse - mr * mr
-        vt = mean(m * warped * warped) * inverse - mt * mt
-        vs = mean(m * slope * slope) * inverse - ms * ms
-        cov = mean(m * reference * warped) * inverse - mr * mt
-        sr = mean(m * slope * reference) * inverse - ms * mr
-        st = mean(m * slope * warped) * inverse - ms * mt
-        correlation = cov / np.sqrt((np.maximum(vr, 0) + tiny) * (np.maximum(vt, 0) + tiny))
-        gain = np.sqrt(np.clip((vt + tiny) / (vr + tiny), 0.25, 4.0))
-        good = there & (correlation > 0.3) & (share > 0.5)
-        weight = np.where(good, correlation * correlation, 0).astype(np.float32)
-        curve += weight * np.maximum(vs, 0)
-        push += weight * (gain * sr - st)
-        alike += np.where(good, correlation, 0)
-        used += good
-    step = push / (curve + tiny / np.float32(longest * longest) * np.float32(0.05) + np.float32(1e-9))
-    better = np.where(known > 0, np.maximum(found + np.clip(step, -longest, longest), 1e-4), 0).astype(np.float32)
-    area = 4 * np.pi * window * window
-    return better, (curve * np.float32(area / (2 * noise * noise))), np.where(used > 0, alike / np.maximum(used, 1), -1)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _gather(moments: Float32, tiny: float, push: Float32, curve: Float32) -> None:
+    """Adds what one image says to `push` and `curve` (H, W), from the means of what `_sample` gave."""
+    height, width = push.shape
+    for y in range(height):
+        for x in range(width):
+            share = moments[y, x, 0]
+            if share < 0.5:
+                continue
+            scale = 1 / share
+            mr, mt, ms = moments[y, x, 1] * scale, moments[y, x, 2] * scale, moments[y, x, 3] * scale
+            vr = max(moments[y, x, 4] * scale - mr * mr, 0.0) + tiny
+            vt = max(moments[y, x, 5] * scale - mt * mt, 0.0) + tiny
+            alike = (moments[y, x, 7] * scale - mr * mt) / np.sqrt(vr * vt)
+            if alike < _LEAST_ALIKE:
+                continue
+            gain = min(max(np.sqrt(vt / vr), 0.5), 2.0)
+            weight = alike * alike
+            curve[y, x] += weight * max(moments[y, x, 6] * scale - ms * ms, 0.0)
+            push[y, x] += weight * (gain * (moments[y, x, 8] * scale - ms * mr) - (moments[y, x, 9] * scale - ms * mt))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _stepped(found: Float32, push: Float32, curve: Float32, longest: float, tiny: float) -> Float32:
+    """`found` after its step, which is shorter where the images know little."""
+    better = np.zeros_like(found)
+    damping = 0.05 * tiny / (longest * longest) + 1e-9
+    for y in range(found.shape[0]):
+        for x in range(found.shape[1]):
+            if found[y, x] > 0:
+                step = push[y, x] / (curve[y, x] + damping)
+                better[y, x] = max(found[y, x] + min(max(step, -longest), longest), 1e-4)
+    return better

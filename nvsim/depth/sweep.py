@@ -1,8 +1,8 @@
 """The plane sweep: how well each pixel agrees with the same place in neighbouring images, at every depth.
 
-Planes even in inverse depth are laid through the scene, parallel to the image. A plane maps one image onto another by
-a homography, so a whole census image is warped at once (by OpenCV, 64 bits as four channels), and what remains is to
-count the bits that differ.
+Planes even in inverse depth are laid through the scene, parallel to the image. Neighbouring images are turned to look
+as the image does; a plane then only shifts and scales them, so the rows of one are rows of the other, and what remains
+is to count the bits of the census that differ.
 """
 
 from __future__ import annotations
@@ -12,9 +12,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from nvsim.depth.census import census_of
+
 WORST = 28
-"""Cost of a source that does not see the place, in bits of the census: bare regions that do not disagree cost less."""
-_OUTSIDE = 0xFFFF
+"""Most that a source counts, in bits of the census, and what one counts that does not see the place: bare regions that
+do not disagree cost less."""
+_NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)  # the census of what is not seen: half of its bits differ from any
+_LEAST_DEPTH = 0.1  # of a corner of a turned image, as a share of that of its middle
 
 
 @njit(inline="always")
@@ -28,18 +32,29 @@ def _bits(value: np.uint64) -> np.uint64:
 
 @njit(cache=True, nogil=True)
 def _count(
-    mine: NDArray[np.uint64], theirs: NDArray[np.uint64], best: NDArray[np.uint8], next_: NDArray[np.uint8]
+    mine: NDArray[np.uint64],
+    theirs: NDArray[np.uint64],
+    rows: NDArray[np.uint32],
+    columns: NDArray[np.uint32],
+    best: NDArray[np.uint8],
+    following: NDArray[np.uint8],
 ) -> None:
-    """Puts the census distance of every pixel (N,) among the two lowest so far. A census of ones is outside."""
-    for i in range(mine.shape[0]):
-        other = theirs[i]
-        found = np.uint8(_bits(mine[i] ^ other))
-        found = np.uint8(WORST) if other == np.uint64(0xFFFFFFFFFFFFFFFF) else found
-        first = best[i]
-        low = found if found < first else first
-        high = first if found < first else found
-        best[i] = low
-        next_[i] = high if high < next_[i] else next_[i]
+    """Puts the census distance of every pixel (H, W) to the pixel at `rows` (H,) and `columns` (W,) of `theirs` among
+    the two lowest so far. A loop for what gathers and one for each width of number: LLVM vectorises each."""
+    height, width = mine.shape
+    differ, bits = np.empty(width, np.uint64), np.empty(width, np.uint8)
+    for y in range(height):
+        here, there, first, second = mine[y], theirs[rows[y]], best[y], following[y]
+        for x in range(width):
+            differ[x] = here[x] ^ there[columns[x]]
+        for x in range(width):
+            bits[x] = np.uint8(_bits(differ[x]))
+        for x in range(width):
+            found = bits[x]
+            low, high = first[x], second[x]
+            first[x] = found if found < low else low
+            larger = low if found < low else found
+            second[x] = larger if larger < high else high
 
 
 @njit(cache=True, nogil=True)
@@ -56,19 +71,71 @@ def _turn(planes: NDArray[np.uint8], cost: NDArray[np.uint8]) -> None:
 
 def sweep(
     reference: NDArray[np.uint64],
-    sources: list[NDArray[np.uint64]],
+    sources: list[NDArray[np.float32]],
     rotations: NDArray[np.float64],
     shifts: NDArray[np.float64],
     inverse: NDArray[np.float64],
+    threshold: float,
 ) -> NDArray[np.uint8]:
-    """(H, W, D) uint8: `plane_costs` of planes parallel to the image, at the inverse depths `inverse` (D,), 1 / metres,
-    the costs of a pixel side by side."""
-    flat = np.zeros((len(inverse), 3))
-    flat[:, 2] = inverse
+    """(H, W, D) uint8: for planes parallel to the image the census distances of the best two sources, added, the costs
+    of a pixel side by side.
+
+    reference  (H, W) uint64, census of the image
+    sources    S times (H', W') float32, grey values, S > 0
+    rotations  (S, 3, 3), K_s R K^-1 between pixel indices (the first pixel's centre is 0)
+    shifts     (S, 3), K_s t: a pixel p at inverse depth w falls on rotations @ p + w * shifts
+    inverse    (D,) inverse depths of the planes, 1 / metres
+    threshold  of `census_of`
+    """
     height, width = reference.shape
-    cost = np.empty((height * width, len(inverse)), np.uint8)
-    _turn(plane_costs(reference, sources, rotations, shifts, flat).reshape(len(inverse), -1), cost)
-    return cost.reshape(height, width, len(inverse))
+    count = len(inverse)
+    best = np.full((count, height, width), WORST, np.uint8)
+    following = np.full((count, height, width), WORST, np.uint8)
+    across, down = np.arange(width), np.arange(height)
+    for grey, turned, shift in zip(sources, rotations, shifts, strict=True):
+        theirs, left, top = turned_census(grey, turned, width, height, threshold)
+        move = np.linalg.solve(turned, shift)
+        for d, w in enumerate(inverse):
+            scale = 1 + w * move[2]
+            if scale <= 0:
+                continue  # behind that camera
+            columns = _index((across + w * move[0]) / scale - left, theirs.shape[1])
+            rows = _index((down + w * move[1]) / scale - top, theirs.shape[0])
+            _count(reference, theirs, rows, columns, best[d], following[d])
+    best += following
+    cost = np.empty((height * width, count), np.uint8)
+    _turn(best.reshape(count, -1), cost)
+    return cost.reshape(height, width, count)
+
+
+def _index(places: NDArray[np.float64], size: int) -> NDArray[np.uint32]:
+    """The nearest of `size` pixels, of which the outermost are nothing."""
+    return np.clip(np.rint(places) + 1, 0, size - 1).astype(np.uint32)
+
+
+def turned_census(
+    grey: NDArray[np.float32], turned: NDArray[np.float64], width: int, height: int, threshold: float
+) -> tuple[NDArray[np.uint64], int, int]:
+    """The census of a source as the image of `width` x `height` pixels would see it, were it where the source is; and
+    the column and row in that image of its first pixel. What the source does not show, and a border of one pixel around
+    it all, is `_NOTHING`."""
+    tall, wide = grey.shape
+    corners = np.linalg.solve(turned, np.array([[0, wide - 1, wide - 1, 0], [0, 0, tall - 1, tall - 1], [1, 1, 1, 1]]))
+    low, high = np.array([-width // 2, -height // 2]), np.array([3 * width // 2, 3 * height // 2])
+    if corners[2].min() > _LEAST_DEPTH * np.linalg.solve(turned, [wide / 2, tall / 2, 1])[2]:
+        places = corners[:2] / corners[2]
+        low = np.maximum(np.floor(places.min(axis=1)), low).astype(int)
+        high = np.minimum(np.ceil(places.max(axis=1)) + 1, high).astype(int)
+    columns, rows = np.maximum(high - low, 1)
+    into = turned @ np.array([[1.0, 0, low[0]], [0, 1, low[1]], [0, 0, 1]])
+    size, flags = (int(columns), int(rows)), cv2.WARP_INVERSE_MAP
+    values = cv2.warpPerspective(grey, into, size, flags=flags | cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    seen = cv2.warpPerspective(np.ones((tall, wide), np.uint8), into, size, flags=flags | cv2.INTER_NEAREST)
+    # A homography knows no front and back.
+    depth = (into[2, 0] * np.arange(columns))[None] + (into[2, 1] * np.arange(rows) + into[2, 2])[:, None]
+    out = np.full((rows + 2, columns + 2), _NOTHING)
+    out[1:-1, 1:-1] = np.where((seen > 0) & (depth > 0), census_of(np.asarray(values, np.float32), threshold), _NOTHING)
+    return out, int(low[0]), int(low[1])
 
 
 def plane_costs(
@@ -78,19 +145,14 @@ def plane_costs(
     shifts: NDArray[np.float64],
     forms: NDArray[np.float64],
 ) -> NDArray[np.uint8]:
-    """(D, H, W) uint8, the census distances of the best two sources, added.
+    """(D, H, W) uint8, as `sweep` counts, of any planes and with the sources' own census.
 
-    reference  (H, W) uint64, census of the image
-    sources    S times (H', W') uint64, S > 0
-    rotations  (S, 3, 3), K_s R K^-1 between pixel indices (the first pixel's centre is 0)
-    shifts     (S, 3), K_s t: a pixel p at inverse depth w falls on rotations @ p + w * shifts
-    forms      (D, 3), a plane each: its inverse depth at the pixel p is forms @ p, 1 / metres
+    forms  (D, 3), a plane each: its inverse depth at the pixel p is forms @ p, 1 / metres
     """
     height, width = reference.shape
-    size = height * width
-    mine = reference.reshape(-1)
-    best = np.full((len(forms), size), WORST, np.uint8)
-    following = np.full((len(forms), size), WORST, np.uint8)
+    rows, columns = np.arange(height, dtype=np.uint32), np.arange(width, dtype=np.uint32)
+    best = np.full((len(forms), height, width), WORST, np.uint8)
+    following = np.full((len(forms), height, width), WORST, np.uint8)
     for census, turned, shift in zip(sources, rotations, shifts, strict=True):
         channels = census.view(np.uint16).reshape(*census.shape, 4)
         for d, form in enumerate(forms):
@@ -100,8 +162,8 @@ def plane_costs(
                 (width, height),
                 flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
                 borderMode=cv2.BORDER_CONSTANT,
-                borderValue=(_OUTSIDE, _OUTSIDE, _OUTSIDE, _OUTSIDE),
+                borderValue=(0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF),
             )
-            _count(mine, warped.view(np.uint64).reshape(-1), best[d], following[d])
+            _count(reference, warped.view(np.uint64).reshape(height, width), rows, columns, best[d], following[d])
     best += following
-    return best.reshape(len(forms), height, width)
+    return best

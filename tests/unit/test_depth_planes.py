@@ -25,9 +25,8 @@ def room(rng: np.random.Generator) -> SeenPoints:
             points[:, axis] = side * size[axis]
             faces.append(points)
     points = np.concatenate(faces) + 0.01 * rng.standard_normal((36000, 3))
-    towards = np.array([3.0, 2.0, 1.2]) - points
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    return SeenPoints(points.astype(np.float32), towards.astype(np.float32), np.ones(len(points), np.float32))
+    eyes = np.full_like(points, 0.0) + [3.0, 2.0, 1.2]
+    return SeenPoints(points.astype(np.float32), eyes.astype(np.float32), np.full(len(points), 2e4, np.float32))
 
 
 def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
@@ -68,12 +67,39 @@ def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
     assert np.mean(np.abs(found[wall] * 4.0 - 1) < 0.02) > 0.85
 
 
+def test_what_shines_in_a_floor_is_no_plane_below_it_and_a_storey_below_is() -> None:
+    above = room(np.random.default_rng(0))
+    mirror = above.points * [1, 1, -1]  # the room as its floor shows it
+    points, eyes = np.concatenate([above.points, mirror]), np.concatenate([above.eyes, above.eyes])
+    say = np.concatenate([above.say, above.say])
+    offsets = sorted(round(p.offset, 1) for p in find_planes(SeenPoints(points, eyes, say)))
+    assert np.allclose(offsets, [-6.0, -4.0, -2.5, 0.0, 0.0, 0.0], atol=0.05)
+    down = np.float32([0, 0, -3.0])  # seen from within
+    storeys = SeenPoints(
+        np.concatenate([above.points, above.points + down]), np.concatenate([above.eyes, above.eyes + down]), say
+    )
+    floors = sorted(round(p.offset, 1) for p in find_planes(storeys) if p.normal[2] > 0.9)
+    assert np.allclose(floors, [-3.0, 0.0], atol=0.05)
+
+
+def test_points_that_are_known_well_decide_where_a_plane_lies() -> None:
+    rng = np.random.default_rng(1)
+    wall = rng.uniform(0, 4, (8000, 3))
+    wall[:, 0] = 2.0 + 0.01 * rng.standard_normal(8000)
+    wall[400:, 0] += 0.06  # most of it is bare, and lies where smoothing put it
+    say = np.full(8000, 1.1e4)
+    say[:400] = 1e7
+    eyes = np.zeros_like(wall) + [0.0, 2.0, 1.0]
+    (found,) = find_planes(SeenPoints(*(a.astype(np.float32) for a in (wall, eyes, say))))
+    assert abs(found.offset + 2.0) < 0.015
+
+
 def test_points_are_averaged_in_cells_by_what_their_distance_makes_of_them() -> None:
     camera = Camera(Intrinsics(4, 3, 4.0, 4.0, 2.0, 1.5), np.eye(4))
     image = np.full((3, 4, 3), 7, np.uint8)
     fusion = Fusion(0.05)
     for _ in range(3):
-        fusion.add(camera, np.full((3, 4), 0.5, np.float32), image)
+        fusion.add(camera, np.full((3, 4), 0.5, np.float32), np.ones((3, 4), np.float32), image)
     cloud = fusion.cloud(3)
     assert len(cloud.points) == 12 and np.allclose(cloud.points[:, 2], 2.0) and (cloud.views == 3).all()
     assert (cloud.colors == 7).all() and len(fusion.cloud(4).points) == 0
@@ -83,6 +109,7 @@ def test_points_are_averaged_in_cells_by_what_their_distance_makes_of_them() -> 
         many.add(
             Camera(Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0), np.eye(4)),
             rng.uniform(0.2, 1.0, (60, 80)).astype(np.float32),
+            np.ones((60, 80), np.float32),
             np.zeros((60, 80, 3), np.uint8),
         )
     assert many.cloud(1).views.sum() == 40 * 80 * 60
