@@ -35,6 +35,8 @@ class GeometricConfig:
     contact       a point nearer than this share of the way to the floor behind it is a silhouette, not a foot
     margin        share of the way to the floor from which on a point no longer hides it
     speck         regions and holes smaller than this share of the image are noise of the cloud
+    level         a pixel whose own depth differs by less than this share from that of the floor shows floor,
+    before        and one that is nearer by more than this share something before it
     glimpses      views from which the floor's looks are learnt, at most
     """
 
@@ -47,6 +49,8 @@ class GeometricConfig:
     contact: float = 0.95
     margin: float = 0.998
     speck: float = 0.0006
+    level: float = 0.02
+    before: float = 0.05
     glimpses: int = 160
     appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
@@ -107,10 +111,11 @@ class GeometricFloor:
         radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
         self._standing = replace(self._standing, radii=radii)
 
-    def segment(self, camera: Camera, image: Image) -> FloorMask:
-        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
+    def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
+        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; where the image's own `depth` along
+        the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows."""
         seen = self.project(camera)
-        floor = seen.floor
+        floor = seen.floor if depth is None else self._with_depth(seen, camera, depth)
         if self._is_sparse:
             floor = grow(floor, seen.floor | seen.unsure, self._glimpse(seen, image).image)
         elif self._appearance is not None:
@@ -119,6 +124,19 @@ class GeometricFloor:
             floor |= self._appearance.shining_through(view, seen.hidden)
         mask = refine(floor, seen.scale, image, self.config.refine)
         return FloorMask(mask, mask)
+
+    def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> Mask:
+        """The floor of a projection with what the depth of the image says of each pixel."""
+        import cv2
+
+        height, width = seen.floor.shape
+        own = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST)
+        small = self._small(camera)
+        ground = seen.distance * (small.rays() @ small.rotation[:, 2].astype(np.float32))
+        known = (own > 0) & (ground > 0)
+        level = known & (np.abs(own - ground) < self.config.level * ground)
+        before = known & (own < (1 - self.config.before) * ground)
+        return _without_specks((seen.floor & ~before) | level, self.config.speck)
 
     def likeness(self, camera: Camera, image: Image) -> Float32:
         """(h, w) float32 at the working size, 0 to 1: how much `image` (H, W, 3) looks like floor, by the colours that

@@ -21,7 +21,7 @@ from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
-from nvsim.perception.roles import Image, Mask
+from nvsim.perception.roles import Float32, Image, Mask
 
 _NEAR = 6.0  # metres
 
@@ -52,11 +52,12 @@ def segment_capture(
     config: SegmentConfig | None = None,
     listen: Listener = silent,
     todo: Iterable[int] | None = None,
+    depth_of: Callable[[int], Float32] | None = None,
 ) -> None:
     """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor.
 
     `surfaces_of` gives the floor surface that holds around a frame; frames for which it returns the same object are
-    taken together.
+    taken together. `depth_of` gives the depth of a frame (see `GeometricFloor.segment`), where there is one.
     Frames whose mask exists are skipped unless `config.again`. Raises InputError for an image that cannot be read and
     for a folder that cannot be written; masks written so far stay.
     """
@@ -88,7 +89,8 @@ def segment_capture(
     def one(index: int) -> int:
         camera, intrinsics = view(index)
         image = read_image(capture.frames[index], intrinsics)
-        found = providers[id(surfaces[index])].segment(camera, image)
+        depth = None if depth_of is None else depth_of(index)
+        found = providers[id(surfaces[index])].segment(camera, image, depth)
         encoded = cv2.imencode(".png", found.mask.astype(np.uint8) * 255)[1]
         write_bytes(mask_path(folder, index), encoded.tobytes())
         return index

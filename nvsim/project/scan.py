@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.project.stage_records import StageRecord, record
 
@@ -25,6 +28,17 @@ def depth_in_use(project: Project) -> StageRecord | None:
     if found is None or imported is None or "skipped" in found.summary:
         return None
     return found if found.summary.get("capture") == imported.key else None
+
+
+def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
+    """What gives the depth of a frame, (h, w) metres along the optical axis, 0 where unknown; None where images have
+    none, or a scan knows better."""
+    scanned = project.need_capture().cloud
+    if depth_in_use(project) is None or (scanned is not None and scanned.is_dense):
+        return None
+    from nvsim.depth.files import read_depth
+
+    return partial(read_depth, project.layout.depth)
 
 
 def load_scan(project: Project) -> Cloud | None:

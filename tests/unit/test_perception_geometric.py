@@ -94,6 +94,24 @@ def test_floor_of_the_next_room_is_not_seen_under_the_wall():
     assert iou(GeometricFloor(cloud, FLAT).segment(camera(0), image).mask, floor) > 0.93
 
 
+def test_the_depth_of_the_image_itself_says_what_the_cloud_does_not():
+    """A cloud without the box, and of the floor only its far half: the image's own depth knows both."""
+    points = scan().points
+    boxed = ((points > BOX[0] - 0.05) & (points < BOX[1] + 0.05)).all(axis=1) & (points[:, 2] > 0.05)
+    near = (np.abs(points[:, 2]) < 0.05) & (points[:, 1] < 2.5)
+    view = camera(0)
+    floor, image = truth(view)
+    rays = view.rays().astype(float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.where(rays[..., 2] < 0, -view.position[2] / rays[..., 2], 0)
+        struck = np.minimum((BOX[0] - view.position) / rays, (BOX[1] - view.position) / rays).max(axis=-1)
+    hidden = (along > 0) & ~floor & (struck > 0) & (struck < along)
+    depth = np.where(hidden, struck, np.where(floor, along, 0)) * (rays @ view.rotation[:, 2])
+    provider = GeometricFloor(Cloud(points[~boxed & ~near]), FLAT)
+    blind = iou(provider.segment(view, image).mask, floor)
+    assert iou(provider.segment(view, image, depth.astype(np.float32)).mask, floor) > max(0.95, blind + 0.2)
+
+
 def test_without_a_cloud_everything_below_the_horizon_is_floor_at_most():
     floor, image = truth(camera(0))
     found = GeometricFloor(None, FLAT, GeometricConfig(refine=RefineConfig(most=0))).segment(camera(0), image)

@@ -19,7 +19,7 @@ from nvsim.project.corrections import corrected_frames, corrections_key, discard
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
-from nvsim.project.scan import depth_in_use
+from nvsim.project.scan import depth_in_use, depth_maps
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.work import StageName
@@ -27,6 +27,7 @@ from nvsim.project.work import StageName
 STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
+_WITH_DEPTH = 2  # the same where images have a depth
 
 _NOTHING_STANDS = (
     "There is neither a scan nor depth of the images, so little says what stands on the floor: masks and map may lead "
@@ -42,7 +43,7 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)
     # Without depth the key is that of before there was a depth stage.
-    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION, *([depth.key] if depth else []))
+    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION, *([depth.key, _WITH_DEPTH] if depth else []))
     if ledger.is_current(project, STAGE, key) and _is_whole(project):
         listen(Log("The floor masks are up to date.", STAGE))
         refresh_support(project, listen)
@@ -69,7 +70,8 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
         surface = _surface(project, submap.index, capture.positions[list(submap.frames)], config)
         for frame in submap.core:
             surface_of[frame] = surface
-    segment_capture(capture, surface_of.__getitem__, layout.masks, listen=listen)
+    seen = depth_maps(project)
+    segment_capture(capture, surface_of.__getitem__, layout.masks, listen=listen, depth_of=seen)
     support_key = _support_key(project, key)
     coverage = _support(project)
     summary = {"frames": len(capture.frames), "supported_m2": round(coverage, 1)}
