@@ -29,7 +29,7 @@ MEGABYTE = 1 << 20
 
 
 def refused(path: Path, words: str = "a") -> None:
-    """Refused in one sentence with the file's name, within 64 MB and ten times the file, and a few seconds of computing."""
+    """Refused in a sentence with the file's name, within 64 MB and ten times the file, and seconds of computing."""
     started = time.process_time()
     tracemalloc.start()
     try:
