@@ -145,8 +145,9 @@ def shoot(camera: Camera) -> None:
     camera.until(lambda: handle.state not in ("running", "queued"))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+def take(shoot: Callable[[Camera], None], about: str | None, size: tuple[int, int]) -> None:
+    """Runs `shoot` on a window of that size with a copy of the project that the command line names."""
+    parser = argparse.ArgumentParser(description=about)
     parser.add_argument("project", type=Path)
     parser.add_argument("--out", type=Path, default=Path("resources/docs"))
     given = parser.parse_args()
@@ -158,7 +159,7 @@ def main() -> None:
         application = make_application("dark", settings)
         theme.apply(application, "dark")
         session = Session(settings)
-        session.window.resize(*SIZE)
+        session.window.resize(*size)
         session.window.show()
         session.open(project)
         try:
@@ -168,4 +169,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(take(shoot, __doc__, SIZE))
