@@ -7,4 +7,5 @@ venv="$1"
 shift
 "$here/system-packages.sh"
 [ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$here/constraints.txt" "$@"
+# Compiling every module of every package takes longer than unpacking them; Python compiles those that are used.
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile -c "$here/constraints.txt" "$@"

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs NVSim with its test tools into a virtual environment ($VENV, by default .venv) and runs every test:
-# first without a screen, then the window's own in a real window on a virtual screen.
+# first without a screen, in $WORKERS processes (by default two), then the window's own in a real window on a virtual
+# screen. Arguments go to pytest, and then only what they name is run: packaging/test.sh tests/unit/test_geometry.py
 set -eu
 root="$(cd "$(dirname "$0")/.." && pwd)"
 venv="${VENV:-$root/.venv}"
@@ -11,9 +12,11 @@ export OMP_WAIT_POLICY=PASSIVE
 unset PYTHONDONTWRITEBYTECODE
 # Once on a machine; otherwise the first test that trains would wait for it.
 "$venv/bin/python" -c "from nvsim.training.compilation import compile_ahead; compile_ahead(print)"
-QT_QPA_PLATFORM=offscreen "$venv/bin/python" -m pytest -m "not gl" "$@"
+QT_QPA_PLATFORM=offscreen "$venv/bin/python" -m pytest -n "${WORKERS:-2}" --dist loadfile --no-loadscope-reorder \
+    -m "not gl" "$@"
+[ $# -eq 0 ] || exit 0
 if command -v xvfb-run >/dev/null 2>&1; then
-    QT_QPA_PLATFORM=xcb xvfb-run -a -s "-screen 0 1600x1000x24" "$venv/bin/python" -m pytest -m gl
+    QT_QPA_PLATFORM=xcb xvfb-run -a -s "-screen 0 1600x1000x24" "$venv/bin/python" -m pytest -m gl tests/gl
 elif [ "${CI:-}" = true ]; then
     echo "xvfb-run is missing, so the window cannot be tested" >&2
     exit 1

@@ -50,7 +50,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if unit and collection_path.stem.removeprefix("test_") not in FAST else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if hasattr(config, "workerinput"):  # a process of pytest-xdist
+        # The dearest files first, so that no process has one left when the others are at the end.
+        items.sort(key=lambda item: item.path.parent.name != "pipeline")
     for item in items:
         named = item.path.parent.name == "unit" and item.path.stem.removeprefix("test_") in FAST
         if named and getattr(item, "originalname", item.name) not in STARTS_PROCESSES | TAKES_SECONDS:

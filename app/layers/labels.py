@@ -1,17 +1,17 @@
-"""The names of the viewpoints that are near."""
+"""The names of the viewpoints that are near; where two would lie on each other, that of the nearer one."""
 
 from __future__ import annotations
 
 import re
 
-from PySide6.QtCore import QPointF
+from PySide6.QtCore import QPointF, QRectF
 from PySide6.QtGui import QColor, QFont, QPainter
 
 from app.layers.graph import GraphLayer
 from app.layers.layer import Layer
 from app.look import colors
 from app.look.plain_text import plain
-from app.painting.primitives import chip
+from app.painting.primitives import chip, chip_box
 from app.state.document import Document
 from nvsim.geometry.camera import Camera
 
@@ -41,15 +41,18 @@ class LabelLayer(Layer):
         selected = arrays.index.get(self._document.selection.viewpoint or "")
         hovered = arrays.index.get(self._graph.hovered or "")
         near = view.order[view.depths[view.order] < LABEL_DISTANCE][-MOST_LABELS:].tolist()
-        rows = dict.fromkeys([*near, *(r for r in (selected, hovered) if r is not None and view.seen[r])])
+        rows = dict.fromkeys([*(r for r in (selected, hovered) if r is not None and view.seen[r]), *reversed(near)])
         font = QFont(painter.font())
         font.setPointSizeF(8)
         painter.setFont(font)
+        drawn: list[QRectF] = []
         for row in rows:
             anchor = QPointF(view.pixels[row, 0] + view.radii[row, 0] + 4, view.pixels[row, 1] + 8)
+            if any(chip_box(painter, anchor, short_id(arrays.ids[row])).intersects(box) for box in drawn):
+                continue
             fill = QColor(58, 44, 5, 220) if row == selected else QColor(16, 20, 26, 170)
             ink = QColor(colors.SELECTED if row == selected else "#dfe7ee")
-            chip(painter, anchor, short_id(arrays.ids[row]), ink, fill)
+            drawn.append(chip(painter, anchor, short_id(arrays.ids[row]), ink, fill))
 
 
 def short_ids(sentence: str) -> str:

@@ -65,11 +65,16 @@ def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:
     return sprite
 
 
+def chip_box(painter: QPainter, anchor: QPointF, text: str) -> QRectF:
+    """The rectangle that `chip` would fill."""
+    metrics = painter.fontMetrics()
+    width, height = metrics.horizontalAdvance(plain(text)) + 12, metrics.height() + 4
+    return QRectF(anchor.x(), anchor.y() - height, width, height)
+
+
 def chip(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
     """A small rounded label whose lower left corner is at `anchor`; returns its rectangle."""
-    text, metrics = plain(text), painter.fontMetrics()
-    width, height = metrics.horizontalAdvance(text) + 12, metrics.height() + 4
-    box = QRectF(anchor.x(), anchor.y() - height, width, height)
+    text, box = plain(text), chip_box(painter, anchor, text)
     painter.setPen(Qt.PenStyle.NoPen)
     painter.setBrush(fill)
     painter.drawRoundedRect(box, 4, 4)

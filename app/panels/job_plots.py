@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pyqtgraph
 from PySide6.QtCore import QEvent, QTimer
-from PySide6.QtGui import QShowEvent
+from PySide6.QtGui import QFontMetricsF, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from app.jobs.queue import JobHandle
@@ -16,6 +18,21 @@ from app.look.plain_text import marked
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels
 _PLOTS = (("loss", "Loss"), ("psnr", "PSNR, dB"), ("gaussians", "Gaussians"))
+
+
+class StepAxis(pyqtgraph.AxisItem):
+    """Numbers of steps, only as many as have room beside each other."""
+
+    def __init__(self) -> None:
+        super().__init__("bottom")
+        self.enableAutoSIPrefix(False)
+
+    def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
+        """1, 2 or 5 times a power of ten; `size` is the length of the axis in pixels."""
+        widest = QFontMetricsF(self.font()).horizontalAdvance(f"{maxVal:.0f}") + 10
+        least = max(1.0, (maxVal - minVal) * widest / max(size, 1.0))
+        power = 10.0 ** math.floor(math.log10(least))
+        return [(next(m * power for m in (1, 2, 5, 10) if m * power >= least), 0.0)]
 
 
 class JobPlots(QWidget):
@@ -35,15 +52,13 @@ class JobPlots(QWidget):
         row = QHBoxLayout(self._row)
         row.setContentsMargins(2, 2, 2, 2)
         for name, title in _PLOTS:
-            plot = pyqtgraph.PlotWidget(self._row)
+            plot = pyqtgraph.PlotWidget(self._row, axisItems={"bottom": StepAxis()})
             plot.setMenuEnabled(False)
             plot.hideButtons()
             plot.setTitle(marked(title), size="9pt")
             plot.setMinimumWidth(60)
-            plot.getAxis("bottom").setTickDensity(0.5)
             plot.getAxis("left").setTickDensity(0.7)
             plot.getAxis("left").enableAutoSIPrefix(False)
-            plot.getAxis("bottom").enableAutoSIPrefix(False)
             plot.showGrid(x=True, y=True, alpha=0.15)
             plot.setMouseEnabled(x=False, y=False)
             self.plots[name] = plot

@@ -33,7 +33,7 @@ def test_views_become_key_poses_and_playing_ends_at_the_last(
     window.scene.navigation.set_pose(ViewPose((0, 0, 5)))
     part.panel.seconds.setValue(1.0)
     part.panel.play.click()
-    qtbot.waitUntil(lambda: not part.panel.play.isChecked(), timeout=5000)
+    qtbot.waitUntil(lambda: not part.panel.play.isChecked(), timeout=20_000)
     assert window.scene.pose.position == pytest.approx((6.0, 4.0, 1.5))
     part.panel.keys.setCurrentRow(0)
     part.panel.remove.click()

@@ -67,7 +67,7 @@ def test_an_edit_is_saved_back_to_the_file(session: Session, folder: Path, qtbot
     document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
     count = len(document.graph.edges)
     session.window.actions_table["save"].trigger()
-    qtbot.waitUntil(lambda: not document.editing.dirty, timeout=5000)
+    qtbot.waitUntil(lambda: not document.editing.dirty, timeout=20_000)
     session.close()
     from nvsim.graph.connectivity import read_connectivity
 
@@ -91,7 +91,7 @@ def test_saving_keeps_the_original_and_says_where_and_what_the_graph_fell_into(
     lonely = next(iter(session.document.graph.viewpoints))
     editing.run("remove_edges", {"pairs": [list(key) for key in session.document.graph.edges if lonely in key]})
     session.window.actions_table["save"].trigger()
-    qtbot.waitUntil(lambda: not editing.dirty, timeout=5000)
+    qtbot.waitUntil(lambda: not editing.dirty, timeout=20_000)
     assert path.with_name(f"{path.name}~").read_bytes() == before != path.read_bytes()
     said = session.window.notice_area.texts[-1]
     assert said.startswith("Saved first_connectivity.json. The file as it was is first_connectivity.json~")
@@ -139,7 +139,7 @@ def test_a_file_that_is_no_graph_is_a_notice(session: Session, tmp_path: Path, q
     path = tmp_path / "bad_connectivity.json"
     path.write_text('[{"image_id": 3}]')
     session.open(path)
-    qtbot.waitUntil(lambda: bool(session.window.notice_area.texts), timeout=5000)
+    qtbot.waitUntil(lambda: bool(session.window.notice_area.texts), timeout=20_000)
     assert "entry 0" in session.window.notice_area.texts[0]
 
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPointF, QSettings, Qt
+from PySide6.QtCore import QPointF, QRectF, QSettings, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
 from pytestqt.qtbot import QtBot
 
+from app.layers import labels
 from app.layers.cloud import draw_dots
 from app.layers.frusta import frustum
 from app.layers.layer import Layer
@@ -18,6 +19,7 @@ from app.layers.occupancy import floor_places
 from app.look.notices import Notices
 from app.painting.cameras import ViewPose, overview
 from app.painting.dots import Dots
+from app.painting.primitives import chip
 from app.state.document import Document
 from app.views.overlays import Overlays
 from app.wiring.window import MainWindow
@@ -100,6 +102,27 @@ def test_every_layer_paints_and_says_when_it_has_nothing(overlays: Overlays, doc
         assert layer.missing == "", layer.name
         if layer.name != "grid":
             assert empty[layer.name].missing, layer.name
+
+
+def test_names_of_viewpoints_do_not_lie_on_each_other(
+    overlays: Overlays, document: Document, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[tuple[str, QRectF]] = []
+
+    def noted(painter: QPainter, anchor: QPointF, text: str, ink: QColor, fill: QColor) -> QRectF:
+        drawn.append((text, chip(painter, anchor, text, ink, fill)))
+        return drawn[-1][1]
+
+    monkeypatch.setattr(labels, "chip", noted)
+    view = ViewPose((7.0, 0.5, 1.4), elevation=-0.1).camera(160, 120)
+    seen = overlays.graph.seen(view)
+    farthest = document.graph_arrays.ids[next(r for r in seen.order if seen.depths[r] < labels.LABEL_DISTANCE)]
+    document.select(viewpoint=farthest)
+    painted(overlays, view)
+    assert drawn[0][0] == labels.short_id(farthest)
+    assert 1 < len(drawn) < (seen.depths[seen.order] < labels.LABEL_DISTANCE).sum()
+    boxes = [box for _, box in drawn]
+    assert not any(a.intersects(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
 def test_the_frustum_holds_the_picture_of_its_frame(document: Document) -> None:

@@ -43,7 +43,7 @@ def test_a_double_click_moves_the_camera_there(plan: MapView, window: MainWindow
     qtbot.mouseClick(plan.plot.viewport(), Qt.MouseButton.LeftButton, pos=place)
     qtbot.mouseDClick(plan.plot.viewport(), Qt.MouseButton.LeftButton, pos=place)
     qtbot.mouseRelease(plan.plot.viewport(), Qt.MouseButton.LeftButton, pos=place)
-    qtbot.waitUntil(lambda: np.allclose(window.scene.pose.position[:2], (7, 4), atol=0.15), timeout=3000)
+    qtbot.waitUntil(lambda: np.allclose(window.scene.pose.position[:2], (7, 4), atol=0.15), timeout=20_000)
     assert window.scene.pose.position[2] == pytest.approx(1.5)
 
 

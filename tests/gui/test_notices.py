@@ -67,14 +67,14 @@ def test_a_notice_stays_while_the_pointer_rests_on_it(area: NoticeArea, qtbot: Q
     qtbot.wait(120)
     assert area.texts == ["Saved."]
     card.leaveEvent(QEvent(QEvent.Type.Leave))
-    qtbot.waitUntil(lambda: not area.texts, timeout=2000)
+    qtbot.waitUntil(lambda: not area.texts, timeout=20_000)
 
 
 def test_what_has_details_leads_to_the_log(area: NoticeArea, qtbot: QtBot) -> None:
     from app.look.notices import Notice
 
     area.show_notice(Notice("error", "Odd.", "Traceback"))
-    with qtbot.waitSignal(area.detailsWanted, timeout=1000) as heard:
+    with qtbot.waitSignal(area.detailsWanted, timeout=20_000) as heard:
         area.findChild(QToolButton, "noticeDetails").click()
     assert heard.args[0].detail == "Traceback"
 

@@ -6,14 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import demo_room
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QGuiApplication
+from PySide6.QtGui import QFontMetricsF, QGuiApplication
 from pytestqt.qtbot import QtBot
 
 from app.look.notices import Notices
 from app.panels.details import DetailsPanel
 from app.panels.empty import EmptyState
+from app.panels.job_plots import StepAxis
 from app.panels.jobs import JobModel, JobPanel, duration
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapModel, SubmapPanel
@@ -59,6 +61,16 @@ def test_jobs_are_renewed_in_place_while_they_run(document: Document, qtbot: QtB
     assert panel.model.index(0, 2).data() == "50 %"
     assert panel.model.index(2, 1).data() == "interrupted"
     panel.grab()  # the progress bars are painted by our own delegate
+
+
+@pytest.mark.parametrize("pixels", [40, 90, 400])
+@pytest.mark.parametrize("steps", [9, 640, 30_000])
+def test_numbers_of_steps_have_room_beside_each_other(pixels: int, steps: int, qtbot: QtBot) -> None:
+    axis = StepAxis()
+    ((spacing, _),) = axis.tickSpacing(0, steps, pixels)
+    width = QFontMetricsF(axis.font()).horizontalAdvance(str(steps))
+    assert spacing / steps * pixels > width
+    assert spacing >= 1 and spacing / 10 ** np.floor(np.log10(spacing)) in (1, 2, 5)
 
 
 @pytest.mark.parametrize(("seconds", "words"), [(0, "0 s"), (42, "42 s"), (185, "3 min 05 s"), (3725, "1 h 02 min")])

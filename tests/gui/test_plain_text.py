@@ -267,4 +267,4 @@ def test_a_tool_tip_that_is_really_shown_reads_nothing(fifo: Path, qtbot: QtBot)
     label.grab()
     assert "EVIL0" in label.text() and label.width() < 1500
     QToolTip.hideText()
-    qtbot.waitUntil(lambda: not any(w.isVisible() for w in _labels()), timeout=5000)
+    qtbot.waitUntil(lambda: not any(w.isVisible() for w in _labels()), timeout=20_000)

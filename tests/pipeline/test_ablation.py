@@ -36,7 +36,7 @@ def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two rooms with floor masks, nothing trained."""
     root = tmp_path_factory.mktemp("ablation") / "rooms.nvsim"
     with Project.create_or_open(root) as project:
-        generate(root, BuildingConfig(size="small", width=200, height=150, people=False))
+        generate(root, BuildingConfig(size="small", width=200, height=150, step=0.6, turn=24.0, people=False))
         imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
         submaps.run(project, SubmapConfig(), silent)
         floors.run(project, silent)
@@ -131,17 +131,18 @@ class Killed(BaseException):
 
 
 def test_a_run_that_is_cut_off_goes_on_from_its_checkpoint_and_ends_with_the_same_model(
-    rooms: Path, made: tuple[dict, dict], monkeypatch: pytest.MonkeyPatch
+    rooms: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    budget = Budget(40, SIZE, CAP)
     monkeypatch.setattr(ablation_rows, "preset", lambda name: replace(preset(name), checkpoint_seconds=0.0))
     monkeypatch.setattr("nvsim.training.trainer.REPORT_SECONDS", 0.0)
-    config = AblationConfig(("ablation",), ("ours",), budget=BUDGET)
-    (row,) = ablation_rows.ablation_rows(BUDGET, ["ours"])
+    config = AblationConfig(("ablation",), ("ours",), budget=budget)
+    (row,) = ablation_rows.ablation_rows(budget, ["ours"])
     seen: list[Event] = []
 
     def kill(event: Event) -> None:
         seen.append(event)
-        if isinstance(event, Progress) and event.done == STEPS // 2:
+        if isinstance(event, Progress) and event.done == budget.steps // 2:
             raise Killed
 
     with Project.open(rooms, writable=True) as project:

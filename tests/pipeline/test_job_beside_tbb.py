@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from nvsim.building import BuildingConfig, generate
+
 _TELLING = """
 import sys
 from nvsim.cli.main import main
@@ -65,7 +67,8 @@ def test_numba_alone_takes_tbb_and_beside_nvsim_it_does_not(with_tbb: dict[str, 
 
 @pytest.mark.timeout(900)
 def test_the_whole_job_runs_on_openmp_and_ends(tmp_path: Path, with_tbb: dict[str, str]) -> None:
-    job = ["demo", "--small", "--no-window", "--project", str(tmp_path / "rooms.nvsim"), "--train.steps", "40"]
+    generate(tmp_path, BuildingConfig(size="small", width=160, height=120, step=0.8, turn=30.0, people=False))
+    job = ["run", str(tmp_path / "capture"), "--project", str(tmp_path / "rooms.nvsim"), "--train.steps", "40"]
     result = subprocess.run(
         [sys.executable, "-P", "-c", _TELLING, *job],
         env=with_tbb,

@@ -32,7 +32,8 @@ QUICK = TrainingConfig(steps=6, image_size=64, gaussian_cap=1500)
 def project_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pool") / "rooms.nvsim"
     with Project.create_or_open(path) as project:
-        generate(project.layout.root, BuildingConfig(seed=0, size="small"), silent)
+        building = BuildingConfig(size="small", width=160, height=120, step=0.8, turn=30.0, people=False)
+        generate(project.layout.root, building, silent)
         imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
         submaps.run(project, SubmapConfig(count=3), silent)
         floors.run(project, silent)

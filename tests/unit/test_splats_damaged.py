@@ -29,8 +29,8 @@ MEGABYTE = 1 << 20
 
 
 def refused(path: Path, words: str = "a") -> None:
-    """Refused in one sentence with the file's name, within 64 MB and ten times the file, and a few seconds."""
-    started = time.monotonic()
+    """Refused in a sentence with the file's name, within 64 MB and ten times the file, and seconds of computing."""
+    started = time.process_time()
     tracemalloc.start()
     try:
         with pytest.raises(InputError, match=words) as caught:
@@ -40,7 +40,7 @@ def refused(path: Path, words: str = "a") -> None:
         tracemalloc.stop()
     size = sum(p.stat().st_size for p in path.parent.iterdir()) if path.name == "meta.json" else path.stat().st_size
     assert peak < 64 * MEGABYTE + 10 * size
-    assert time.monotonic() - started < 5
+    assert time.process_time() - started < 5
     assert str(path.parent) in str(caught.value) and "\n" not in str(caught.value)
 
 
