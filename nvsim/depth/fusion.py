@@ -12,6 +12,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.neighbourhood import axes_of
 
 _EMPTY = -1
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: neighbouring keys fall far apart (Knuth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,28 +55,20 @@ class Fusion:
     ) -> None:
         """The points of a map (H, W) of inverse depth, 0 where there is none, with its inverse variance (H, W) and
         their colours (H, W, 3) RGB."""
-        v, u = np.nonzero(inverse > 0)
-        if not len(v):
-            return
-        k = camera.intrinsics
-        depth = 1.0 / inverse[v, u].astype(np.float64)
-        local = np.stack([(u + 0.5 - k.cx) / k.fx * depth, (v + 0.5 - k.cy) / k.fy * depth, depth], 1)
-        points = local @ camera.rotation.T + camera.position
-        # The noise of a depth grows with its square, so its say falls with the fourth power.
-        say = weight[v, u].astype(np.float64)[:, None] * np.minimum(1 / depth, 2.0)[:, None] ** 4
-        values = np.concatenate(
-            [say * points, say * image[v, u], say * camera.position, say, np.ones_like(say)], axis=1
-        )
-        while 2 * (self._filled + len(v)) > len(self._keys):
+        new = int(np.count_nonzero(inverse > 0))
+        while 2 * (self._filled + new) > len(self._keys):
             keys, sums = self._keys, self._sums
             self._keys = np.full(2 * len(keys), _EMPTY, np.int64)
             self._sums = np.zeros((2 * len(keys), 11), np.float64)
             used = keys != _EMPTY
             _insert(keys[used], sums[used], self._keys, self._sums)
-        self._filled += _insert(_keys(points, self.voxel), values, self._keys, self._sums)
+        k = camera.intrinsics
+        lens = np.array([k.fx, k.fy, k.cx, k.cy])
+        pose = np.ascontiguousarray(camera.camera_to_world[:3], np.float64)
+        self._filled += _add(lens, pose, inverse, weight, image, self.voxel, self._keys, self._sums)
 
     def seen_points(self, seen: int) -> SeenPoints:
-        """The means of the cells that at least `seen` points fell into."""
+        """The means of the cells that at least `seen` points fell into, which had something to say."""
         sums = self._cells(seen)
         say = sums[:, 9:10]
         points, eyes = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
@@ -90,27 +83,74 @@ class Fusion:
 
     def _cells(self, seen: int) -> NDArray[np.float64]:
         """(N, 11), in the order of their places: points, colours and cameras times their say, the say, how many."""
-        chosen = np.flatnonzero(self._sums[:, 10] >= max(seen, 1))
+        chosen = np.flatnonzero((self._sums[:, 10] >= max(seen, 1)) & (self._sums[:, 9] > 0))
         return np.asarray(self._sums[chosen[np.argsort(self._keys[chosen])]])
+
+
+@njit(cache=True, nogil=True)
+def _place(key: int, table: NDArray[np.int64]) -> int:
+    """The row of `key` in `table` (M,), or an empty one that waits for it; M is a power of two, more than half empty."""
+    mask = len(table) - 1
+    mixed = np.uint64(key) * _GOLDEN
+    at = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask))
+    while table[at] != key and table[at] != _EMPTY:
+        at = (at + 1) & mask
+    return at
 
 
 @njit(cache=True, nogil=True)
 def _insert(
     keys: NDArray[np.int64], values: NDArray[np.float64], table: NDArray[np.int64], sums: NDArray[np.float64]
-) -> int:
-    """Adds `values` (N, C) to the rows of `sums` (M, C) that `table` (M,) gives to `keys` (N,); how many are new.
-    M is a power of two, more than half empty."""
-    mask = len(table) - 1
-    new = 0
+) -> None:
+    """Moves rows of different `keys` (N,) and their `values` (N, C) into a table that is empty."""
     for i in range(len(keys)):
-        at = ((keys[i] * 0x9E3779B97F4A7C1) >> 20) & mask
-        while table[at] != keys[i] and table[at] != _EMPTY:
-            at = (at + 1) & mask
-        if table[at] == _EMPTY:
-            table[at] = keys[i]
-            new += 1
-        for c in range(values.shape[1]):
-            sums[at, c] += values[i, c]
+        at = _place(keys[i], table)
+        table[at] = keys[i]
+        sums[at] = values[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add(
+    lens: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    inverse: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    image: NDArray[np.uint8],
+    voxel: float,
+    table: NDArray[np.int64],
+    sums: NDArray[np.float64],
+) -> int:
+    """Adds the pixels of a map to the rows of `sums` (M, 11); how many of these are new. `lens` is fx, fy, cx, cy,
+    `pose` (3, 4) camera to world."""
+    fx, fy, cx, cy = lens
+    far, point, new = 1 << 20, np.empty(3), 0
+    for v in range(inverse.shape[0]):
+        for u in range(inverse.shape[1]):
+            w = inverse[v, u]
+            if w <= 0:
+                continue
+            depth = 1.0 / w
+            x, y = (u + 0.5 - cx) / fx * depth, (v + 0.5 - cy) / fy * depth
+            key = 0
+            for c in range(3):
+                point[c] = pose[c, 0] * x + pose[c, 1] * y + pose[c, 2] * depth + pose[c, 3]
+                # Cells further than a million from the origin are taken for the outermost.
+                cell = int(np.floor(min(max(point[c] / voxel, -far), far - 1.0)))
+                key = key << 21 | cell + far
+            at = _place(key, table)
+            if table[at] == _EMPTY:
+                table[at] = key
+                new += 1
+            # The noise of a depth grows with its square, so its say falls with the fourth power.
+            near = min(w, 2.0)
+            say = weight[v, u] * near * near * near * near
+            row = sums[at]
+            for c in range(3):
+                row[c] += say * point[c]
+                row[3 + c] += say * image[v, u, c]
+                row[6 + c] += say * pose[c, 3]
+            row[9] += say
+            row[10] += 1
     return new
 
 
@@ -129,10 +169,3 @@ def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neigh
         normal *= np.where((normal * towards[part]).sum(axis=1) < 0, -1, 1)[:, None]
         out[part] = normal
     return out
-
-
-def _keys(points: NDArray[np.float64], voxel: float) -> NDArray[np.int64]:
-    """One number a cell; cells further than a million from the origin are taken for the outermost."""
-    cell = np.floor(points / voxel).astype(np.int64).clip(-(1 << 20), (1 << 20) - 1) + (1 << 20)
-    keys: NDArray[np.int64] = (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
-    return keys
