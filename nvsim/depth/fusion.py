@@ -89,10 +89,10 @@ class Fusion:
 
 @njit(cache=True, nogil=True)
 def _place(key: int, table: NDArray[np.int64]) -> int:
-    """The row of `key` in `table` (M,), or an empty one that waits for it; M is a power of two, more than half empty."""
+    """The row of `key` in `table` (M,), or an empty one for it; M is a power of two, more than half are empty."""
     mask = len(table) - 1
     mixed = np.uint64(key) * _GOLDEN
-    at = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask))
+    at = int((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask))
     while table[at] != key and table[at] != _EMPTY:
         at = (at + 1) & mask
     return at
