@@ -88,13 +88,13 @@ class Fusion:
 
 
 @njit(cache=True, nogil=True)
-def _place(key: int, table: NDArray[np.int64]) -> int:
+def _place(key: np.int64, table: NDArray[np.int64]) -> np.int64:
     """The row of `key` in `table` (M,), or an empty one for it; M is a power of two, more than half are empty."""
     mask = len(table) - 1
     mixed = np.uint64(key) * _GOLDEN
-    at = int((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask))
+    at = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask))
     while table[at] != key and table[at] != _EMPTY:
-        at = (at + 1) & mask
+        at = np.int64((at + 1) & mask)
     return at
 
 
@@ -131,12 +131,12 @@ def _add(
                 continue
             depth = 1.0 / w
             x, y = (u + 0.5 - cx) / fx * depth, (v + 0.5 - cy) / fy * depth
-            key = 0
+            key = np.int64(0)
             for c in range(3):
                 point[c] = pose[c, 0] * x + pose[c, 1] * y + pose[c, 2] * depth + pose[c, 3]
                 # Cells further than a million from the origin are taken for the outermost.
                 cell = int(np.floor(min(max(point[c] / voxel, -far), far - 1.0)))
-                key = key << 21 | cell + far
+                key = np.int64(key << 21 | cell + far)
             at = _place(key, table)
             if table[at] == _EMPTY:
                 table[at] = key
