@@ -21,6 +21,7 @@ from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
+from nvsim.mapping.too_little import too_little
 from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
@@ -89,7 +90,7 @@ def build_map(
             "Nobody can stand anywhere on the trajectory: the models show obstacles, or no known floor, under every "
             "camera; look at the floor masks and the floor heights."
         )
-    uncovered = sum(not explorer.is_covered(p) for p in walk.places)
+    uncovered = [p for p in walk.places if not explorer.is_covered(p)]
     isolated = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
     for id in isolated:
         draft.remove(id)
@@ -110,12 +111,15 @@ def build_map(
         "seconds": round(seconds, 3),
         "viewpoints_per_s": round(measurements.rendered_viewpoints / max(seconds, 1e-9), 3),
         "decisions": dict(sorted(words.items())),
-        "walk_uncovered": uncovered,
+        "walk_uncovered": len(uncovered),
         "isolated_removed": len(isolated),
         "limited": search.limited,
         "stopped": should_stop(),
     }
     _say(report, len(walk.places), config, listen)
+    sentence = too_little(report, np.array(uncovered), len(walk.places))
+    if sentence and not should_stop():
+        listen(Warning(sentence, STAGE))
     return BuildResult(graph, report)
 
 

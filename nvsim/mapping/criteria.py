@@ -107,20 +107,37 @@ means of alpha and normal)."""
 
 @dataclass(frozen=True)
 class Words:
-    """label for a list, clause for a sentence."""
+    """label for a list, clause for a sentence, and what a user can do about it."""
 
     label: str
     clause: str
+    remedy: str
 
 
 DECISIONS: Mapping[Decision, Words] = {
-    "alpha": Words("blocked", "something stands in the corridor"),
-    "normal": Words("not level", "what lies in the corridor does not face up"),
-    "unknown": Words("floor not seen", "no image and no scan shows floor along the corridor"),
-    "return": Words("no way back", "the way there is free, the way back is not"),
-    "distance": Words("too far out", "it leads too far from the trajectory"),
-    "limit": Words("limit reached", "the search had reached its limit of viewpoints"),
-    "merge": Words("too near", "another viewpoint stands near its end and the way to it is not free"),
+    "alpha": Words(
+        "blocked",
+        "something stands in the corridor",
+        "photograph the place from more sides, or raise the limits of alpha where it is free",
+    ),
+    "normal": Words(
+        "not level",
+        "what lies in the corridor does not face up",
+        "photograph its floor from above, or lower the limits of the upward normal where it is level",
+    ),
+    "unknown": Words(
+        "floor not seen",
+        "no image and no scan shows floor along the corridor",
+        "photograph the floor there, looking down by 20 to 30 degrees from two or three places, or correct its masks",
+    ),
+    "return": Words("no way back", "the way there is free, the way back is not", "photograph the place both ways"),
+    "distance": Words("too far out", "it leads too far from the trajectory", "raise the greatest distance from it"),
+    "limit": Words("limit reached", "the search had reached its limit of viewpoints", "raise max_viewpoints"),
+    "merge": Words(
+        "too near",
+        "another viewpoint stands near its end and the way to it is not free",
+        "lower the distance within which viewpoints are one",
+    ),
 }
 """Why no edge came of a corridor: the criteria's decisions, then those of the search."""
 

@@ -1,0 +1,41 @@
+"""The sentence about a capture that gives too little of a graph."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from nvsim.mapping.criteria import DECISIONS
+from nvsim.mapping.too_little import too_little
+
+LINE = np.stack([np.arange(10.0), np.zeros(10)], axis=1)
+
+
+def report(viewpoints: int, edges: int, **decisions: int) -> dict[str, object]:
+    return {"viewpoints": viewpoints, "edges": edges, "decisions": decisions}
+
+
+def test_a_graph_along_the_whole_trajectory_is_fine() -> None:
+    assert too_little(report(8, 12, open=24, alpha=70), LINE[:2], 10) == ""
+
+
+def test_it_says_how_little_where_why_and_what_to_do() -> None:
+    sentence = too_little(report(1, 0, open=2, unknown=9, alpha=4), LINE[2:], 10)
+    assert sentence.startswith("The capture gives only 1 viewpoint and 0 edges, and 8 of 10 places")
+    assert "9 of 15 directions were refused as no image and no scan shows floor" in sentence
+    assert "photograph the floor there" in sentence and sentence.count(".\n") == 0 and sentence.endswith(".")
+
+
+def test_much_of_the_trajectory_without_a_viewpoint_is_too_little_and_its_midst_is_named() -> None:
+    sentence = too_little(report(9, 14, open=20, alpha=50), np.concatenate([LINE[4:9], LINE[:1] - 30]), 12)
+    assert "around x 5.0" in sentence or "around x 6.0" in sentence or "around x 7.0" in sentence
+    assert DECISIONS["alpha"].remedy in sentence
+
+
+def test_nothing_refused_and_nothing_found_is_a_sentence_too() -> None:
+    assert too_little(report(1, 0), LINE[:0], 1).endswith("photograph more of it.")
+
+
+@pytest.mark.parametrize("word", sorted(DECISIONS))
+def test_every_decision_has_a_remedy_that_ends_a_sentence(word: str) -> None:
+    assert DECISIONS[word].remedy and not DECISIONS[word].remedy.endswith(".")
