@@ -38,6 +38,13 @@ class Cloud:
         """Whether it shows surfaces, so that it says what stands where and what is floor."""
         return self.kind != "sfm"
 
+    @property
+    def is_guessed(self) -> NDArray[np.bool_]:
+        """(N,) which points the depth of images gave."""
+        if self.normals is None:
+            return np.zeros(len(self.points), bool)
+        return np.asarray(np.abs(self.normals).sum(axis=1) > 0)
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:

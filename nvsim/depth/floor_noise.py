@@ -39,7 +39,7 @@ def calmed(cloud: Cloud, surface: FloorSurface) -> Cloud:
     stay where they are, as do points that no scatter explains."""
     if cloud.normals is None:
         return cloud
-    guessed = np.flatnonzero(np.abs(cloud.normals).sum(axis=1) > 0)
+    guessed = np.flatnonzero(cloud.is_guessed)
     ground = surface.height_at(cloud.points[guessed, :2])
     above = cloud.points[guessed, 2] - ground
     floor = np.abs(above) <= floor_reach(above, cloud.normals[guessed])

@@ -90,6 +90,7 @@ class SupportConfig:
     spacing    edge of a cell
     distance   a mask speaks only for floor this close to its camera: further away a pixel covers too much of it
     tolerance  a cloud point this close to the floor height supports it
+    guesses    as so many points do that the depth of images gave: it puts single ones where there is no floor
     low, high  cloud points between these heights above the floor stand in a robot's way
     standing   this many of them in a cell take its support away, whatever the masks say: floor is seen through glass
     views      a cell that masks alone support was seen as floor at least this often,
@@ -99,6 +100,7 @@ class SupportConfig:
     spacing: float = 0.08
     distance: float = 6.0
     tolerance: float = 0.04
+    guesses: int = 7
     low: float = 0.10
     high: float = 1.5
     standing: int = 3
@@ -116,7 +118,7 @@ def observe(
     """Floor that the masks (each (H, W) bool, of the camera at the same place in `cameras`) or the cloud support.
 
     Every mask is laid onto the floor surface: a cell is supported when it was seen as floor in at least `views` frames
-    and not mostly as something else, or when a cloud point lies there at floor height. A cell between supported
+    and not mostly as something else, or when points of the cloud lie there at floor height. A cell between supported
     ones is supported. Where a dense cloud shows something standing there is no support.
     `masks` is read one by one, so it may load them as it goes. Raises ValueError when there are not as many as cameras.
     """
@@ -126,9 +128,11 @@ def observe(
     views = list(cameras)
     places = np.array([c.position[:2] for c in views]).reshape(-1, 2)
     near_cloud = None if cloud is None else np.asarray(cloud.points, np.float64)
+    say = np.empty(0) if cloud is None else np.where(cloud.is_guessed, 1 / config.guesses, 1.0)
     if near_cloud is not None and len(places):
         low, high = places.min(axis=0) - 2 * config.distance, places.max(axis=0) + 2 * config.distance
-        near_cloud = near_cloud[((near_cloud[:, :2] > low) & (near_cloud[:, :2] < high)).all(axis=1)]
+        around = ((near_cloud[:, :2] > low) & (near_cloud[:, :2] < high)).all(axis=1)
+        near_cloud, say = near_cloud[around], say[around]
     corners = [places - config.distance, places + config.distance]
     if near_cloud is not None:
         corners.append(near_cloud[:, :2])
@@ -170,7 +174,8 @@ def observe(
     if near_cloud is not None and len(near_cloud):
         above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
         index = cell(near_cloud[:, :2])
-        supported[index[np.abs(above) <= config.tolerance]] = True
+        level = np.abs(above) <= config.tolerance
+        supported |= np.bincount(index[level], say[level], minlength=rows * columns) > 1 - 1e-9
         if cloud is not None and cloud.is_dense:
             blocking = index[(above > config.low) & (above < config.high)]
             standing = np.bincount(blocking, minlength=rows * columns) >= config.standing

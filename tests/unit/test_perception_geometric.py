@@ -112,6 +112,17 @@ def test_the_depth_of_the_image_itself_says_what_the_cloud_does_not():
     assert iou(provider.segment(view, image, depth.astype(np.float32)).mask, floor) > max(0.95, blind + 0.2)
 
 
+def test_one_point_of_a_scan_supports_its_cell_and_one_that_images_gave_does_not():
+    def supported(points: np.ndarray, normals: np.ndarray | None) -> bool:
+        cloud = Cloud(points.astype(np.float32), normals=normals)
+        return bool(observe([camera(0)], [np.zeros((180, 240), bool)], FLAT, cloud).at(np.array([1.02, 1.02])))
+
+    one = np.array([[1.02, 1.02, 0.0]])
+    up = np.array([[0.0, 0.0, 1.0]], np.float32)
+    assert supported(one, None) and supported(one, 0 * up) and not supported(one, up)
+    assert supported(np.repeat(one, 7, axis=0), np.repeat(up, 7, axis=0))
+
+
 def test_without_a_cloud_everything_below_the_horizon_is_floor_at_most():
     floor, image = truth(camera(0))
     found = GeometricFloor(None, FLAT, GeometricConfig(refine=RefineConfig(most=0))).segment(camera(0), image)
