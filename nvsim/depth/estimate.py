@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -41,8 +41,9 @@ from nvsim.files.atomic import make_folder
 from nvsim.geometry.camera import Camera
 
 STAGE = "depth"
-_KEPT_VIEWS = 48
+_KEPT_VIEWS = 96
 _KEPT_MAPS = 96
+_READ_AHEAD = 32
 _REACH = 2.0  # pixels over which depths are made smooth
 
 
@@ -73,7 +74,8 @@ def estimate_depth(
             write_draft(confirmed, index, found.inverse, found.weight)
 
         steps.each(_missing(confirmed, count), confirm)
-        planes = find_planes(_fused(views, count, _kept(confirmed), config).seen_points(config.seen))
+        found = _fused(views, count, partial(read_draft, confirmed), config, colored=False)
+        planes = find_planes(found.seen_points(config.seen))
 
         def label(index: int) -> None:
             known = _certain(views.camera(index), *read_draft(confirmed, index), planes, config)
@@ -101,7 +103,7 @@ def estimate_depth(
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, 0).astype(np.float32), np.ones_like(depth)
 
-    return _fused(views, count, written, config).cloud(config.seen)
+    return _fused(views, count, written, config, colored=True).cloud(config.seen)
 
 
 class _Steps:
@@ -175,10 +177,20 @@ def _fused(
     count: int,
     maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
     config: DepthConfig,
+    colored: bool,
 ) -> Fusion:
+    """All maps added up, in the order of the frames; the files are read ahead, some at a time."""
     fusion = Fusion(config.voxel)
-    for i in range(count):
-        fusion.add(views.camera(i), *maps(i), views.image(i))
+
+    def read(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]:
+        inverse, weight = maps(index)
+        return inverse, weight, views.image(index) if colored else np.zeros((*inverse.shape, 3), np.uint8)
+
+    with ThreadPoolExecutor(config.threads) as pool:
+        for start in range(0, count, _READ_AHEAD):
+            some = range(start, min(start + _READ_AHEAD, count))
+            for i, read_map in zip(some, pool.map(read, some), strict=True):
+                fusion.add(views.camera(i), *read_map)
     return fusion
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,9 +164,13 @@ def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neigh
         return np.asarray(towards / np.linalg.norm(towards, axis=1, keepdims=True), np.float32)
     _, index = cKDTree(points).query(points, k=min(neighbours, len(points)), workers=-1)
     out = np.empty((len(points), 3), np.float32)
-    for start in range(0, len(points), 100_000):
-        part = slice(start, start + 100_000)
+
+    def fill(start: int) -> None:
+        part = slice(start, start + 50_000)
         normal = axes_of(points[index[part]])[:, :, 0]
         normal *= np.where((normal * towards[part]).sum(axis=1) < 0, -1, 1)[:, None]
         out[part] = normal
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(fill, range(0, len(points), 50_000)))
     return out
