@@ -11,7 +11,7 @@ from app.frames.candidates import Candidates
 from app.frames.canvas import Tool
 from app.frames.corrector import Corrector
 from app.frames.frame_data import Failure, FrameData, Reader
-from app.frames.layers import CANDIDATES, FrameLayer, standard_layers
+from app.frames.layers import CANDIDATES, OF_DEPTH, FrameLayer, standard_layers
 from app.frames.model import coverage_words
 from app.frames.page import FramePage
 from app.frames.rendering import FrameRender
@@ -168,6 +168,10 @@ class FrameBrowser(QObject):
         for layer in self.layers:
             layer.painted = None
         self._show_mask(matter)
+        self.page.layers.offer(OF_DEPTH, matter.depth is not None)
+        if matter.depth is not None and matter.views is not None:
+            self._layer["depth"].painted = pictures.depth(matter.depth)
+            self._layer["views"].painted = pictures.confidence(matter.views)
         canvas = self.page.canvas
         canvas.render_note = "" if self._document.contents.scene_stamp is not None else _NO_MODEL
         canvas.show_photo(pictures.photo(matter.image), keep_zoom=again or canvas.zoom.scale > 0)

@@ -27,6 +27,8 @@ class FrameData:
     """image    (H, W, 3) uint8 RGB, undistorted
     mask     (H, W) bool, the floor that counts, or None before the floors were found
     machine  (H, W) bool, the floor that the machine found, or None
+    depth    (h, w) float32, metres along the optical axis, 0 where unknown, or None where none was estimated
+    views    (h, w) uint8, how many other images confirm it, or None
     """
 
     index: int
@@ -34,6 +36,8 @@ class FrameData:
     image: NDArray[np.uint8]
     mask: NDArray[np.bool_] | None
     machine: NDArray[np.bool_] | None
+    depth: NDArray[np.float32] | None = None
+    views: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,7 @@ class Failure:
 
 
 def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
-    """Raises InputError for an image that cannot be read; a mask that cannot be is None."""
+    """Raises InputError for an image that cannot be read; a mask or a depth that cannot be is None."""
     from nvsim.capture.images import read_image
     from nvsim.perception.segment import read_mask
     from nvsim.project.corrections import mask_in_use
@@ -58,7 +62,19 @@ def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
         mask = read_mask(path, size.width, size.height)
     if layout.mask(index).is_file():
         machine = read_mask(layout.mask(index), size.width, size.height)
-    return FrameData(index, frame, image, mask, machine)
+    return FrameData(index, frame, image, mask, machine, *_depth(layout.depth, index))
+
+
+def _depth(folder: Path, index: int) -> tuple[NDArray[np.float32] | None, NDArray[np.uint8] | None]:
+    """Depth and confidence of a frame; None for both where one is missing or damaged."""
+    from nvsim.depth.files import read_confidence, read_depth
+
+    if not folder.is_dir():
+        return None, None
+    try:
+        return read_depth(folder, index), read_confidence(folder, index)
+    except InputError:
+        return None, None
 
 
 def write_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_] | None) -> None:

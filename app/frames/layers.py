@@ -1,4 +1,5 @@
-"""What can be laid over a frame: its floor mask, normals, and the masks that the hybrid segmentation passes through."""
+"""What can be laid over a frame: its floor mask, its depth, normals, and the masks that the hybrid segmentation passes
+through."""
 
 from __future__ import annotations
 
@@ -34,6 +35,10 @@ class FrameLayer:
 def standard_layers() -> tuple[FrameLayer, ...]:
     """In the order in which they are painted."""
     return (
+        FrameLayer("depth", "Depth of the images", "Estimated from this image and its neighbours; near is bright",
+                   "", False, 0.8),
+        FrameLayer("views", "Confidence of the depth", "How many other images confirm it; eight are bright",
+                   "", False, 0.8),
         FrameLayer("normals", "Normals", "Which way surfaces face, as the cloud shows them", "", False, 0.8),
         FrameLayer("semantic", "Looks like floor", "M_sem: colours like those of the floor seen there from elsewhere",
                    "#b07aa1", False, 0.55),
@@ -47,6 +52,8 @@ def standard_layers() -> tuple[FrameLayer, ...]:
     )  # fmt: skip
 
 
+OF_DEPTH = ("depth", "views")
+"""Names of the layers that are there only where depth was estimated."""
 CANDIDATES = ("normals", "semantic", "horizontal", "prompted")
 """Names of the layers that another process has to make."""
 
@@ -83,6 +90,15 @@ class LayerList(QWidget):
             grid.setRowMinimumHeight(2 * row + 1, 20)
             self.boxes[layer.name], self.sliders[layer.name] = box, slider
         grid.setRowStretch(2 * len(layers), 1)
+        self._grid, self._rows = grid, {layer.name: row for row, layer in enumerate(reversed(layers))}
+        self.offer(OF_DEPTH, False)
+
+    def offer(self, names: tuple[str, ...], there: bool) -> None:
+        """Shows or hides the rows of layers that not every frame has."""
+        for name in names:
+            self.boxes[name].setVisible(there)
+            self.sliders[name].setVisible(there)
+            self._grid.setRowMinimumHeight(2 * self._rows[name] + 1, 20 if there else 0)
 
     @property
     def state(self) -> str:

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QImage
 
 from app.frames.brush import Box, Mask
-from app.painting.tones import ramp
+from app.painting.tones import DEPTH_RANGE, ramp
 
 _RGB32 = QImage.Format.Format_RGB32
+_MOST_VIEWS = 8  # that confirm a depth: more are as bright
 
 
 class Painted:
@@ -73,6 +74,25 @@ def normals(values: NDArray[np.float32]) -> Painted:
     known = (np.abs(values).sum(axis=-1) > 0.1).astype(np.uint32)
     wide = np.clip((values + 1) * 127.5, 0, 255).astype(np.uint32)
     return Painted(known * (0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]), opaque=False)
+
+
+def depth(metres: NDArray[np.float32]) -> Painted:
+    """(H, W) as the 3D view shows depth, transparent where it is 0."""
+    near, far = DEPTH_RANGE
+    known = metres > 0
+    share = np.log(far / np.clip(np.where(known, metres, far), near, far)) / np.log(far / near)
+    return _ramped(share, known)
+
+
+def confidence(views: NDArray[np.uint8]) -> Painted:
+    """(H, W) counts from dark to bright, transparent where they are 0."""
+    return _ramped(views / _MOST_VIEWS, views > 0)
+
+
+def _ramped(share: NDArray[np.floating], known: NDArray[np.bool_]) -> Painted:
+    rgb = ramp(share).astype(np.uint32)
+    pixels = 0xFF000000 | rgb[..., 0] << 16 | rgb[..., 1] << 8 | rgb[..., 2]
+    return Painted((known.astype(np.uint32) * pixels).astype(np.uint32), opaque=False)
 
 
 def difference(photographed: Painted, rendered: Painted, gain: float) -> Painted:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -28,6 +29,7 @@ from app.wiring.frames import FramePart
 from app.wiring.window import MainWindow
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
+from nvsim.depth.files import write_depth
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project import ledger
 from nvsim.project.project import Project
@@ -376,6 +378,32 @@ def test_points_follow_colours_where_no_normals_can_be_had(opened, qtbot: QtBot,
     browser.candidates._on_failed("candidates", 2, "There is no floor surface.")
     assert browser.corrector.correction.mask[60, 320]
     assert "There is no floor surface." in window.notice_area.texts
+
+
+def test_the_depth_of_the_images_is_a_layer_where_there_is_one(opened, room: Path, qtbot: QtBot) -> None:
+    window, browser = opened
+    assert {layer.name: layer.painted for layer in browser.layers}["depth"] is None
+    assert browser.page.layers.boxes["depth"].isHidden()
+    folder = room / "depth"
+    inverse, views = np.zeros((60, 80), np.float32), np.full((60, 80), 5, np.uint8)
+    inverse[:, 40:60], inverse[:, 60:] = 1 / 10.0, 1 / 1.0
+    try:
+        write_depth(folder, 3, inverse, views)
+        browser.open(3)
+        qtbot.waitUntil(lambda: browser.matter is not None and browser.matter.index == 3, timeout=10_000)
+        painted = {layer.name: layer.painted for layer in browser.layers}
+        assert all(not browser.page.layers.boxes[name].isHidden() for name in ("depth", "views"))
+        unknown, far, near = (painted["depth"].image.pixelColor(x, 30) for x in (20, 50, 70))
+        assert unknown.alpha() == 0 and near.lightness() > far.lightness() > 0
+        assert painted["views"].image.pixelColor(70, 30).alpha() == 255
+        (folder / "000003.png").write_bytes(b"no image")
+        browser.open(2)
+        qtbot.waitUntil(lambda: browser.matter is not None and browser.matter.index == 2, timeout=10_000)
+        browser.open(3)
+        qtbot.waitUntil(lambda: browser.matter is not None and browser.matter.index == 3, timeout=10_000)
+        assert {layer.name: layer.painted for layer in browser.layers}["depth"] is None
+    finally:
+        shutil.rmtree(folder)
 
 
 def test_layers_of_candidates_are_asked_for_when_first_shown_and_faded(opened, monkeypatch) -> None:
