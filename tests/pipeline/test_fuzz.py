@@ -109,14 +109,21 @@ def test_a_reader_that_ends_its_process_is_found(fuzzing, tmp_path):
     assert {f.error for f in faults} == {"the process ended with SIGSEGV"}
 
 
-def test_memory_far_beyond_the_file_is_a_fault_though_it_is_given_back(fuzzing, tmp_path):
-    def read(path):
-        if odd(path):
-            return float(np.ones(100 << 17).sum())
-        return 0.0
+def lavish(path):
+    return float(np.ones(100 << 17).sum()) if odd(path) else 0.0
 
-    figures, _ = outcome(fuzzing, tmp_path, read)
+
+def test_memory_far_beyond_the_file_is_a_fault_though_it_is_given_back(fuzzing, tmp_path):
+    figures, _ = outcome(fuzzing, tmp_path, lavish)
     assert figures["memory"] > 0 and figures["accepted"] == 40 - figures["memory"], figures
+
+
+def test_it_is_a_fault_though_it_was_free_already_and_in_the_process(fuzzing, tmp_path):
+    held = [np.ones(12_000) for _ in range(1400)]  # each too small to be given back by itself
+    last = np.ones(1000)
+    del held
+    figures, _ = outcome(fuzzing, tmp_path, lavish)
+    assert figures["memory"] > 0 and len(last) == 1000, figures
 
 
 def test_memory_that_is_refused_only_because_there_is_none_is_a_fault(fuzzing, tmp_path):

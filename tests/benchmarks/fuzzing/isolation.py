@@ -29,6 +29,7 @@ from fuzzing.reader import Reader, lay
 from nvsim.errors import InputError
 
 PENDING, ACCEPTED, REFUSED, UNCLEAR, TRACEBACK, HANG, MEMORY = range(7)
+_C = ctypes.CDLL(None)
 KINDS = ("pending", "accepted", "refused", "unclear", "traceback", "hang", "memory")
 """An unclear refusal is one, but not by a sentence that can be shown: several lines, control characters, endless."""
 SECONDS = 2.0
@@ -180,6 +181,7 @@ class Pool:
 
 def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]:
     """What came of reading: kind, error, where, bytes by which the memory grew at its highest."""
+    _C.malloc_trim(0)  # what is free but was not given back would be taken again unseen
     forget_peak()
     before = memory("VmRSS")
     kind, error, where = ACCEPTED, "", ""
@@ -236,5 +238,5 @@ def _quiet() -> None:
     limit = memory("VmSize") + _ADDRESS_SPACE
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     faulthandler.disable()
-    ctypes.CDLL(None).mallopt(-3, 1 << 20)
+    _C.mallopt(-3, 1 << 20)
     sys.unraisablehook = lambda _: None
