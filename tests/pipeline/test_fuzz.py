@@ -120,10 +120,10 @@ def test_memory_far_beyond_the_file_is_a_fault_though_it_is_given_back(fuzzing, 
 
 def test_it_is_a_fault_though_it_was_free_already_and_in_the_process(fuzzing, tmp_path):
     held = [np.ones(12_000) for _ in range(1400)]  # each too small to be given back by itself
-    last = np.ones(1000)
+    last = np.ones(12_000)
     del held
     figures, _ = outcome(fuzzing, tmp_path, lavish)
-    assert figures["memory"] > 0 and len(last) == 1000, figures
+    assert figures["memory"] > 0 and len(last) == 12_000, figures
 
 
 def test_memory_that_is_refused_only_because_there_is_none_is_a_fault(fuzzing, tmp_path):
