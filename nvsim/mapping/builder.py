@@ -21,12 +21,14 @@ from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
-from nvsim.mapping.too_little import too_little
+from nvsim.mapping.too_little import nowhere_to_stand, too_little
 from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
 STAGE = "map"
 _TRIES = 3  # places on either side of a gap in the trajectory that a joining start is tried at
+_FEW = 3  # viewpoints; with fewer, the floor beside the trajectory is tried too,
+_BESIDE = 0.75  # metres, at places so far apart
 _HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the trajectory
 _KEEPING = 5.0  # seconds between two savings of what was measured
 _CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
@@ -84,12 +86,10 @@ def build_map(
     explorer = _Explorer(search, walk, config, listen, should_stop, keep_evidence)
     explorer.cover()
     explorer.bridge()
+    explorer.beside()
     draft = search.draft
     if not draft.viewpoints and not should_stop():
-        raise InputError(
-            "Nobody can stand anywhere on the trajectory: the models show obstacles, or no known floor, under every "
-            "camera; look at the floor masks and the floor heights."
-        )
+        raise InputError(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
     isolated = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
     for id in isolated:
@@ -184,6 +184,17 @@ class _Explorer:
                         break
                 if progress:
                     break
+
+    def beside(self) -> None:
+        """Where the trajectory itself gave next to nothing, starts on the floor that was seen beside it."""
+        if len(self._search.draft.viewpoints) >= _FEW:
+            return
+        for place in self._walk.beside(self._config.half_width, _BESIDE):
+            if self._should_stop():
+                return
+            if self._search.start(place):
+                self._search.run(self._should_stop, self._progress)
+                self._progress()
 
     def is_covered(self, place: NDArray[np.floating]) -> bool:
         return self._coverer(place) is not None

@@ -156,16 +156,21 @@ def decide(evidence: Evidence, config: MappingConfig) -> Decision:
 def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
     """Whether the floor under a viewpoint is free: the cells within the robot's radius of it, in every direction that
     was measured, under the rule's limit for the mean of a row."""
+    alpha, known = footing(around, config)
+    return alpha < standing_limit(config) and known >= config.support
+
+
+def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, float]:
+    """What `can_stand` asks of the floor under a viewpoint: its mean alpha, and how much of it is known, 0 to 1; (1, 0)
+    where nothing was measured."""
     alpha, support = [], []
     for evidence in around:
         near = under(evidence, config)
         alpha.append(evidence.alpha[near])
         support.append(evidence.support[near])
     if not alpha:
-        return False
-    return bool(
-        np.concatenate(alpha).mean() / 255 < standing_limit(config) and np.concatenate(support).mean() >= config.support
-    )
+        return 1.0, 0.0
+    return float(np.concatenate(alpha).mean() / 255), float(np.concatenate(support).mean())
 
 
 def standing_limit(config: MappingConfig) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt
-from nvsim.mapping.criteria import OPEN, can_stand, decide
+from nvsim.mapping.criteria import OPEN, can_stand, decide, footing
 from nvsim.mapping.graph_builder import SAME, GraphBuilder, apart
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
@@ -24,7 +24,7 @@ _LINKS = 6  # viewpoints that a new start is joined to
 
 class Search:
     """`draft` is what was found; `expanded` the ids whose eight directions were decided; `limited` whether the search
-    stopped at the cap."""
+    stopped at the cap; `refusals` the `footing` of starts where nobody can stand."""
 
     def __init__(
         self,
@@ -42,6 +42,7 @@ class Search:
         self.draft = draft
         self.expanded: set[str] = set()
         self.limited = False
+        self.refusals: list[tuple[float, float]] = []
 
     @property
     def waiting(self) -> int:
@@ -56,8 +57,10 @@ class Search:
             return False
         viewpoint = self._viewpoint(xy, "start", float(position[2]))
         self._lattice.begin(id, viewpoint.position[:2])
-        if not can_stand(self._around(viewpoint), self._config):
+        around = self._around(viewpoint)
+        if not can_stand(around, self._config):
             self._refused.add(id)
+            self.refusals.append(footing(around, self._config))
             return False
         # The corridors to the viewpoints around are decided before the steps, which then find them joined.
         self._look_around(viewpoint)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.mapping.criteria import DECISIONS, OPEN
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.criteria import DECISIONS, OPEN, standing_limit
 
 _FEW = 3  # viewpoints
 _MOST_UNCOVERED = 0.3  # share of the trajectory
@@ -34,6 +35,19 @@ def too_little(report: Mapping[str, Any], uncovered: NDArray[np.floating], place
     word = max(refused, key=lambda w: (refused[w], w))
     why = f"{refused[word]} of {sum(report['decisions'].values())} directions were refused as {DECISIONS[word].clause}"
     return f"The capture gives only {found}{where}: {why}; {DECISIONS[word].remedy}."
+
+
+def nowhere_to_stand(refusals: list[tuple[float, float]], config: MappingConfig) -> str:
+    """The sentence where there is no viewpoint at all, from the `footing` of all places that were tried."""
+    limit = standing_limit(config)
+    blocked = [alpha for alpha, _ in refusals if alpha >= limit]
+    tried = f"Nobody can stand anywhere: {_counted(len(refusals), 'place')} on the trajectory and beside it"
+    if 2 * len(blocked) < len(refusals) or not refusals:
+        return f"{tried} have too little known floor under them; {DECISIONS['unknown'].remedy}."
+    why = (
+        f"{len(blocked)} have something on the floor (mean alpha {min(blocked):.2f} at least, below {limit:g} is free)"
+    )
+    return f"{tried} were tried and {why}; look at the floor masks and heights there, and {DECISIONS['alpha'].remedy}."
 
 
 def _counted(number: int, what: str) -> str:

@@ -36,7 +36,10 @@ class Walk:
                 jump = False
         self.places = self._positions[kept]
         self.joined = ~np.array(broken, bool)
-        self.clearance = self._clearance()
+        self._low = self.places[:, :2].min(axis=0) - _REACH
+        self._free = self._clearances()
+        index = np.floor((self.places[:, :2] - self._low) / _CELL).astype(int)
+        self.clearance = np.minimum(self._free[index[:, 1], index[:, 0]], _REACH)
 
     def distance(self, xy: NDArray[np.floating]) -> float:
         """Metres from (2,) to the nearest camera, seen from above."""
@@ -52,18 +55,30 @@ class Walk:
         share = np.linspace(0.0, 1.0, count)[:, None]
         return bool(np.all(self._support(a + share * (b - a))))
 
-    def _clearance(self) -> NDArray[np.float64]:
+    def beside(self, clearance: float, apart: float) -> NDArray[np.float64]:
+        """(K, 3) places on known floor that no camera passed, within 3 m of one and in its height: those with the most
+        clearance first, none with less than `clearance`, metres, and none nearer than `apart` to one before it."""
+        row, column = np.nonzero(self._free >= clearance)
+        xy = self._low + (np.stack([column, row], axis=1) + 0.5) * _CELL
+        distance, nearest = self._tree.query(xy)
+        close = np.flatnonzero(distance < _REACH)
+        order = close[np.argsort(-np.round(self._free[row[close], column[close]], 6), kind="stable")]
+        chosen: list[int] = []
+        for i in order:
+            if all(_apart(xy[i], xy[k]) >= apart for k in chosen):
+                chosen.append(int(i))
+        return np.column_stack([xy[chosen], self._positions[nearest[chosen], 2]])
+
+    def _clearances(self) -> NDArray[np.float64]:
+        """(rows, columns) metres from the cells around the places to the nearest floor that nothing supports."""
         from scipy.ndimage import distance_transform_edt
 
-        low = self.places[:, :2].min(axis=0) - _REACH
         high = self.places[:, :2].max(axis=0) + _REACH
-        columns, rows = grid_size(low, high, _CELL, "the cameras")
-        x = low[0] + (np.arange(columns) + 0.5) * _CELL
-        y = low[1] + (np.arange(rows) + 0.5) * _CELL
+        columns, rows = grid_size(self._low, high, _CELL, "the cameras")
+        x = self._low[0] + (np.arange(columns) + 0.5) * _CELL
+        y = self._low[1] + (np.arange(rows) + 0.5) * _CELL
         known = np.pad(np.asarray(self._support(np.stack(np.meshgrid(x, y), axis=-1)), bool), 1)
-        distance = distance_transform_edt(known)[1:-1, 1:-1] * _CELL
-        index = np.floor((self.places[:, :2] - low) / _CELL).astype(int)
-        return np.asarray(np.minimum(distance[index[:, 1], index[:, 0]], _REACH))
+        return np.asarray(distance_transform_edt(known)[1:-1, 1:-1] * _CELL)
 
 
 def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

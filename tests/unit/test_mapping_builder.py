@@ -200,6 +200,14 @@ def test_walk_that_stands_on_nothing_is_refused_with_a_sentence() -> None:
         build(room(4, 4), np.zeros((0, 3)))
 
 
+def test_floor_beside_a_trajectory_that_stands_on_nothing_known_is_searched() -> None:
+    occupancy = fill(room(8, 6), 0, 0, 8, 1.6, UNKNOWN)
+    graph = build(occupancy, walk((3, 1), (5, 1))).graph
+    assert len(graph.viewpoints) >= 3 and len(graph.edges) >= 2
+    assert all(place(graph, id)[1] > 1.6 for id in graph.viewpoints)
+    assert_valid(graph, occupancy)
+
+
 def test_a_build_from_kept_evidence_ends_the_same_and_renders_only_the_rest(monkeypatch) -> None:
     monkeypatch.setattr("nvsim.mapping.builder._KEEPING", 0.0)
     occupancy = fill(room(9, 8), 3, 2.5, 4.2, 4.5, OCCUPIED)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import DECISIONS
-from nvsim.mapping.too_little import too_little
+from nvsim.mapping.too_little import nowhere_to_stand, too_little
 
 LINE = np.stack([np.arange(10.0), np.zeros(10)], axis=1)
 
@@ -39,3 +40,13 @@ def test_nothing_refused_and_nothing_found_is_a_sentence_too() -> None:
 @pytest.mark.parametrize("word", sorted(DECISIONS))
 def test_every_decision_has_a_remedy_that_ends_a_sentence(word: str) -> None:
     assert DECISIONS[word].remedy and not DECISIONS[word].remedy.endswith(".")
+
+
+def test_where_nobody_can_stand_it_says_what_is_in_the_way() -> None:
+    sentence = nowhere_to_stand([(0.31, 1.0), (0.22, 0.9), (0.05, 0.2)], MappingConfig())
+    assert (
+        "3 places" in sentence
+        and "2 have something on the floor (mean alpha 0.22 at least, below 0.2 is free)" in sentence
+    )
+    assert "too little known floor" in nowhere_to_stand([(0.31, 1.0), (0.05, 0.2), (0.1, 0.1)], MappingConfig())
+    assert nowhere_to_stand([], MappingConfig()).endswith(".")
