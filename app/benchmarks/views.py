@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QCoreApplication, QEvent, QPointF, Qt
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QWidget
 
 from app.painting import cameras
-
-if TYPE_CHECKING:
-    from app.wiring.panels import MapPart
+from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
 
 SECONDS = 1.5  # for each

@@ -28,13 +28,14 @@ Figures = dict[str, float | str | None]
 
 
 class Bench(QObject):
-    """finished(dict): start_s, gap_p99_ms, gap_max_ms, fps_moving, sharp_ms, rss_mb, window_mb and what else is known;
+    """failed(): an error kept it from measuring, which is told as any other. finished(dict): start_s, gap_p99_ms, gap_max_ms, fps_moving, sharp_ms, rss_mb, window_mb and what else is known;
     None for what there was nothing to measure on.
 
     cycles   how often the project is closed and opened again, for what stays behind
     """
 
     finished = Signal(dict)
+    failed = Signal()
 
     def __init__(self, session: Session, cycles: int = 0) -> None:
         super().__init__(session)
@@ -66,13 +67,20 @@ class Bench(QObject):
                 self._wait = next(self._steps)
             except StopIteration:
                 self._finish()
+            except Exception:
+                self._stop()
+                self.failed.emit()
+                raise
             self._since = time.perf_counter()
         elif callable(wait) and elapsed > PATIENCE:
             self._finish()
 
-    def _finish(self) -> None:
+    def _stop(self) -> None:
         self._timer.stop()
         self._probe.stop()
+
+    def _finish(self) -> None:
+        self._stop()
         self.finished.emit(self.figures)
 
     # What is done --------------------------------------------------------------------------------------------------

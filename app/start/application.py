@@ -99,6 +99,7 @@ def _run(
 
             measurement = Bench(session, bench)
             measurement.finished.connect(lambda figures: (print(json.dumps(figures)), app.quit()))
+            measurement.failed.connect(lambda: app.exit(1))
             measurement.start()
         elif screenshot is not None:
             _shoot_when_settled(app, session, screenshot, seconds)

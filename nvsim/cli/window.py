@@ -49,7 +49,7 @@ def open_window(arguments: list[str]) -> int:
 
 def measured_by_window(arguments: Sequence[str], environment: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Starts a window that measures itself, drawn to memory where there is no display, and returns the figures that it
-    prints. Raises InputError when it does not start."""
+    prints. Raises InputError when it does not start, or cannot measure itself."""
     if environment is None:
         environment = dict(os.environ)
         if not has_display():
@@ -59,6 +59,6 @@ def measured_by_window(arguments: Sequence[str], environment: Mapping[str, str] 
     )
     if result.returncode != 0:
         last = (result.stderr.strip().splitlines() or ["no message"])[-1]
-        raise InputError(f"the window does not start here: {last}")
+        raise InputError(f"the window cannot be measured here: {last}")
     figures: dict[str, Any] = json.loads(result.stdout.strip().splitlines()[-1])
     return figures

@@ -8,7 +8,8 @@ import pytest
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 
-from app.benchmarks import edits
+from app.benchmarks import edits, views
+from app.wiring.window import MainWindow
 from nvsim.benchmarks import graph
 from nvsim.cli.commands import bench_graph
 from nvsim.cli.main import main
@@ -25,6 +26,13 @@ def test_edits_are_painted_and_the_lists_follow(
     }  # fmt: skip
     assert all(value > 0 for value in figures.values())
     assert figures["paint_p95_ms"] > figures["painted_edit_p95_ms"]
+
+
+def test_both_views_of_a_graph_are_panned_and_pointed_at(window: MainWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(views, "SECONDS", 0.05)
+    figures: dict[str, float | str | None] = {}
+    list(views.graph_views(window, figures))
+    assert set(figures) == {"scene_pan_fps", "scene_hover_fps", "map_pan_fps", "map_zoom_fps", "map_hover_fps"}
 
 
 @pytest.mark.parametrize("qt", [True, False])
