@@ -1,7 +1,8 @@
 """From the frame of the files to the aligned one: z up by the smallest rotation about the origin, scale kept apart.
 
 Up comes from the cameras (people and robots hold them level on average) and is refined by the dominant floor plane of
-the cloud. A capture whose up is within 2 degrees of z is not touched.
+the cloud, or of what the images show themselves where no cloud shows a floor. A capture whose up is within 2 degrees of
+z is not touched.
 
 The scale is known when the user gives it, when the source claims metres and its cameras are at a height above the
 floor that a user or a robot can have, or when the user gives that height.
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.floor_plane import FloorPlane, find_floor
+from nvsim.capture.image_points import image_points
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.errors import InputError
@@ -53,8 +55,9 @@ def find_up(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
 def align(
     raw: RawCapture, scale: float | None, camera_height: float | None, findings: Findings
 ) -> tuple[Alignment, FloorPlane | None]:
-    """The alignment of a capture and the floor plane that it rests on (source frame and unit), None where the cloud
-    shows none. Raises InputError when `scale` or `camera_height` is not positive or cannot be applied."""
+    """The alignment of a capture and the floor plane that it rests on (source frame and unit), None where neither the
+    cloud nor the images show one. Raises InputError when `scale` or `camera_height` is not positive or cannot be
+    applied."""
     for value, name in ((scale, "scale"), (camera_height, "camera height")):
         if value is not None and not (np.isfinite(value) and 0 < value < 1e6):
             raise InputError(f"The {name} {value:g} is not a positive number of metres; give one like 1.2.")
@@ -64,6 +67,9 @@ def align(
     up, unsure = find_up(poses)
     positions = poses[:, :3, 3]
     floor = None if raw.cloud is None else find_floor(raw.cloud.points, positions, up, unsure)
+    seen_in = "the cloud"
+    if floor is None and (raw.cloud is None or not raw.cloud.is_dense):
+        floor, seen_in = find_floor(image_points(raw.frames), positions, up, unsure), "the images"
     if floor is not None:
         up = floor.normal
     tilt = float(np.degrees(np.arccos(np.clip(up[2], -1, 1))))
@@ -71,7 +77,7 @@ def align(
         rotation = np.eye(3)
     else:
         rotation = smallest_rotation(up, _Z)
-        basis = "the cameras and the floor of the cloud" if floor is not None else "the cameras alone"
+        basis = f"the cameras and the floor of {seen_in}" if floor is not None else "the cameras alone"
         findings.note(
             f"up is {tilt:.1f} degrees away from z, judged from {basis}",
             raw.source.name,
@@ -97,7 +103,7 @@ def _scale(
     if raw.metric and (height is None or lowest <= height <= highest):
         if camera_height is not None and height is not None and not 0.75 < camera_height / height < 1.33:
             findings.warning(
-                f"the cameras are {height:.2f} m above the floor of the cloud, not {camera_height:g} m",
+                f"the cameras are {height:.2f} m above the floor, not {camera_height:g} m",
                 raw.source.name,
                 "the metres of the capture are kept; give a scale to override them",
             )

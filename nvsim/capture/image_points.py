@@ -1,0 +1,67 @@
+"""Points of a capture whose cloud shows no floor, from its own images: enough to tell up, and how high the cameras are.
+
+Images spread over the capture are matched with others of the same place. The unit may be anything, so partners are
+taken by their rank: of those that look the same way the second nearest, the eighth and so on, and what has parallax
+counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.images import read_image
+from nvsim.capture.raw import RawFrame
+from nvsim.capture.triangulation import Features, triangulate
+from nvsim.capture.types import Frame
+from nvsim.errors import InputError
+
+_PLACES = 30  # images that partners are looked for
+_RANKS = (2, 8, 24)
+_TURN = np.cos(np.radians(35))
+_PARALLAX = float(np.radians(4))  # between cameras: points of less scatter further than a floor is thick
+_SIZE = 640  # pixels
+_THREADS = 2
+
+
+def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
+    """(N, 3) in the unit and frame of the source; of images that cannot be read none."""
+    usable = [f for f in frames if f.camera_to_world is not None and f.lens is not None]
+    poses = np.array([f.camera_to_world for f in usable]).reshape(-1, 4, 4)
+    pairs = _pairs(poses)
+    wanted = sorted({i for pair in pairs for i in pair})
+
+    def features(index: int) -> Features | None:
+        raw = usable[index]
+        assert raw.lens is not None and raw.camera_to_world is not None
+        frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp)
+        intrinsics = frame.intrinsics.within(_SIZE)
+        try:
+            image = read_image(frame, intrinsics)
+        except InputError:
+            return None  # whoever needs the image says what is wrong with it
+        return Features.of(frame.camera.scaled(intrinsics.width, intrinsics.height), image)
+
+    with ThreadPoolExecutor(_THREADS) as pool:
+        found = dict(zip(wanted, pool.map(features, wanted), strict=True))
+
+        def points(pair: tuple[int, int]) -> NDArray[np.float64]:
+            a, b = found[pair[0]], found[pair[1]]
+            return np.zeros((0, 3)) if a is None or b is None else triangulate(a, b, _PARALLAX)[0]
+
+        return np.concatenate([np.zeros((0, 3)), *pool.map(points, pairs)])
+
+
+def _pairs(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Indices into poses (N, 4, 4) of the images that are matched."""
+    places, axes = poses[:, :3, 3], poses[:, :3, 2]
+    pairs = []
+    for i in np.unique(np.linspace(0, len(poses) - 1, min(_PLACES, len(poses))).astype(int)):
+        distance = np.linalg.norm(places - places[i], axis=1)
+        fits = np.flatnonzero((axes @ axes[i] > _TURN) & (distance > 0))
+        order = fits[np.argsort(distance[fits], kind="stable")]
+        pairs += [(int(i), int(order[rank])) for rank in _RANKS if rank < len(order)]
+    return pairs
