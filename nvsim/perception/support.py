@@ -19,6 +19,7 @@ from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 
 Mask = NDArray[np.bool_]
+_USUAL = 0.25  # metres
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,13 @@ class SupportConfig:
     standing: int = 3
     views: int = 2
     share: float = 0.3
+
+
+def walked(positions: NDArray[np.floating], surface: FloorSurface) -> NDArray[np.floating]:
+    """Those of the positions of cameras (N, 3) that are as high above the floor as usual, within `_USUAL`: where it is
+    another height, somebody leant over a table, or held the camera up, and did not stand below it."""
+    above = positions[:, 2] - surface.height_at(positions[:, :2])
+    return positions[np.abs(above - np.median(above)) <= _USUAL] if len(positions) else positions
 
 
 def observe(

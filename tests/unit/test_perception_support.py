@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from nvsim.perception.support import FloorSupport
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.perception.support import FloorSupport, walked
 
 
 def test_the_walk_supports_the_ground_around_it_also_outside_the_old_grid():
@@ -22,3 +23,11 @@ def test_what_was_supported_stays():
     xy = np.stack(np.meshgrid(np.arange(5.05, 5.3, 0.1), np.arange(5.05, 5.3, 0.1)), -1)
     assert after.at(xy).all()
     assert not after.at(np.array([2.5, 2.5]))
+
+
+def test_who_leant_over_a_table_did_not_walk_there():
+    ground = FloorSurface(np.array([[0.0, 1.0], [0.0, 1.0]], np.float32), (0.0, 0.0), 4.0)  # a ramp along x
+    steady = np.array([[x, 1.0, 1.4 + x / 4] for x in np.linspace(0, 4, 9)])
+    leaning = np.array([[2.0, 1.5, 1.0 + 0.5], [3.0, 1.5, 1.9 + 0.75]])
+    assert np.array_equal(walked(np.concatenate([steady, leaning]), ground), steady)
+    assert walked(np.empty((0, 3)), ground).shape == (0, 3)

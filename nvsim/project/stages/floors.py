@@ -27,7 +27,7 @@ from nvsim.project.work import StageName
 STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
-_WITH_DEPTH = 2  # the same where images have a depth
+_WITH_DEPTH = 3  # the same where images have a depth
 
 _NOTHING_STANDS = (
     "There is neither a scan nor depth of the images, so little says what stands on the floor: masks and map may lead "
@@ -139,7 +139,7 @@ def _support_key(project: Project, masks_key: str) -> str:
 def _support(project: Project) -> float:
     """Commits the supported floor; returns its area in square metres."""
     from nvsim.perception.segment import read_mask
-    from nvsim.perception.support import observe
+    from nvsim.perception.support import observe, walked
 
     capture, frames = project.need_capture(), supporting_frames(project)
     floor = floor_of(project)
@@ -148,7 +148,7 @@ def _support(project: Project) -> float:
         (read_mask(project.mask_path(i)) for i in frames),
         floor,
         project.scan_on(floor),
-    ).trodden(capture.positions[frames])
+    ).trodden(walked(capture.positions[frames], floor))
     support.save(project.layout.support)
     return float(support.cells.sum() * support.spacing**2)
 
