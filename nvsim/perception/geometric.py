@@ -113,20 +113,30 @@ class GeometricFloor:
 
     def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; where the image's own `depth` along
-        the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows."""
+        the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows, and
+        what nothing is seen before and nothing confirms is doubtful."""
+        import cv2
+
         seen = self.project(camera)
-        floor = seen.floor if depth is None else self._with_depth(seen, camera, depth)
+        floor, level, before = seen.floor, np.zeros_like(seen.floor), np.zeros_like(seen.floor)
+        if depth is not None:
+            floor, level, before = self._with_depth(seen, camera, depth)
         if self._is_sparse:
             floor = grow(floor, seen.floor | seen.unsure, self._glimpse(seen, image).image)
         elif self._appearance is not None:
             view = self._glimpse(seen, image)
-            floor = floor & ~self._appearance.strange(view)
+            floor = floor & (level | ~self._appearance.strange(view))
             floor |= self._appearance.shining_through(view, seen.hidden)
         mask = refine(floor, seen.scale, image, self.config.refine)
-        return FloorMask(mask, mask)
+        if depth is None:
+            return FloorMask(mask, mask)
+        doubtful = ((seen.floor | seen.unsure) & ~before).astype(np.uint8)
+        sized = cv2.resize(doubtful, (mask.shape[1], mask.shape[0]), interpolation=cv2.INTER_NEAREST) > 0
+        return FloorMask(mask, mask, doubtful=sized & ~mask)
 
-    def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> Mask:
-        """The floor of a projection with what the depth of the image says of each pixel."""
+    def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> tuple[Mask, Mask, Mask]:
+        """The floor of a projection with what the depth of the image says of each pixel, where that is the floor's, and
+        where it shows something before the floor."""
         import cv2
 
         height, width = seen.floor.shape
@@ -136,7 +146,7 @@ class GeometricFloor:
         known = (own > 0) & (ground > 0)
         level = known & (np.abs(own - ground) < self.config.level * ground)
         before = known & (own < (1 - self.config.before) * ground)
-        return _without_specks((seen.floor & ~before) | level, self.config.speck)
+        return _without_specks((seen.floor & ~before) | level, self.config.speck), level, before
 
     def likeness(self, camera: Camera, image: Image) -> Float32:
         """(h, w) float32 at the working size, 0 to 1: how much `image` (H, W, 3) looks like floor, by the colours that

@@ -51,11 +51,13 @@ class FloorMask:
     """mask        (H, W) bool, the floor: M_final
     candidates  (H, W) bool, pixels that are floor with confidence: M_cand
     normals     (H, W, 3) float32, world, or None where the provider has none
+    doubtful    (H, W) bool, what may be floor although the mask does not say so; None where the provider knows
     """
 
     mask: Mask
     candidates: Mask
     normals: Float32 | None = None
+    doubtful: Mask | None = None
 
 
 class FloorSegmenter(Protocol):

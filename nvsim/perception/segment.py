@@ -24,6 +24,7 @@ from nvsim.perception.geometric import GeometricConfig, GeometricFloor
 from nvsim.perception.roles import Float32, Image, Mask
 
 _NEAR = 6.0  # metres
+_DOUBTFUL = 96  # in the image of a mask
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ def segment_capture(
     todo: Iterable[int] | None = None,
     depth_of: Callable[[int], Float32] | None = None,
 ) -> None:
-    """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor.
+    """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor,
+    96 on what may be floor (see `FloorMask.doubtful`), 0 elsewhere.
 
     `surfaces_of` gives the floor surface that holds around a frame; frames for which it returns the same object are
     taken together. `depth_of` gives the depth of a frame (see `GeometricFloor.segment`), where there is one.
@@ -91,7 +93,10 @@ def segment_capture(
         image = read_image(capture.frames[index], intrinsics)
         depth = None if depth_of is None else depth_of(index)
         found = providers[id(surfaces[index])].segment(camera, image, depth)
-        encoded = cv2.imencode(".png", found.mask.astype(np.uint8) * 255)[1]
+        picture = found.mask.astype(np.uint8) * 255
+        if found.doubtful is not None:
+            picture[found.doubtful] = _DOUBTFUL
+        encoded = cv2.imencode(".png", picture)[1]
         write_bytes(mask_path(folder, index), encoded.tobytes())
         return index
 
@@ -142,14 +147,23 @@ def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSu
 def read_mask(path: Path, width: int | None = None, height: int | None = None) -> Mask:
     """(height, width) bool, True on floor; the image's own size by default. Raises InputError when it is missing or
     not an image."""
+    return read_mask_and_doubt(path, width, height)[0]
+
+
+def read_mask_and_doubt(path: Path, width: int | None = None, height: int | None = None) -> tuple[Mask, Mask | None]:
+    """What `read_mask` gives, and of the same size what else may be floor, None where the mask leaves no doubt."""
     import cv2
 
     if not path.is_file():
         raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
     again = "delete it and run `nvsim floors --project` again"
     picture = decoded(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
+    doubtful = picture == _DOUBTFUL
+    layers = [np.where(doubtful, 0, picture).astype(np.uint8)]
+    if doubtful.any():
+        layers.append(doubtful.astype(np.uint8) * 255)
     if width is not None and height is not None and picture.shape != (height, width):
-        shrink = picture.shape[0] > height
-        picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR)
-    mask: Mask = picture > 127
-    return mask
+        way = cv2.INTER_AREA if picture.shape[0] > height else cv2.INTER_LINEAR
+        layers = [np.asarray(cv2.resize(layer, (width, height), interpolation=way), np.uint8) for layer in layers]
+    mask: Mask = layers[0] > 127
+    return mask, (layers[1] > 127) & ~mask if len(layers) > 1 else None

@@ -183,7 +183,7 @@ class Fit:
                 self.exposure.apply(index, rgb, background)
             if judge is not None:
                 judge(rgb, transmittance, background)
-            values = loss(rgb, transmittance, background, view.image, view.floor, inlier)
+            values = loss(rgb, transmittance, background, view.image, view.floor, inlier, view.doubtful)
             if self.config.loss.alpha > 0:
                 more = alpha_loss(1 - transmittance, background, view.image, self.config.loss.alpha, loss.d_alpha)
                 values = replace(values, total=values.total + more)

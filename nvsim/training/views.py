@@ -17,12 +17,14 @@ class TrainingView:
     camera     its size is that of `image`
     image      (H, W, 3) uint8 RGB, undistorted
     floor      (H, W) bool, the floor mask M
+    doubtful   (H, W) bool, what may be floor although the mask does not say so; None where there is no such thing
     """
 
     name: str
     camera: Camera
     image: NDArray[np.uint8]
     floor: NDArray[np.bool_]
+    doubtful: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         k = self.camera.intrinsics
@@ -36,5 +38,10 @@ class TrainingView:
         k = self.camera.intrinsics
         width, height = max(1, round(k.width / 2)), max(1, round(k.height / 2))
         image = np.asarray(cv2.resize(self.image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-        share = cv2.resize(self.floor.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
-        return TrainingView(self.name, self.camera.scaled(width, height), image, share > 0.5)
+
+        def mostly(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+            share = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+            return np.asarray(share > 0.5)
+
+        doubtful = None if self.doubtful is None else mostly(self.doubtful)
+        return TrainingView(self.name, self.camera.scaled(width, height), image, mostly(self.floor), doubtful)

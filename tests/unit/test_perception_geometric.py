@@ -17,7 +17,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.lens import Lens
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
 from nvsim.perception.refine import RefineConfig, refine
-from nvsim.perception.segment import SegmentConfig, mask_path, read_mask, segment_capture
+from nvsim.perception.segment import SegmentConfig, mask_path, read_mask, read_mask_and_doubt, segment_capture
 from nvsim.perception.support import FloorSupport, SupportConfig, observe
 
 ROOM = np.array([[0, 0, 0], [6, 5, 2.6]], float)
@@ -108,8 +108,15 @@ def test_the_depth_of_the_image_itself_says_what_the_cloud_does_not():
     hidden = (along > 0) & ~floor & (struck > 0) & (struck < along)
     depth = np.where(hidden, struck, np.where(floor, along, 0)) * (rays @ view.rotation[:, 2])
     provider = GeometricFloor(Cloud(points[~boxed & ~near]), FLAT)
-    blind = iou(provider.segment(view, image).mask, floor)
-    assert iou(provider.segment(view, image, depth.astype(np.float32)).mask, floor) > max(0.95, blind + 0.2)
+    blind = provider.segment(view, image)
+    assert blind.doubtful is None
+    found = provider.segment(view, image, depth.astype(np.float32))
+    assert iou(found.mask, floor) > max(0.95, iou(blind.mask, floor) + 0.2)
+    assert found.doubtful is not None and not (found.doubtful & found.mask).any()
+    assert found.doubtful[hidden].mean() < 0.05
+    half = np.where(np.arange(240) < 120, depth, 0)  # nothing is known of the right half
+    right = provider.segment(view, image, half.astype(np.float32))
+    assert right.doubtful is not None and (right.mask | right.doubtful)[floor & (np.arange(240) >= 120)].mean() > 0.95
 
 
 def test_one_point_of_a_scan_supports_its_cell_and_one_that_images_gave_does_not():
@@ -220,6 +227,21 @@ def test_stage_writes_every_mask_once_resumes_and_scores_well(capture: Capture, 
     figures = evaluate_floor([(masks / n, exact / n) for n in names])
     assert figures["miou"] > 0.95 and figures["frames"] == 6 and len(figures["per_frame"]) == 6
     assert figures["worst"][0]["iou"] == min(r["iou"] for r in figures["per_frame"])
+
+
+def test_what_may_be_floor_is_told_from_floor_at_any_size(tmp_path: Path):
+    path = mask_path(tmp_path, 0)
+    picture = np.zeros((90, 120), np.uint8)
+    picture[60:], picture[30:60, :60] = 255, 96
+    cv2.imwrite(str(path), picture)
+    for width, height in ((120, 90), (40, 30), (240, 180)):
+        mask, doubtful = read_mask_and_doubt(path, width, height)
+        row, column = height // 3, width // 2
+        assert mask[2 * row + 1 :].all() and not mask[: 2 * row - 1].any()
+        assert doubtful is not None and not (doubtful & mask).any()
+        assert doubtful[row + 1 : 2 * row - 1, : column - 1].all() and not doubtful[:, column + 1 :].any()
+    cv2.imwrite(str(path), np.where(picture == 96, 0, picture))
+    assert read_mask_and_doubt(path, 40, 30)[1] is None
 
 
 def test_masks_are_read_at_any_size_and_missing_ones_are_named(tmp_path: Path):

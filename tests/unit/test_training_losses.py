@@ -44,10 +44,12 @@ class Sample:
         self.floor[12:] = True
         self.inlier = np.ones((HEIGHT, WIDTH), bool)
         self.inlier[8:15, :6] = False
+        self.doubtful: np.ndarray | None = None
 
     def loss(self, config: LossConfig):
         loss = FloorAwareLoss(config, WIDTH, HEIGHT)
-        return loss, loss(self.rgb, 1 - self.alpha, self.background, self.image, self.floor, self.inlier)
+        masks = (self.floor, self.inlier, self.doubtful)
+        return loss, loss(self.rgb, 1 - self.alpha, self.background, self.image, *masks)
 
 
 @pytest.fixture
@@ -70,7 +72,8 @@ def plain(sample: Sample, config: LossConfig) -> tuple[torch.Tensor, list[torch.
     total = total + config.ssim * (1 - mean_ssim(w * drawn, w * image))
     total = total + config.suppression * (floor * alpha).mean()
     total = total + config.floor * (floor * inlier * ((background - image) ** 2 + 1e-4).sqrt()).mean()
-    total = total + config.fill * ((1 - floor) * inlier * (1 - alpha)).mean()
+    sure = 1 - torch.from_numpy(np.zeros_like(sample.floor) if sample.doubtful is None else sample.doubtful).double()
+    total = total + config.fill * ((1 - floor) * sure * inlier * (1 - alpha)).mean()
     return total, [rgb, alpha, background]
 
 
@@ -134,6 +137,7 @@ def test_ssim_of_an_image_with_itself_is_one() -> None:
     np.testing.assert_allclose(gradient, 0, atol=1e-4)
 
 
+@pytest.mark.parametrize("doubt", [False, True], ids=["sure", "doubtful"])
 @pytest.mark.parametrize(
     "config",
     [
@@ -145,7 +149,9 @@ def test_ssim_of_an_image_with_itself_is_one() -> None:
     ],
     ids=["nvsim", "splatfacto-i", "3dgs", "masked", "l1"],
 )
-def test_total_and_gradients_match_torch(sample: Sample, config: LossConfig) -> None:
+def test_total_and_gradients_match_torch(sample: Sample, config: LossConfig, doubt: bool) -> None:
+    if doubt:
+        sample.doubtful = np.random.default_rng(5).random((HEIGHT, WIDTH)) < 0.3
     loss, values = sample.loss(config)
     expected, (rgb, alpha, background) = plain(sample, config)
     expected.backward()
@@ -167,6 +173,14 @@ def test_fill_is_the_mean_light_let_through_elsewhere(sample: Sample) -> None:
     _, values = sample.loss(LossConfig())
     elsewhere = ~sample.floor & sample.inlier
     assert values.fill == pytest.approx((1 - sample.alpha[elsewhere]).sum() / PIXELS, rel=1e-5)
+
+
+def test_what_may_be_floor_is_reconstructed_but_not_filled(sample: Sample) -> None:
+    before, full = sample.loss(LossConfig())
+    sample.doubtful = ~sample.floor
+    after, values = sample.loss(LossConfig())
+    assert values.fill == 0 and values.l1 == full.l1
+    np.testing.assert_array_equal(after.d_rgb, before.d_rgb)
 
 
 def test_each_term_is_switched_off_by_its_weight(sample: Sample) -> None:

@@ -65,7 +65,7 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
     from concurrent.futures import ThreadPoolExecutor
 
     from nvsim.capture.images import read_image
-    from nvsim.perception.segment import read_mask
+    from nvsim.perception.segment import read_mask_and_doubt
     from nvsim.training.views import TrainingView
 
     capture, layout = project.need_capture(), project.layout
@@ -74,8 +74,8 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
         frame = capture.frames[index]
         size = frame.intrinsics.within(config.image_size)
         camera = frame.camera.scaled(size.width, size.height)
-        mask = read_mask(mask_in_use(layout, frame, index), size.width, size.height)
-        return TrainingView(frame.name, camera, read_image(frame, size), mask)
+        mask, doubtful = read_mask_and_doubt(mask_in_use(layout, frame, index), size.width, size.height)
+        return TrainingView(frame.name, camera, read_image(frame, size), mask, doubtful)
 
     with ThreadPoolExecutor(2) as pool:
         return list(pool.map(view, frames))

@@ -2,11 +2,11 @@
 
     I_hat = I_GS + (1 - alpha) * I_BG
     L = (1 - lambda_s) |w (I_hat - I)| + lambda_s (1 - SSIM(w I_hat, w I))
-      + lambda_supp |M alpha| + lambda_bg M inlier * smooth(I_BG - I) + lambda_fill (1 - M) inlier (1 - alpha)
+      + lambda_supp |M alpha| + lambda_bg M inlier * smooth(I_BG - I) + lambda_fill (1 - M) (1 - D) inlier (1 - alpha)
 
-with M the floor mask, w = inlier and not M (every inlier where no term treats the floor in its own way), and
-smooth(x) = sqrt(x^2 + 1e-4): with plain L1 Adam leaves coloured noise on the floor. Every term is a mean over all
-pixels of the image (and channels).
+with M the floor mask, D what may be floor although M does not say so, w = inlier and not M (every inlier where no term
+treats the floor in its own way), and smooth(x) = sqrt(x^2 + 1e-4): with plain L1 Adam leaves coloured noise on the
+floor. Every term is a mean over all pixels of the image (and channels).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _F = np.float32
 _BYTE = _F(1 / 255)
 SMOOTH = _F(1e-4)
 # The planes of a segment; the prediction's error takes the place of its colour.
-_TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _PLANES = 0, 3, 6, 9, 10, 11, 12, 15
+_TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _SOLID, _PLANES = 0, 3, 6, 9, 10, 11, 12, 16, 17
 # And on the way back: gradients by the colour, by the background and by alpha.
 _ERROR, _BY_COLOUR, _BY_GROUND, _BY_ALPHA = 0, 3, 12, 15
 
@@ -39,6 +39,7 @@ def _load(
     transmittance: Float32,  # (H, W)
     background: Float32,  # (3, H, W)
     floor: Mask,  # (H, W)
+    doubtful: Mask,  # (H, W)
     inlier: Mask,  # (H, W)
     aware: np.float32,  # 1 where the mask counts, else 0
     y: int,
@@ -57,9 +58,13 @@ def _load(
         work[_MASKED * SEGMENT + i] = aware * _F(floor[y, x0 + i])
     for i in range(count):
         work[_INSIDE * SEGMENT + i] = _F(inlier[y, x0 + i])
+    for i in range(count):
+        sure = _F(1) - _F(doubtful[y, x0 + i])
+        work[_SOLID * SEGMENT + i] = (_F(1) - work[_MASKED * SEGMENT + i]) * sure * work[_INSIDE * SEGMENT + i]
     for i in range(count, SEGMENT):
         work[_THROUGH * SEGMENT + i] = _F(0)
         work[_MASKED * SEGMENT + i] = _F(0)
+        work[_SOLID * SEGMENT + i] = _F(0)
         work[_INSIDE * SEGMENT + i] = _F(0)
 
 
@@ -103,6 +108,7 @@ def _compose(
     background: Float32,  # (3, H, W) colours in 0 to 1
     image: Bytes,  # (H, W, 3)
     floor: Mask,  # (H, W)
+    doubtful: Mask,  # (H, W)
     inlier: Mask,  # (H, W)
     aware: np.float32,  # 1 where the mask counts, else 0
     threads: int,
@@ -125,7 +131,7 @@ def _compose(
                 for segment in range(segments):
                     x0, at = segment * SEGMENT, (y + RADIUS) * SEGMENT
                     count = min(SEGMENT, width - x0)
-                    _load(transmittance, background, floor, inlier, aware, y, x0, count, work)
+                    _load(transmittance, background, floor, doubtful, inlier, aware, y, x0, count, work)
                     _load_colours(flat_rgb, flat_image, y * width + x0, count, work)
                     floor_here = _any_floor(work)
                     total, squares, floor_sum = _F(0), _F(0), _F(0)
@@ -152,10 +158,9 @@ def _compose(
                     counted, suppression, fill = _F(0), _F(0), _F(0)
                     for i in range(SEGMENT):
                         masked, through = work[_MASKED * SEGMENT + i], work[_THROUGH * SEGMENT + i]
-                        w = (_F(1) - masked) * work[_INSIDE * SEGMENT + i]
-                        counted += w
+                        counted += (_F(1) - masked) * work[_INSIDE * SEGMENT + i]
                         suppression += masked * (_F(1) - through)
-                        fill += w * through
+                        fill += work[_SOLID * SEGMENT + i] * through
                     if counted > _F(0):
                         lit[strip, segment] = 1
                     sums[0, y], sums[1, y], sums[2, y] = sums[0, y] + total, sums[1, y] + squares, sums[2, y] + counted
@@ -169,6 +174,7 @@ def _differentiate(
     transmittance: Float32,  # (H, W)
     background: Float32,  # (3, H, W)
     floor: Mask,  # (H, W)
+    doubtful: Mask,  # (H, W)
     inlier: Mask,  # (H, W)
     aware: np.float32,  # 1 where the mask counts, else 0
     threads: int,
@@ -188,7 +194,7 @@ def _differentiate(
     l1, structure, suppression, floor_weight, fill = weights[0], weights[1], weights[2], weights[3], weights[4]
     flat_rgb = d_rgb.reshape(-1)
     for thread in prange(threads):
-        work = np.zeros((_BY_ALPHA + 1) * SEGMENT, np.float32)
+        work = np.zeros(_PLANES * SEGMENT, np.float32)
         lines = np.zeros((3, STRIP, segments * SEGMENT + 2 * RADIUS), np.float32)
         blurred = np.empty((3, SEGMENT), np.float32)
         similar = np.zeros((3, STRIP, segments * SEGMENT), np.float32)
@@ -201,15 +207,14 @@ def _differentiate(
                 for segment in range(segments):
                     x0 = segment * SEGMENT
                     count = min(SEGMENT, width - x0)
-                    _load(transmittance, background, floor, inlier, aware, y, x0, count, work)
+                    _load(transmittance, background, floor, doubtful, inlier, aware, y, x0, count, work)
                     floor_here = _any_floor(work)
                     for c in range(3):
                         for i in range(count):
                             work[(_ERROR + c) * SEGMENT + i] = error[c, y, x0 + i]
                     for i in range(SEGMENT):
-                        masked = work[_MASKED * SEGMENT + i]
-                        w = (_F(1) - masked) * work[_INSIDE * SEGMENT + i]
-                        work[_BY_ALPHA * SEGMENT + i] = masked * suppression - w * fill
+                        masked, solid = work[_MASKED * SEGMENT + i], work[_SOLID * SEGMENT + i]
+                        work[_BY_ALPHA * SEGMENT + i] = masked * suppression - solid * fill
                     for c in range(3):
                         alike = similar[c, y - strip * STRIP, x0 : x0 + SEGMENT]
                         for i in range(SEGMENT):
@@ -273,7 +278,7 @@ class FloorAwareLoss:
         self._config = config
         self._aware = np.float32(config.masks_floor)
         self._images, self._slopes = planes(2, height, width), planes(3, height, width)
-        self._lit = np.zeros(tiles(height, width), np.uint8)
+        self._lit, self._sure = np.zeros(tiles(height, width), np.uint8), np.zeros((height, width), np.bool_)
         self._sums, self._ssim_sums = np.zeros((6, height)), np.zeros((3, len(self._lit)))
         self.d_rgb, self.d_alpha = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
         self.d_background, self.error = np.zeros((2, 3, height, width), np.float32)
@@ -286,12 +291,13 @@ class FloorAwareLoss:
         image: NDArray[np.uint8],
         floor: NDArray[np.bool_],
         inlier: NDArray[np.bool_],
+        doubtful: NDArray[np.bool_] | None = None,
     ) -> LossValues:
         """`rgb` (H, W, 3), `transmittance` 1 - alpha (H, W), `background` (3, H, W), `image` (H, W, 3), `floor` and
-        `inlier` (H, W)."""
+        `inlier` (H, W), and `doubtful` (H, W), D above."""
         c, threads = self._config, numba.get_num_threads()
         pixels = transmittance.size
-        rest = (floor, inlier, self._aware, threads)
+        rest = (floor, self._sure if doubtful is None else doubtful, inlier, self._aware, threads)
         colours = np.ascontiguousarray(rgb), transmittance, background, np.ascontiguousarray(image)
         _compose(*colours, *rest, self._images, self._lit, self.error, self._sums)
         structure = 1.0
