@@ -23,6 +23,12 @@ class LabelConfig:
     """and at most."""
     own: float = 20.0
     """What it costs to keep a confirmed depth that no plane explains."""
+    tiny: float = 2.0
+    """What the smallest of planes costs more: mistakes make small ones,"""
+    large: float = 2.0
+    """and the square metres of one that costs half as much more."""
+    floor: float = 1.6
+    """What a plane that faces up costs more: nobody may be led to where it is not."""
     unknown: float = 14.0
     """What it costs to leave a pixel without a depth."""
     good: float = 9.0

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Capture
 from nvsim.depth.agreement import Agreed, agreed
+from nvsim.depth.carving import standing
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.files import (
     confidence_path,
@@ -103,7 +104,9 @@ def estimate_depth(
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, 0).astype(np.float32), np.ones_like(depth)
 
-    return _fused(views, count, written, config, colored=True).cloud(config.seen)
+    cameras = [views.camera(i) for i in range(count)]
+    fusion = _fused(views, count, written, config, colored=True)
+    return fusion.cloud(config.seen, lambda points: standing(points, cameras, lambda i: written(i)[0], config.threads))
 
 
 class _Steps:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -75,9 +76,13 @@ class Fusion:
         points, eyes = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
         return SeenPoints(points, eyes, say[:, 0].astype(np.float32))
 
-    def cloud(self, seen: int) -> FusedCloud:
-        """The cells that at least `seen` points fell into."""
+    def cloud(
+        self, seen: int, standing: Callable[[NDArray[np.float32]], NDArray[np.bool_]] | None = None
+    ) -> FusedCloud:
+        """The cells that at least `seen` points fell into, as far as something is `standing` at their points (N, 3)."""
         sums, found = self._cells(seen), self.seen_points(seen)
+        kept = np.ones(len(sums), bool) if standing is None else standing(found.points)
+        sums, found = sums[kept], SeenPoints(found.points[kept], found.eyes[kept], found.say[kept])
         colors = np.clip(sums[:, 3:6] / sums[:, 9:10] + 0.5, 0, 255).astype(np.uint8)
         normals = normals_of(found.points, found.eyes - found.points)
         return FusedCloud(found.points, colors, normals, sums[:, 10].clip(0, 65535).astype(np.uint16))

@@ -20,6 +20,7 @@ from nvsim.depth.view import View, Warp, matrix_of
 from nvsim.geometry.camera import Camera
 
 Float32 = NDArray[np.float32]
+_LEVEL = 0.9  # upward part of a normal
 
 
 def label_planes(
@@ -43,13 +44,21 @@ def label_planes(
         cv2.blur(plane, (config.window, config.window), dst=plane)
     extents = np.stack([_extent(planes[i], view.camera) for i in chosen])
     limits = np.stack([np.concatenate([planes[i].low, planes[i].high]) for i in chosen])
+    prior = np.array([_prior(planes[i], config) for i in chosen])
     cost = np.empty((*confirmed.shape, len(chosen) + 1), np.uint8)
     far = 1 / config.farthest
     usual = max(_usual(photo, confirmed, forms, config.share, far) - config.good, 0.0)
     rule = (far, config.share, config.differ, config.worst, config.own + usual, config.unknown + usual)
-    _fill(photo, confirmed, forms, extents, limits, rule, cost)
+    _fill(photo, confirmed, forms, extents, limits, prior, rule, cost)
     total = smooth(cost, view.grey, int(config.change), config.change, config.fall)
     return _chosen(total, confirmed, forms, np.asarray(chosen, np.int16), far)
+
+
+def _prior(plane: Plane, config: LabelConfig) -> float:
+    """What a plane costs whatever the images say."""
+    if plane.normal[2] > _LEVEL:
+        return config.floor
+    return config.tiny / (1 + plane.area / config.large)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -79,6 +88,7 @@ def _fill(
     forms: NDArray[np.float64],
     extents: NDArray[np.float64],
     limits: NDArray[np.float64],
+    prior: NDArray[np.float64],
     rule: tuple[float, float, float, float, float, float],
     cost: NDArray[np.uint8],
 ) -> None:
@@ -100,7 +110,7 @@ def _fill(
                 b = e[1, 3] + (e[1, 0] * x + e[1, 1] * y + e[1, 2]) / w
                 if a < limits[k, 0] or b < limits[k, 1] or a > limits[k, 2] or b > limits[k, 3]:
                     continue
-                value = 0.5 * photo[k, y, x]
+                value = 0.5 * photo[k, y, x] + prior[k]
                 if known > 0:
                     value += min(abs(w - known) / (share * known + 0.004) * differ, worst)
                 cost[y, x, k + 1] = np.uint8(min(value, 60.0))

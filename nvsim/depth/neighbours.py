@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DEGREES = 40.0
+_WIDE = 60.0  # degrees; what overlaps is a strip, and better than nothing
+_FEW = 4
+_PARTS = (1.0, 0.5, 0.25)
 
 
 def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: float, spread: float = 0.2) -> list[int]:
@@ -15,11 +18,14 @@ def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: flo
     baseline  metres between the cameras that are best for the depths of the place
     spread    chosen frames are at least this share of `baseline` apart
 
-    Where somebody stood and turned there are too few, and cameras that are a half, or a quarter, as far apart do.
+    Where somebody stood and turned there are too few, and cameras that are a half, or a quarter, as far apart do; and
+    where these are next to none, cameras that are twice as far apart, and such as look further aside.
     """
     chosen: list[int] = []
-    for part in (1.0, 0.5, 0.25):
-        score = _scores(poses, frame, part * baseline)
+    for part, degrees in [*((p, _DEGREES) for p in _PARTS), (2.0, _DEGREES), *((p, _WIDE) for p in (*_PARTS, 2.0))]:
+        if (degrees > _DEGREES or part > 1) and len(chosen) >= _FEW:
+            break
+        score = _scores(poses, frame, part * baseline, degrees)
         for other in np.argsort(-score, kind="stable"):
             if score[other] <= 0 or len(chosen) >= count:
                 break
@@ -29,7 +35,7 @@ def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: flo
     return chosen
 
 
-def _scores(poses: NDArray[np.float64], frame: int, baseline: float) -> NDArray[np.float64]:
+def _scores(poses: NDArray[np.float64], frame: int, baseline: float, degrees: float) -> NDArray[np.float64]:
     """(N,) how much each frame helps; 0 where not at all. Parallax sideways is worth more than along the view, where it
     vanishes in the middle of the image."""
     places, views = poses[:, :3, 3], poses[:, :3, 2]
@@ -40,5 +46,5 @@ def _scores(poses: NDArray[np.float64], frame: int, baseline: float) -> NDArray[
     with np.errstate(divide="ignore"):
         fit = np.exp(-(np.log(length / baseline) ** 2))
     score: NDArray[np.float64] = fit * (0.3 + np.minimum(aside / baseline, 1.0)) * np.cos(np.radians(turned))
-    score[(length < 0.15 * baseline) | (length > 4 * baseline) | (turned > _DEGREES)] = 0.0
+    score[(length < 0.15 * baseline) | (length > 4 * baseline) | (turned > degrees)] = 0.0
     return score

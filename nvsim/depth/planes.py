@@ -5,7 +5,7 @@ Upright and level planes only: those are what bare surfaces of buildings are, an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from nvsim.depth.view import matrix_of
 from nvsim.geometry.camera import Camera
 
 Float64 = NDArray[np.float64]
+
+
+_EDGE = 0.03  # metres that a wall may reach into its floor and its ceiling: a pixel is as large
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class PlaneConfig:
     gap         cells without a point that a patch may span
     smallest    square metres of cells with points
     margin      metres that a patch reaches beyond its points
-    floor       square metres from which on a level patch is a floor, through which nothing is seen
+    inside      metres by which points of a wall may lie below its floor or above its ceiling
+    floor       square metres from which on a level patch is a floor or a ceiling, through which nothing is seen
     through     metres: what lies further below a floor was seen in it, not through it: floors shine
     say         1 / metres squared: points whose inverse variance is less make no plane,
     most        and one of more has no more to say
@@ -42,6 +46,7 @@ class PlaneConfig:
     gap: int = 4
     smallest: float = 0.5
     margin: float = 0.4
+    inside: float = 0.15
     floor: float = 4.0
     through: float = 0.08
     say: float = 1e4
@@ -114,7 +119,20 @@ def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Pla
         chosen = np.flatnonzero(free & (normals @ normal > near))
         taken = _parallel(points[chosen], say[chosen], normal, config, found)
         free[chosen[taken]] = False
-    return sorted(found, key=lambda p: -p.area)
+    return sorted((_between(plane, found, config) for plane in found), key=lambda p: -p.area)
+
+
+def _between(plane: Plane, found: list[Plane], config: PlaneConfig) -> Plane:
+    """An upright plane, its margin cut off where it would reach into a floor or a ceiling of those `found`."""
+    if abs(plane.normal[2]) > 0.5:
+        return plane
+    level = [p for p in found if abs(p.normal[2]) > 0.9 and p.area >= config.floor]
+    low, high, reach = plane.low.copy(), plane.high.copy(), config.margin + config.inside
+    floors = [p.offset for p in level if p.normal[2] > 0 and 0 <= p.offset - low[1] <= reach]
+    ceilings = [-p.offset for p in level if p.normal[2] < 0 and 0 <= high[1] + p.offset <= reach]
+    low[1] = max(low[1], min(floors, default=-np.inf) - _EDGE)
+    high[1] = min(high[1], max(ceilings, default=np.inf) + _EDGE)
+    return replace(plane, low=low, high=high)
 
 
 def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64, Float64]:
