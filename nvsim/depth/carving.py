@@ -61,5 +61,5 @@ def standing(points: Float32, cameras: list[Camera], maps: Callable[[int], Float
         return counts
 
     with ThreadPoolExecutor(threads) as pool:
-        shown, through = sum(counts.astype(np.int64) for counts in pool.map(count, range(threads)))
-    return np.asarray(shown >= _TIMES * through)
+        counts = np.stack(list(pool.map(count, range(threads)))).sum(axis=0, dtype=np.int64)
+    return np.asarray(counts[0] >= _TIMES * counts[1])

@@ -28,7 +28,7 @@ from nvsim.mapping.walk import Walk
 STAGE = "map"
 _TRIES = 3  # places on either side of a gap in the trajectory that a joining start is tried at
 _FEW = 3  # viewpoints; with fewer, the floor beside the trajectory is tried too,
-_BESIDE = 0.75  # metres, at places so far apart
+_BESIDE = 0.5  # metres, at places so far apart
 _HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the trajectory
 _KEEPING = 5.0  # seconds between two savings of what was measured
 _CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints

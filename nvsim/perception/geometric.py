@@ -21,6 +21,7 @@ from nvsim.perception.roles import Float32, FloorMask, Image, Mask
 from nvsim.perception.splatting import splat_depth
 
 _HIGH = 0.25  # metres above the floor from which on nobody takes a thing for floor
+_ALIKE = 0.5  # likeness from which on a pixel may be floor
 _SPECK = 0.02  # metres: half-width of a point that hides next to nothing
 
 
@@ -114,7 +115,7 @@ class GeometricFloor:
     def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; where the image's own `depth` along
         the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows, and
-        what nothing is seen before and nothing confirms is doubtful."""
+        what looks like the floor there, though nothing confirms it, is doubtful."""
         import cv2
 
         seen = self.project(camera)
@@ -128,9 +129,10 @@ class GeometricFloor:
             floor = floor & (level | ~self._appearance.strange(view))
             floor |= self._appearance.shining_through(view, seen.hidden)
         mask = refine(floor, seen.scale, image, self.config.refine)
-        if depth is None:
+        if depth is None or self._appearance is None:
             return FloorMask(mask, mask)
-        doubtful = ((seen.floor | seen.unsure) & ~before).astype(np.uint8)
+        alike = self._appearance.likeness(self._glimpse(seen, image)) > _ALIKE
+        doubtful = ((seen.floor | seen.unsure) & ~before & alike).astype(np.uint8)
         sized = cv2.resize(doubtful, (mask.shape[1], mask.shape[0]), interpolation=cv2.INTER_NEAREST) > 0
         return FloorMask(mask, mask, doubtful=sized & ~mask)
 

@@ -27,11 +27,13 @@ class FloorSupport:
     """cells    (rows, columns) bool, True where there is floor; row follows y, column x
     origin   (x, y) metres of the lower corner of cell [0, 0]
     spacing  metres per cell
+    blocked  (rows, columns) bool, where the depth of images shows something that stands; None where that is not known
     """
 
     cells: Mask
     origin: tuple[float, float]
     spacing: float
+    blocked: Mask | None = None
 
     def at(self, xy: NDArray[np.floating]) -> Mask:
         """Whether world points (..., 2) are supported, (...) bool; False outside the grid."""
@@ -50,7 +52,8 @@ class FloorSupport:
 
     def trodden(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
         """The same with the floor under the trajectory: somebody carried the camera over the ground within `radius`
-        metres of its positions (N, 2 or 3), though it may never have looked down there."""
+        metres of its positions (N, 2 or 3), though it may never have looked down there; not what stands there: a hand
+        reaches over a table."""
         low = np.minimum(self.origin, positions[:, :2].min(axis=0) - radius - self.spacing)
         offset = np.ceil((np.array(self.origin) - low) / self.spacing).astype(int)
         origin = np.array(self.origin) - offset * self.spacing
@@ -69,6 +72,8 @@ class FloorSupport:
             c0, c1 = max(0, int(column - reach)), int(column + reach) + 2
             disc = (y[r0:r1] - row) ** 2 + (x[:, c0:c1] - column) ** 2 <= reach**2
             cells[r0:r1, c0:c1] |= disc
+        if self.blocked is not None:
+            cells[offset[1] : offset[1] + rows, offset[0] : offset[0] + columns] &= self.cells | ~self.blocked
         return FloorSupport(cells, (float(origin[0]), float(origin[1])), self.spacing)
 
     @staticmethod
@@ -177,7 +182,7 @@ def observe(
         as_floor[window] += framed & floor
         as_other[window] += framed & ~floor
     as_floor, as_other = as_floor.reshape(-1), as_other.reshape(-1)
-    standing = np.zeros(rows * columns, bool)
+    standing = blocked = np.zeros(rows * columns, bool)
     supported = (as_floor >= config.views) & (as_floor >= config.share * (as_floor + as_other))
     if near_cloud is not None and len(near_cloud):
         above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
@@ -185,9 +190,10 @@ def observe(
         level = np.abs(above) <= config.tolerance
         supported |= np.bincount(index[level], say[level], minlength=rows * columns) > 1 - 1e-9
         if cloud is not None and cloud.is_dense:
-            blocking = index[(above > config.low) & (above < config.high)]
-            standing = np.bincount(blocking, minlength=rows * columns) >= config.standing
+            high = (above > config.low) & (above < config.high)
+            standing = np.bincount(index[high], minlength=rows * columns) >= config.standing
+            blocked = np.bincount(index[high & (say < 1)], minlength=rows * columns) >= config.standing
     grid = supported.reshape(rows, columns).astype(np.uint8)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     closed = (cv2.morphologyEx(grid, cv2.MORPH_CLOSE, cross) > 0) & ~standing.reshape(rows, columns)
-    return FloorSupport(closed, (float(origin[0]), float(origin[1])), config.spacing)
+    return FloorSupport(closed, (float(origin[0]), float(origin[1])), config.spacing, blocked.reshape(rows, columns))

@@ -31,3 +31,12 @@ def test_who_leant_over_a_table_did_not_walk_there():
     leaning = np.array([[2.0, 1.5, 1.0 + 0.5], [3.0, 1.5, 1.9 + 0.75]])
     assert np.array_equal(walked(np.concatenate([steady, leaning]), ground), steady)
     assert walked(np.empty((0, 3)), ground).shape == (0, 3)
+
+
+def test_what_the_depth_of_images_shows_standing_under_a_camera_is_no_floor():
+    blocked = np.zeros((10, 10), bool)
+    blocked[5:, :] = True
+    known = np.zeros((10, 10), bool)
+    known[9, 9] = True  # floor that was seen stays
+    after = FloorSupport(known, (0.0, 0.0), 0.1, blocked).trodden(np.array([[0.5, 0.5, 1.4]]), radius=0.3)
+    assert after.at(np.array([0.5, 0.35])) and not after.at(np.array([0.5, 0.65])) and after.at(np.array([0.95, 0.95]))

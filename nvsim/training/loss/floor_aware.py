@@ -297,9 +297,10 @@ class FloorAwareLoss:
         `inlier` (H, W), and `doubtful` (H, W), D above."""
         c, threads = self._config, numba.get_num_threads()
         pixels = transmittance.size
-        rest = (floor, self._sure if doubtful is None else doubtful, inlier, self._aware, threads)
+        unsure: Mask = self._sure if doubtful is None else doubtful
+        aware = self._aware
         colours = np.ascontiguousarray(rgb), transmittance, background, np.ascontiguousarray(image)
-        _compose(*colours, *rest, self._images, self._lit, self.error, self._sums)
+        _compose(*colours, floor, unsure, inlier, aware, threads, self._images, self._lit, self.error, self._sums)
         structure = 1.0
         if c.ssim > 0:
             height, width = transmittance.shape
@@ -310,7 +311,7 @@ class FloorAwareLoss:
         weights = np.array([f * s for f, s in zip(factors, shares, strict=True)], np.float32)
         gradients = (self.d_rgb, self.d_alpha, self.d_background)
         known = (self._images, self._slopes, self._lit, self.error)
-        _differentiate(transmittance, background, *rest, *known, weights, *gradients)
+        _differentiate(transmittance, background, floor, unsure, inlier, aware, threads, *known, weights, *gradients)
         absolute, squares, counted, suppression, floor_sum, fill = self._sums.sum(axis=1).tolist()
         terms = (absolute * shares[0], structure, suppression / pixels, floor_sum * shares[3], fill / pixels)
         total = float(sum(f * t for f, t in zip(factors, terms, strict=True)))
