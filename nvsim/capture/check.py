@@ -14,16 +14,24 @@ from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_
 from nvsim.capture.images import decode
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import report_absent_image
+from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 
 __all__ = ["Finding", "Report", "check"]
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
-def check(path: Path, scale: float | None = None, camera_height: float | None = None, leave_out: str = "") -> Report:
+def check(
+    path: Path,
+    scale: float | None = None,
+    camera_height: float | None = None,
+    leave_out: str = "",
+    alignment: Alignment | None = None,
+) -> Report:
     """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
-    errors first; every image is decoded. Never raises for bad data: a source that cannot be read at all is a report
-    with one error."""
+    errors first; every image is decoded. An `alignment` that was found already spares a capture without a cloud to be
+    aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with one
+    error."""
     findings = Findings()
     path = Path(path)
     try:
@@ -33,7 +41,7 @@ def check(path: Path, scale: float | None = None, camera_height: float | None = 
         return _report(path, "", findings)
     _check_images(raw, findings)
     if any(f.camera_to_world is not None for f in raw.frames):
-        _check_geometry(raw, scale, camera_height, findings)
+        _check_geometry(raw, scale, camera_height, alignment, findings)
     return _report(raw.source, raw.format, findings)
 
 
@@ -58,12 +66,20 @@ def _image_fault(frame: RawFrame) -> str | None:
     return None
 
 
-def _check_geometry(raw: RawCapture, scale: float | None, camera_height: float | None, findings: Findings) -> None:
-    try:
-        alignment, floor = align(raw, scale, camera_height, findings)
-    except InputError as error:
-        findings.error(str(error).rstrip("."), raw.source.name, "the capture cannot be brought to metres")
-        return
+def _check_geometry(
+    raw: RawCapture,
+    scale: float | None,
+    camera_height: float | None,
+    alignment: Alignment | None,
+    findings: Findings,
+) -> None:
+    floor = None
+    if alignment is None or raw.cloud is not None:
+        try:
+            alignment, floor = align(raw, scale, camera_height, findings)
+        except InputError as error:
+            findings.error(str(error).rstrip("."), raw.source.name, "the capture cannot be brought to metres")
+            return
     if not alignment.scale_known:
         findings.warning(
             "the scale is unknown",

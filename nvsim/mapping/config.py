@@ -29,7 +29,7 @@ class MappingConfig:
     """Rule worst: the alpha of every cell of 0.05 x 0.1 m must stay below this."""
     row_normal: float = 0.6
     """Rule worst: the mean upward normal component of every row must exceed this."""
-    support: float = 0.7
+    support: float = 0.85
     """Share of every row that a floor mask or the cloud must know as floor; what is not known is not walked."""
     both_ways: bool = True
     """An edge needs the corridor back as well: a table top hides the floor behind it from one side only."""

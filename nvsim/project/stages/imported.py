@@ -44,7 +44,7 @@ def run(
             if stored is not None:
                 listen(Log("The capture is unchanged.", STAGE))
                 return stored
-    report = check(source, scale=config.scale, camera_height=config.camera_height, leave_out=config.leave_out)
+    report = check(source, config.scale, config.camera_height, config.leave_out, capture.alignment)
     for finding in report.findings:
         if finding.severity == "warning":
             listen(Warning(f"{finding.message} ({finding.where}): {finding.consequence}", STAGE))
