@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtCore import QEvent, QObject, Qt, Signal, SignalInstance
 from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QProgressBar, QPushButton, QSizePolicy, QWidget
 
@@ -28,8 +28,8 @@ class StageBar(QWidget):
         self.stage = QPushButton(self)
         self.settings = QPushButton("Settings…", self)
         self.everything.clicked.connect(self.runWanted)
-        self.stage.clicked.connect(lambda: self.stageWanted.emit(self._verb))
-        self.settings.clicked.connect(lambda: self.settingsWanted.emit(self._verb))
+        self.stage.clicked.connect(lambda: self._ask(self.stageWanted))
+        self.settings.clicked.connect(lambda: self._ask(self.settingsWanted))
         self._halves = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
         self._halves.setContentsMargins(14, 7, 8, 7)
         self._halves.setSpacing(8)
@@ -51,6 +51,10 @@ class StageBar(QWidget):
             self.stage.setText(f"{WORK[verb].title} only")
         self.setVisible(verb in PIPELINE)
         self._place()
+
+    def _ask(self, wanted: SignalInstance) -> None:
+        if self._verb in PIPELINE:  # a click may arrive when the offer is gone
+            wanted.emit(self._verb)
 
     def _place(self) -> None:
         parent = self.parentWidget()
