@@ -1,4 +1,4 @@
-"""Points that are not there: more depth maps see through them than show them."""
+"""Points that are not there: more than half as many depth maps see through them as show them."""
 
 from __future__ import annotations
 

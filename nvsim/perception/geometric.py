@@ -122,16 +122,16 @@ class GeometricFloor:
         floor, level, before = seen.floor, np.zeros_like(seen.floor), np.zeros_like(seen.floor)
         if depth is not None:
             floor, level, before = self._with_depth(seen, camera, depth)
+        view = self._glimpse(seen, image)
         if self._is_sparse:
-            floor = grow(floor, seen.floor | seen.unsure, self._glimpse(seen, image).image)
+            floor = grow(floor, seen.floor | seen.unsure, view.image)
         elif self._appearance is not None:
-            view = self._glimpse(seen, image)
             floor = floor & (level | ~self._appearance.strange(view))
             floor |= self._appearance.shining_through(view, seen.hidden)
         mask = refine(floor, seen.scale, image, self.config.refine)
         if depth is None or self._appearance is None:
             return FloorMask(mask, mask)
-        alike = self._appearance.likeness(self._glimpse(seen, image)) > _ALIKE
+        alike = self._appearance.likeness(view) > _ALIKE
         doubtful = ((seen.floor | seen.unsure) & ~before & alike).astype(np.uint8)
         sized = cv2.resize(doubtful, (mask.shape[1], mask.shape[0]), interpolation=cv2.INTER_NEAREST) > 0
         return FloorMask(mask, mask, doubtful=sized & ~mask)

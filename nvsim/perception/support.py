@@ -19,7 +19,8 @@ from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 
 Mask = NDArray[np.bool_]
-_USUAL = 0.25  # metres
+_USUAL = 0.25  # metres by which heights of the same sort differ
+_MANY = 0.25  # of the most that share a height
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +116,13 @@ class SupportConfig:
 
 
 def walked(positions: NDArray[np.floating], surface: FloorSurface) -> NDArray[np.floating]:
-    """Those of the positions of cameras (N, 3) that are as high above the floor as usual, within `_USUAL`: where it is
-    another height, somebody leant over a table, or held the camera up, and did not stand below it."""
+    """Those of the positions of cameras (N, 3) that are as high above the floor as many others, of which there may be
+    two sorts: where it is another height, somebody leant over a table, or held the camera up, and did not stand below
+    it. Never none, of some."""
     above = positions[:, 2] - surface.height_at(positions[:, :2])
-    return positions[np.abs(above - np.median(above)) <= _USUAL] if len(positions) else positions
+    order = np.sort(above)
+    alike = np.searchsorted(order, above + _USUAL, side="right") - np.searchsorted(order, above - _USUAL)
+    return positions[alike >= _MANY * alike.max(initial=0)]
 
 
 def observe(

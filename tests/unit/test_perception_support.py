@@ -31,6 +31,8 @@ def test_who_leant_over_a_table_did_not_walk_there():
     leaning = np.array([[2.0, 1.5, 1.0 + 0.5], [3.0, 1.5, 1.9 + 0.75]])
     assert np.array_equal(walked(np.concatenate([steady, leaning]), ground), steady)
     assert walked(np.empty((0, 3)), ground).shape == (0, 3)
+    robot = steady - [0.0, 0.0, 1.0]  # as many cameras at another height are another way of going, not an exception
+    assert len(walked(np.concatenate([steady, robot]), ground)) == 18 and len(walked(steady[:1], ground)) == 1
 
 
 def test_what_the_depth_of_images_shows_standing_under_a_camera_is_no_floor():
