@@ -18,7 +18,7 @@ EdgeKey = tuple[str, str]
 EvidenceKey = tuple[str, int]
 ViewpointOrigin = Literal["start", "step", "person", "file"]
 EdgeOrigin = Literal["step", "merge", "person", "file"]
-Decision = Literal["", "open", "alpha", "normal", "unknown", "distance", "limit", "merge", "return"]
+Decision = Literal["", "open", "alpha", "normal", "unknown", "distance", "limit", "merge", "return", "spare", "served"]
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,9 @@ class Evidence:
     submap      index of the submap model that was rendered
     target      (x, y) where the step leads
     joins       id of the existing viewpoint that the corridor leads to, "" for a lattice step
-    decision    the words of the decision under the thresholds it was built with: "open", or the first criterion that
-                failed: "alpha", "normal", "unknown", "distance", "limit", "merge", "return" (the corridor back)
+    decision    under the thresholds it was built with: "open", or the first criterion that failed: "alpha", "normal",
+                "unknown", "distance", "limit", "merge", "return" (the corridor back); or why a free corridor got no
+                edge: "spare" (another way is hardly longer), "served" (others stand near its end)
     stale       whether the viewpoint, or the one it leads to, stands elsewhere since this was measured
     """
 

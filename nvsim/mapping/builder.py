@@ -21,6 +21,8 @@ from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
+from nvsim.mapping.settling import Settling
+from nvsim.mapping.survey import Survey
 from nvsim.mapping.too_little import nowhere_to_stand, too_little
 from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
@@ -77,7 +79,8 @@ def build_map(
     lattice = Lattice(config)
     measurements = Measurements(source, floor_at, support, config, lattice, remembered)
     walk = Walk(trajectory, support)
-    search = Search(GraphBuilder(scan), lattice, measurements, walk, floor_at, config)
+    survey = Survey(GraphBuilder(scan), lattice, measurements, walk, floor_at, config)
+    search = Search(survey)
 
     def keep_evidence() -> None:
         if keep is not None:
@@ -88,6 +91,8 @@ def build_map(
     explorer.bridge()
     explorer.beside()
     draft = search.draft
+    if config.settle and not should_stop():
+        Settling(survey, should_stop, explorer.progress).run()
     if not draft.viewpoints and not should_stop():
         raise InputError(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
@@ -193,8 +198,8 @@ class _Explorer:
             if self._should_stop():
                 return
             if self._search.start(place):
-                self._search.run(self._should_stop, self._progress)
-                self._progress()
+                self._search.run(self._should_stop, self.progress)
+                self.progress()
 
     def is_covered(self, place: NDArray[np.floating]) -> bool:
         return self._coverer(place) is not None
@@ -226,11 +231,11 @@ class _Explorer:
         self._tried.add(place)
         if not self._search.start(self._walk.places[place]):
             return False
-        self._search.run(self._should_stop, self._progress)
-        self._progress()
+        self._search.run(self._should_stop, self.progress)
+        self.progress()
         return True
 
-    def _progress(self) -> None:
+    def progress(self) -> None:
         found = len(self._search.draft.viewpoints)
         done = found - self._search.waiting
         self._listen(Progress(STAGE, max(0, done), max(1, found), f"{found} viewpoints"))

@@ -48,6 +48,15 @@ class MappingConfig:
     """Metres; a place of the trajectory without a viewpoint this near, in line, starts another search."""
     lattice_offset: float = 7.5
     """Degrees that the eight directions are turned by, so that none lies between two of R2R's 30-degree views."""
+    jitter: float = 0.15
+    """Metres, at most, between where a step ends and the lattice, the same in every run: steps of one length leave
+    shortest paths tied, which tells an agent apart from its teacher without either being wrong."""
+    settle: bool = True
+    """What the search found is thinned, joined and filled up; otherwise its lattices stay as they are."""
+    reach: float = 3.5
+    """Settling: metres of the longest edge."""
+    stretch: float = 1.2
+    """Settling: two viewpoints with a free way are joined unless the graph's way is at most this many times as long."""
     view_size: int = 192
     """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
 

@@ -163,6 +163,14 @@ def measure(
     )
 
 
+def nothing_stands(corridor: Corridor, viewpoint: str, support: SupportAt) -> Evidence:
+    """The evidence of `corridor` on floor that is level and empty, as far as it is known."""
+    known = np.asarray(support(corridor.cells()), bool)
+    alpha, up = np.zeros(known.shape, np.uint8), np.full(known.shape, 255, np.uint8)
+    place = viewpoint, -1, corridor.heading, corridor.length
+    return Evidence(*place, alpha, up, known, NEAR, DEPTH, WIDTH, -1, corridor.target)
+
+
 def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.round(np.clip(values, 0.0, 1.0) * 255).astype(np.uint8)
 

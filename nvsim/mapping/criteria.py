@@ -138,6 +138,10 @@ DECISIONS: Mapping[Decision, Words] = {
         "another viewpoint stands near its end and the way to it is not free",
         "lower the distance within which viewpoints are one",
     ),
+    "spare": Words("not needed", "another way there is hardly longer", "lower the stretch of settling"),
+    "served": Words(
+        "served", "other viewpoints stand near its end", "lower the distance within which viewpoints are one"
+    ),
 }
 """Why no edge came of a corridor: the criteria's decisions, then those of the search."""
 

@@ -17,9 +17,10 @@ from nvsim.mapping.corridor import (
     SupportAt,
     look_down,
     measure,
+    nothing_stands,
     view_of,
 )
-from nvsim.mapping.criteria import answers
+from nvsim.mapping.criteria import OPEN, answers, decide
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.view_source import ViewSource
 
@@ -75,8 +76,9 @@ class Measurements:
             measured.append(evidence)
         return measured
 
-    def between(self, viewpoint: Viewpoint, other: Viewpoint) -> Evidence:
-        """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number."""
+    def between(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Evidence:
+        """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number.
+        Where a view has to be rendered for it, the corridors to those of `also` that it shows are measured as well."""
         corridor = Corridor(viewpoint.position[:2], other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
         if found is not None and self._holds(found, corridor):
@@ -84,13 +86,24 @@ class Measurements:
         k = view_of(corridor, self._config)
         owner, views = self._views
         view = views[k] if owner == viewpoint.id else None
+        wanted = {other.id: corridor}
         if view is None or not view.shows(corridor, self._floor_at):
+            for third in also:
+                towards = Corridor(viewpoint.position[:2], third.position[:2])
+                if third.id != viewpoint.id and view_of(towards, self._config) == k:
+                    wanted[third.id] = towards
             place = np.array(viewpoint.position)
-            view = look_down(self._source, place, {k: [corridor]}, self._floor_at, self._config)[k]
+            view = look_down(self._source, place, {k: list(wanted.values())}, self._floor_at, self._config)[k]
             self.rendered_views += 1
-        evidence = measure(view, viewpoint.id, -1, corridor, self._floor_at, self._support, other.id)
-        self._joins[viewpoint.id, other.id] = evidence
-        return evidence
+        for id, towards in wanted.items():
+            evidence = measure(view, viewpoint.id, -1, towards, self._floor_at, self._support, id)
+            self._joins[viewpoint.id, id] = evidence
+        return self._joins[viewpoint.id, other.id]
+
+    def knows_floor(self, viewpoint: Viewpoint, other: Viewpoint) -> bool:
+        """Whether the corridor would pass if nothing stood in it, which needs no rendering."""
+        corridor = Corridor(viewpoint.position[:2], other.position[:2])
+        return decide(nothing_stands(corridor, viewpoint.id, self._support), self._config) == OPEN
 
     def everything(self) -> tuple[Evidence, ...]:
         """All evidence measured or remembered so far; corridors to other viewpoints are numbered from 8."""

@@ -68,7 +68,8 @@ class Rethresholder:
         self._far = np.zeros(count) if walk is None or not len(walk) else _distances(xy, np.asarray(walk)[:, :2])
         self._pair(count)
         self._match_edges(row)
-        stored = np.array([e.decision == "open" for e in self._evidence], bool)
+        # What settling leaves out stays out: another way leads there.
+        stored = np.array([e.decision in ("open", "spare") for e in self._evidence], bool)
         self._stored = _either(self._forward, stored) | _either(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
         self._stopped = np.array([e.decision in words()[1:] and not e.joins for e in self._evidence], bool)
@@ -186,7 +187,7 @@ class Rethresholder:
             return words()[code]
         if closed:
             return "return" if e.decision in words() else e.decision
-        return e.decision if e.decision in ("distance", "limit", "merge") else OPEN
+        return OPEN if e.decision in (*words(), "return") else e.decision
 
     def _origins(self) -> dict[tuple[int, int], EdgeOrigin]:
         result: dict[tuple[int, int], EdgeOrigin] = {}

@@ -38,8 +38,7 @@ class Walk:
         self.joined = ~np.array(broken, bool)
         self._low = self.places[:, :2].min(axis=0) - _REACH
         self._free = self._clearances()
-        index = np.floor((self.places[:, :2] - self._low) / _CELL).astype(int)
-        self.clearance = np.minimum(self._free[index[:, 1], index[:, 0]], _REACH)
+        self.clearance = self.clearance_at(self.places[:, :2])
 
     def distance(self, xy: NDArray[np.floating]) -> float:
         """Metres from (2,) to the nearest camera, seen from above."""
@@ -55,19 +54,26 @@ class Walk:
         share = np.linspace(0.0, 1.0, count)[:, None]
         return bool(np.all(self._support(a + share * (b - a))))
 
-    def beside(self, clearance: float, apart: float) -> NDArray[np.float64]:
-        """(K, 3) places on known floor that no camera passed, within 3 m of one and in its height: those with the most
-        clearance first, none with less than `clearance`, metres, and none nearer than `apart` to one before it."""
+    def beside(self, clearance: float, spacing: float) -> NDArray[np.float64]:
+        """(K, 3) places on known floor within 3 m of a camera and in its height, the one with the most clearance of
+        every square `spacing` metres wide: those with the most first, none with less than `clearance`, metres."""
         row, column = np.nonzero(self._free >= clearance)
         xy = self._low + (np.stack([column, row], axis=1) + 0.5) * _CELL
         distance, nearest = self._tree.query(xy)
-        close = np.flatnonzero(distance < _REACH)
-        order = close[np.argsort(-np.round(self._free[row[close], column[close]], 6), kind="stable")]
-        chosen: list[int] = []
-        for i in order:
-            if all(_apart(xy[i], xy[k]) >= apart for k in chosen):
-                chosen.append(int(i))
-        return np.column_stack([xy[chosen], self._positions[nearest[chosen], 2]])
+        free = np.round(self._free[row, column], 6)
+        order = np.lexsort((column, row, -free))
+        order = order[distance[order] < _REACH]
+        square = np.floor(xy[order] / spacing).astype(np.int64)
+        order = order[np.sort(np.unique(square, axis=0, return_index=True)[1])]
+        return np.column_stack([xy[order], self._positions[nearest[order], 2]])
+
+    def clearance_at(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(N,) metres from (N, 2) to the nearest floor that nothing supports, at most 3; 0 far from the cameras."""
+        index = np.floor((np.asarray(xy, np.float64) - self._low) / _CELL).astype(np.int64)[:, ::-1]
+        inside = ((index >= 0) & (index < self._free.shape)).all(axis=1)
+        found = np.zeros(len(index))
+        found[inside] = self._free[index[inside, 0], index[inside, 1]]
+        return np.minimum(found, _REACH)
 
     def _clearances(self) -> NDArray[np.float64]:
         """(rows, columns) metres from the cells around the places to the nearest floor that nothing supports."""
