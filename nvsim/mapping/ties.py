@@ -6,40 +6,36 @@ Agents are taught along the shortest path; where two are equally short, one of t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+
+from nvsim.mapping.ways import Ways
 
 SAME_LENGTH = 0.01  # metres
 _FAR = 12.0  # metres: ways that part and meet again do so within
 
 
-def untie(ways: Any, spare: Callable[[str, str], bool]) -> list[tuple[str, str]]:
-    """Takes edges out of a networkx graph, weighted by metres, until of two ways that part and meet again one is
-    shorter by a centimetre, as far as `spare` allows; the edges taken. Each is the last of one of the two ways, the
-    longer first. Looks at ways of up to 12 m, one viewpoint after the other."""
-    import networkx as nx
-
-    taken = []
+def untie(ways: Ways) -> None:
+    """Takes edges out until of two ways that part and meet again one is shorter by a centimetre, as far as the edges
+    can be spared. Each is the last of one of the two ways, the longer first. Looks at ways of up to 12 m, from one
+    viewpoint after the other."""
     for start in sorted(ways):
-        again = True
-        while again:
-            again = False
-            metres = nx.single_source_dijkstra_path_length(ways, start, cutoff=_FAR)
-            for end in sorted(metres, key=lambda id: (metres[id], id)):
-                last = _last(ways, metres, end)
-                for before in last if len(last) > 1 else []:
-                    if spare(before, end):
-                        ways.remove_edge(before, end)
-                        taken.append((min(before, end), max(before, end)))
-                        again = True
-                        break
-                if again:
-                    break
-    return taken
+        while _untie_from(ways, start):
+            pass
 
 
-def _last(ways: Any, metres: dict[str, float], end: str) -> list[str]:
+def _untie_from(ways: Ways, start: str) -> bool:
+    """Takes one edge out; False where the ways from `start` are tied no more, or none can be spared."""
+    metres = ways.all_metres(start, _FAR)
+    for end in sorted(metres, key=lambda id: (metres[id], id)):
+        last = _last(ways, metres, end)
+        for before in last if len(last) > 1 else []:
+            if ways.can_spare_edge(before, end):
+                ways.cut(before, end)
+                return True
+    return False
+
+
+def _last(ways: Ways, metres: dict[str, float], end: str) -> list[str]:
     """The viewpoints before `end` on ways from the start that are as short as the shortest, the farthest from it
     first."""
-    edges = [(data["weight"], id) for id, data in ways[end].items() if metres.get(id, math.inf) < metres[end]]
+    edges = [(length, id) for id, length in ways.around(end) if metres.get(id, math.inf) < metres[end]]
     return [id for length, id in sorted(edges, reverse=True) if metres[id] + length <= metres[end] + SAME_LENGTH]
