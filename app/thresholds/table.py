@@ -48,11 +48,14 @@ def thresholds() -> tuple[Threshold, ...]:
         *(Threshold(c.field, c.label, 0.0, 1.0, worst_only=c.worst_only) for c in criteria.CRITERIA),
         Threshold("robot_radius", "Robot's radius", 0.0, 0.45, unit="m"),
         Threshold("margin", "Margin at each side", 0.0, 0.2, unit="m"),
-        Threshold("max_distance", "Off the trajectory", 0.5, 10.0, 0.1, "m"),
+        Threshold("max_distance", "Off the trajectory", 0.0, 10.0, 0.1, "m"),
     )
 
 
-FIXED = ("tau_dist", "merge_radius", "lattice_offset", "cover_distance", "max_viewpoints", "view_size")
+FIXED = (
+    *("tau_dist", "merge_radius", "checked_merges", "start", "starts", "isolated", "cover_distance", "max_viewpoints"),
+    *("lattice_offset", "jitter", "settle", "reach", "stretch", "view_size"),
+)
 """What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""
 
 

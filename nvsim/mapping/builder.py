@@ -39,10 +39,12 @@ _CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
 @dataclass(frozen=True, eq=False)
 class BuildResult:
     """`report` is JSON-able: viewpoints, edges, components, starts, rendered_viewpoints, rendered_views, seconds,
-    viewpoints_per_s, decisions (word -> count), walk_uncovered (places), isolated_removed, limited, stopped."""
+    viewpoints_per_s, decisions (word -> count), walk_uncovered (places), isolated_removed, limited, stopped.
+    `measured` is all evidence, as a graph of nothing else: also of viewpoints that the graph does not have."""
 
     graph: NavGraph
     report: dict[str, Any]
+    measured: NavGraph
 
 
 def _never() -> bool:
@@ -57,17 +59,20 @@ def build_map(
     config: MappingConfig,
     *,
     scan: str,
+    start: NDArray[np.floating] | None = None,
     previous: NavGraph | None = None,
+    remembered: NavGraph | None = None,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = _never,
     keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
-    """Builds the navigation graph of the camera positions `trajectory` (N, 3).
+    """Builds the navigation graph of the camera positions `trajectory` (N, 3); the search begins at `start` (3,) where
+    one is given.
 
     `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
-    `previous` is decided again instead of being rendered, and what a user added to it is kept. `keep` is given what
-    was measured so far every few seconds, as a graph of evidence alone: a build that was cut off takes it as `previous`
-    and ends like one that was not.
+    `previous`, and of what an earlier build had `remembered`, is decided again instead of being rendered, and what a
+    user added to `previous` is kept. `keep` is given what was measured so far every few seconds, as a graph of evidence
+    alone: a build that was cut off takes it as `remembered` and ends like one that was not.
 
     Raises InputError when the trajectory is empty or nobody can stand anywhere on it.
     Source: paper, section III-D, Algorithm 1.
@@ -75,28 +80,35 @@ def build_map(
     if len(trajectory) == 0 or not np.isfinite(trajectory).all():
         raise InputError("The trajectory has no camera with a finite position; check the capture with `nvsim check`.")
     started = time.monotonic()
-    remembered = () if previous is None else tuple(previous.evidence.values())
+    known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
-    measurements = Measurements(source, floor_at, support, config, lattice, remembered)
+    measurements = Measurements(source, floor_at, support, config, lattice, known)
     walk = Walk(trajectory, support)
     survey = Survey(GraphBuilder(scan), lattice, measurements, walk, floor_at, config)
     search = Search(survey)
 
+    def measured() -> NavGraph:
+        return NavGraph(scan, evidence={e.key: e for e in measurements.everything()})
+
     def keep_evidence() -> None:
         if keep is not None:
-            keep(NavGraph(scan, evidence={e.key: e for e in measurements.everything()}))
+            keep(measured())
 
     explorer = _Explorer(search, walk, config, listen, should_stop, keep_evidence)
-    explorer.cover()
-    explorer.bridge()
-    explorer.beside()
+    if start is not None or config.starts == "one":
+        explorer.begin(walk.places[0] if start is None else start)
+    if config.starts == "cover":
+        explorer.cover()
+        explorer.bridge()
+        explorer.beside()
     draft = search.draft
     if config.settle and not should_stop():
         Settling(survey, should_stop, explorer.progress).run()
     if not draft.viewpoints and not should_stop():
         raise InputError(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
-    isolated = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
+    alone = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
+    isolated = [] if config.isolated else alone
     for id in isolated:
         draft.remove(id)
     graph = keep_edits(draft.graph(), previous)
@@ -125,7 +137,7 @@ def build_map(
     sentence = too_little(report, np.array(uncovered), len(walk.places))
     if sentence and not should_stop():
         listen(Warning(sentence, STAGE))
-    return BuildResult(graph, report)
+    return BuildResult(graph, report, measured())
 
 
 def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Listener) -> None:
@@ -167,6 +179,12 @@ class _Explorer:
         self._tried: set[int] = set()
         self._keep, self._kept = keep, time.monotonic()
 
+    def begin(self, place: NDArray[np.floating]) -> None:
+        """Starts at one place (3,), on the trajectory or beside it."""
+        if self._search.start(place):
+            self._search.run(self._should_stop, self.progress)
+            self.progress()
+
     def cover(self) -> None:
         """Starts at the place with the most clearance, then at those that are not covered yet, in the same order."""
         # Stable: of equal clearances the earliest. The order is fixed, so one pass meets every place.
@@ -197,9 +215,7 @@ class _Explorer:
         for place in self._walk.beside(self._config.half_width, _BESIDE):
             if self._should_stop():
                 return
-            if self._search.start(place):
-                self._search.run(self._should_stop, self.progress)
-                self.progress()
+            self.begin(place)
 
     def is_covered(self, place: NDArray[np.floating]) -> bool:
         return self._coverer(place) is not None

@@ -39,11 +39,22 @@ class MappingConfig:
     """Metres that are kept free on either side of the robot as well, because edges of rendered things are soft. The
     corridor is twice the sum of both wide and ends the sum beyond the step; a door of 0.8 m lets it pass."""
     merge_radius: float = 1.0
-    """Metres; a step that ends this near to an existing viewpoint joins it when the corridor to it passes."""
+    """Metres; a step that ends this near to an existing viewpoint leads to it."""
+    checked_merges: bool = True
+    """The corridor to an existing viewpoint that does not stand exactly where the step ends must pass as well."""
+    standing: bool = True
+    """A start needs free, known floor under it."""
+    start: str = ""
+    """Where the search begins: the name of a frame, or X,Y in metres; left out, the place of the trajectory with the
+    most room around it, or its first frame when there is one start alone."""
+    starts: Literal["cover", "one"] = "cover"
+    """cover: the search begins again wherever the trajectory is not covered, or the graph does not follow it."""
+    isolated: bool = False
+    """Viewpoints without an edge are kept."""
     max_distance: float = 4.0
-    """Metres; no viewpoint is farther than this from the trajectory, seen from above."""
-    max_viewpoints: int = 1500
-    """The search stops here and says so."""
+    """Metres; no viewpoint is farther than this from the trajectory, seen from above; 0 for any distance."""
+    max_viewpoints: int = 20_000
+    """The search stops here and says so: under loose thresholds it leaves the building through a hole in a wall."""
     cover_distance: float = 1.5
     """Metres; a place of the trajectory without a viewpoint this near, in line, starts another search."""
     lattice_offset: float = 7.5
@@ -74,5 +85,24 @@ class MappingConfig:
 
     @staticmethod
     def paper() -> MappingConfig:
-        """The paper's decision: the means, one way."""
-        return MappingConfig(rule="mean", both_ways=False, margin=0.0, support=0.5)
+        """The paper's Algorithm 1: the means decide, one way, from one start, however far from the
+        trajectory, and a step that ends near an existing viewpoint leads to it.
+
+        The paper does not say how near that is. A lattice of eight directions with steps of one length is dense in the
+        plane, so that an exact match would never end; a metre gives as many viewpoints to the area as the paper has
+        (2,095 on about 6,000 m2, of which part is free).
+        """
+        return MappingConfig(
+            rule="mean",
+            both_ways=False,
+            margin=0.0,
+            support=0.0,
+            checked_merges=False,
+            standing=False,
+            starts="one",
+            isolated=True,
+            max_distance=0.0,
+            lattice_offset=0.0,
+            jitter=0.0,
+            settle=False,
+        )

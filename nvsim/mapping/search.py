@@ -46,7 +46,7 @@ class Search:
         viewpoint = self._survey.viewpoint(xy, "start", float(position[2]))
         self._lattice.begin(id, viewpoint.position[:2])
         around = self._survey.around(viewpoint)
-        if not can_stand(around, self._config):
+        if self._config.standing and not can_stand(around, self._config):
             self._refused.add(id)
             self.refusals.append(footing(around, self._config))
             return False
@@ -70,14 +70,13 @@ class Search:
     def _arrive(self, viewpoint: Viewpoint) -> bool:
         """Looks around from a viewpoint that steps led to: its floor and the corridors back must be free too."""
         around = self._look_around(viewpoint)
-        # The paper asks neither about the floor at the far end nor about the way back.
-        stands = self._config.rule == "mean" or can_stand(around, self._config)
+        stands = self._config.rule == "mean" or not self._config.standing or can_stand(around, self._config)
         for id in self.draft.joined(viewpoint.id):
             other = self.draft.viewpoints[id]
             back = OPEN if not self._config.both_ways else self._survey.way(viewpoint, other)
             if not stands or back != OPEN:
                 self.draft.cut(viewpoint.id, id)
-                self._survey.withdraw(id, viewpoint, "return")
+                self._survey.withdraw(id, viewpoint)
         if self.draft.joined(viewpoint.id):
             return True
         self.draft.remove(viewpoint.id)
@@ -99,9 +98,12 @@ class Search:
     def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> Decision:
         """Where an open corridor leads: to an existing viewpoint, to a new one, or nowhere for the reason returned."""
         target = np.array(evidence.target)
-        if self._walk.distance(target) > self._config.max_distance:
+        if self._config.max_distance and self._walk.distance(target) > self._config.max_distance:
             return "distance"
         around = [v for v in self.draft.near(target, self._config.merge_radius) if v.id != viewpoint.id]
+        if around and not self._config.checked_merges:
+            self.draft.join(viewpoint.id, around[0].id, "step" if apart(around[0], target) < SAME else "merge")
+            return OPEN
         if around and apart(around[0], target) < SAME:
             return self._join(viewpoint, around[0])
         if any(self._join(viewpoint, other) == OPEN for other in around):
@@ -128,7 +130,7 @@ class Search:
         if decision != OPEN:
             return decision
         if self._config.both_ways and other.id in self.expanded and self._survey.way(other, viewpoint) != OPEN:
-            self._survey.withdraw(viewpoint.id, other, "return")
+            self._survey.withdraw(viewpoint.id, other)
             return "return"
         step = self.draft.step_towards(viewpoint, other) is not None
         self.draft.join(viewpoint.id, other.id, "step" if step else "merge")

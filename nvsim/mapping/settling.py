@@ -31,34 +31,30 @@ class Settling:
         self._survey, self._draft, self._config = survey, survey.draft, survey.config
         self._should_stop, self._progress = should_stop, progress
         self._ways = Ways(survey.draft)
-        self._room: dict[str, float] = {}
 
     def run(self) -> None:
         """Thins, joins, restores what hung together, and fills. A run that is stopped leaves the search's graph."""
-        found, edges = dict(self._draft.viewpoints), self._draft.edges()
+        edges = self._draft.edges()
         stands_for = self._thin()
         kept = [id for id, by in stands_for.items() if id == by]
         self._ways.add(kept)
         self._join(kept, kept)
-        self._restore(found, edges, stands_for)
+        self._restore(edges, stands_for)
         if self._should_stop():
             return
         self._part()
-        for id in [id for id in found if id not in self._ways]:
-            self._draft.remove(id)
+        self._forget()
         self._fill()
+        self._part()
+        self._forget()
         untie(self._ways)
         self._write()
 
     def _thin(self) -> dict[str, str]:
         """id -> the viewpoint that stays in its place: itself, or one that it sees nearer than the merge radius. Those
         with the most room come first."""
-        ids = list(self._draft.viewpoints)
-        places = np.array([self._draft.viewpoints[id].position[:2] for id in ids])
-        room = np.round(self._survey.walk.clearance_at(places), 1)
-        self._room = dict(zip(ids, room.tolist(), strict=True))
         stands_for: dict[str, str] = {}
-        for id in sorted(ids, key=lambda id: (-self._room[id], id)):
+        for id in sorted(self._draft.viewpoints, key=lambda id: (-self._room(id), id)):
             viewpoint = self._draft.viewpoints[id]
             near = self._near(viewpoint, self._config.merge_radius)
             kept = (v for v in near if stands_for.get(v.id) == v.id and self._is_open(viewpoint, v))
@@ -82,7 +78,7 @@ class Settling:
             if far and self._is_open(self._draft.viewpoints[a], self._draft.viewpoints[b]):
                 self._ways.join(a, b)
 
-    def _restore(self, found: dict[str, Viewpoint], edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
+    def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
         """Brings back both ends of an edge of the search where the way between what stands for them is a long detour or
         none: they were needed, in a door for example."""
         for a, b in edges:
@@ -99,6 +95,10 @@ class Settling:
             if math.isinf(self._ways.metres(a, b)):
                 self._ways.join(a, b)
 
+    def _forget(self) -> None:
+        for id in [id for id in self._draft.viewpoints if id not in self._ways]:
+            self._draft.remove(id)
+
     def _part(self) -> None:
         """Of two near viewpoints that known floor joins but no edge, and no short way either, takes out the one with
         less room where the ways between those around it hardly grow: an agent beside its goal should get there."""
@@ -108,11 +108,13 @@ class Settling:
                 if id < other.id and other.id in self._ways and self._ways.metres(id, other.id, 2 * NEAR) > 2 * NEAR:
                     near.append((id, other.id))
         for pair in near:
-            for id in sorted(pair, key=lambda id: (self._room[id], id)):
+            for id in sorted(pair, key=lambda id: (self._room(id), id)):
                 if all(end in self._ways for end in pair) and self._ways.can_spare(id):
                     self._ways.remove(id)
 
     def _fill(self) -> None:
+        if len(self._draft.viewpoints) >= self._config.max_viewpoints:
+            return
         for viewpoint, seen in Filling(self._survey).found():
             if self._should_stop():
                 return
@@ -121,6 +123,8 @@ class Settling:
                 continue
             self._ways.add([viewpoint.id])
             self._join([viewpoint.id], self._ways)
+            if len(self._draft.viewpoints) >= self._config.max_viewpoints:
+                return
 
     def _write(self) -> None:
         """The edges into the graph, and into the evidence why there is none where the corridor is open."""
@@ -134,13 +138,17 @@ class Settling:
             for evidence in list(draft.evidence[id].values()):
                 if evidence.decision != OPEN:
                     continue
-                target = np.array(evidence.target)
-                at = [v for v in draft.near(target, SAME) if v.id != id]
+                at = [v for v in draft.near(np.array(evidence.target), SAME) if v.id != id]
                 if not at:
                     self._survey.keep(replace(evidence, decision="served"))
                 elif not draft.are_joined(id, at[0].id):
-                    back = self._survey.way(at[0], viewpoint) if self._config.both_ways else OPEN
-                    self._survey.withdraw(id, at[0], "spare" if back == OPEN else "return")
+                    back = self._survey.known(at[0], viewpoint) if self._config.both_ways else OPEN
+                    self._survey.keep(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
+
+    def _room(self, id: str) -> float:
+        """Decimetres to the nearest floor that nobody knows."""
+        place = np.array([self._draft.viewpoints[id].position[:2]])
+        return round(10 * float(self._survey.walk.clearance_at(place)[0]))
 
     def _near(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
         """Others within reach that known floor leads straight to, the nearest first."""

@@ -63,16 +63,23 @@ class Survey:
         self.keep(replace(found, direction=direction, decision=decision))
         return decision
 
+    def known(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
+        """What the evidence that is kept decides about the corridor to another viewpoint; "" where there is none."""
+        for evidence in self.draft.evidence[viewpoint.id].values():
+            if evidence.joins == other.id or apart(other, evidence.target) < SAME:
+                return decide(evidence, self.config)
+        return ""
+
     def knows_floor(self, a: Viewpoint, b: Viewpoint) -> bool:
         """Whether enough floor is known along the corridor from one place to another, which needs no rendering."""
         return self._measurements.knows_floor(a, b)
 
-    def withdraw(self, id: str, other: Viewpoint, why: Decision) -> None:
-        """Says in the open evidence from `id` to a viewpoint why no edge came of it."""
+    def withdraw(self, id: str, other: Viewpoint) -> None:
+        """Says in the open evidence from `id` to a viewpoint that the corridor back did not pass."""
         for evidence in list(self.draft.evidence[id].values()):
             leads = evidence.joins == other.id or apart(other, evidence.target) < SAME
             if leads and evidence.decision == OPEN:
-                self.keep(replace(evidence, decision=why))
+                self.keep(replace(evidence, decision="return"))
 
     def keep(self, evidence: Evidence) -> None:
         """Evidence in place of what was known of the same direction."""

@@ -103,6 +103,11 @@ class Layout:
         return self.logs / "jobs"
 
     @property
+    def measured_map(self) -> Path:
+        """All evidence that the last map was built from, also of places that its graph does not have."""
+        return self.checkpoints / "map.measured"
+
+    @property
     def partial_map(self) -> Path:
         """What a map building that was cut off had measured."""
         return self.checkpoints / "map.partial"
