@@ -153,6 +153,9 @@ def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Lis
         listen(
             Log(f"{count} free steps would have led farther than {config.max_distance} m from the trajectory.", STAGE)
         )
+    if report["decisions"].get("disputed"):
+        count = report["decisions"]["disputed"]
+        listen(Log(f"{count} corridors have no edge because two submap models disagree about them.", STAGE))
     if report["components"] > 1:
         sizes = ", ".join(map(str, report["component_sizes"]))
         text = f"The graph has {report['components']} parts that do not reach each other ({sizes} viewpoints)."

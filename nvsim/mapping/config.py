@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.mapping.families import chosen
 
 WIDEST = 0.9  # metres across that the evidence of a corridor covers
 
@@ -17,6 +18,8 @@ class MappingConfig:
 
     rule: Literal["mean", "worst"] = "worst"
     """mean: the paper's mean over the corridor alone. worst: every row and cell must pass too."""
+    criteria: tuple[str, ...] = ("alpha", "normal")
+    """What must pass, joined by commas: alpha, normal, depth, slice. Known floor is asked for whatever stands here."""
     tau_alpha: float = 0.95
     """Mean accumulated alpha over the corridor must stay below this (tau_alpha)."""
     tau_normal: float = 0.85
@@ -29,6 +32,17 @@ class MappingConfig:
     """Rule worst: the alpha of every cell of 0.05 x 0.1 m must stay below this."""
     row_normal: float = 0.6
     """Rule worst: the mean upward normal component of every row must exceed this."""
+    tau_depth: float = 0.95
+    """Criterion depth: the mean share of the way to the floor that the rendered depth reaches must exceed this."""
+    row_depth: float = 0.9
+    """Rule worst: the same for the mean of every row."""
+    tau_slice: float = 0.05
+    """Criterion slice: what Gaussians between 0.1 m above the floor and the camera cover of the corridor, seen from
+    above, must stay below this share."""
+    row_slice: float = 0.2
+    """Rule worst: the same for every row."""
+    cell_slice: float = 0.5
+    """Rule worst: the same for every cell."""
     support: float = 0.85
     """Share of every row that a floor mask or the cloud must know as floor; what is not known is not walked."""
     both_ways: bool = True
@@ -71,12 +85,27 @@ class MappingConfig:
     view_size: int = 192
     """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
 
+    second_opinion: bool = True
+    """Ask the model of another submap too where it was trained on the same place; an edge needs both."""
+
     def __post_init__(self) -> None:
+        object.__setattr__(self, "criteria", chosen(self.criteria))
         if not 0 <= self.half_width <= WIDEST / 2:
             raise InputError(
                 f"The corridor of a robot of {self.robot_radius} m radius with {self.margin} m margin is not between 0 "
                 f"and {WIDEST} m wide, which is what the evidence can hold; change --robot-radius or --margin."
             )
+
+    @property
+    def key(self) -> dict[str, dict[str, object]]:
+        """What a map's key holds of it. An option that came later counts where it is used only, so that what was built
+        before stays current."""
+        later = tuple(f"_{family}" for family in ("depth", "slice") if family not in self.criteria)
+        values = {name: value for name, value in asdict(self).items() if not name.endswith(later)}
+        if self.criteria == MappingConfig.criteria:
+            del values["criteria"]
+        del values["second_opinion"]  # the stage knows whether there is another submap to ask
+        return {MappingConfig.__name__: values}
 
     @property
     def half_width(self) -> float:
@@ -85,8 +114,8 @@ class MappingConfig:
 
     @staticmethod
     def paper() -> MappingConfig:
-        """The paper's Algorithm 1: the means decide, one way, from one start, however far from the
-        trajectory, and a step that ends near an existing viewpoint leads to it.
+        """The paper's Algorithm 1: the means decide, by the closest submap alone, one way, from one start, however far
+        from the trajectory, and a step that ends near an existing viewpoint leads to it.
 
         The paper does not say how near that is. A lattice of eight directions with steps of one length is dense in the
         plane, so that an exact match would never end; a metre gives as many viewpoints to the area as the paper has
@@ -105,4 +134,5 @@ class MappingConfig:
             lattice_offset=0.0,
             jitter=0.0,
             settle=False,
+            second_opinion=False,
         )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
 from nvsim.mapping.config import MappingConfig
@@ -22,12 +24,16 @@ from nvsim.mapping.corridor import (
 )
 from nvsim.mapping.criteria import OPEN, answers, decide
 from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.view_source import ViewSource
+from nvsim.mapping.opinions import joined
+from nvsim.mapping.view_source import Ensemble, ViewSource
+
+if TYPE_CHECKING:
+    from nvsim.mapping.slice_mass import Slice
 
 
 class Measurements:
     """rendered_viewpoints  viewpoints that a whole turn was rendered at
-    rendered_views       single views, those of the turns included
+    rendered_views       single views, those of the turns and of second opinions included
     """
 
     def __init__(
@@ -48,7 +54,9 @@ class Measurements:
                 self._joins[evidence.viewpoint, evidence.joins] = evidence
             else:
                 self._steps[evidence.key] = evidence
-        self._views: tuple[str, dict[int, FloorView]] = ("", {})
+        self._views: tuple[str, list[dict[int, FloorView]]] = ("", [])
+        self._ensemble = source if isinstance(source, Ensemble) else None
+        self._slices: dict[int, Slice] = {}
         self.rendered_viewpoints = 0
         self.rendered_views = 0
 
@@ -57,7 +65,8 @@ class Measurements:
         from is rendered along."""
         found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
-        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c)]
+        another = self._another(viewpoint)
+        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, another)]
         if len(known) == DIRECTIONS:
             return known
         wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
@@ -65,13 +74,12 @@ class Measurements:
             if other.id != viewpoint.id:
                 towards = Corridor(viewpoint.position[:2], other.position[:2])
                 wanted[view_of(towards, self._config)].append(towards)
-        views = look_down(self._source, np.array(viewpoint.position), wanted, self._floor_at, self._config)
+        views = self._look_down(viewpoint, wanted, another)
         self._views = (viewpoint.id, views)
         self.rendered_viewpoints += 1
-        self.rendered_views += DIRECTIONS
         measured = []
         for k, corridor in enumerate(corridors):
-            evidence = measure(views[k], viewpoint.id, k, corridor, self._floor_at, self._support)
+            evidence = self._measure([view[k] for view in views], viewpoint, k, corridor)
             self._steps[evidence.key] = evidence
             measured.append(evidence)
         return measured
@@ -81,23 +89,20 @@ class Measurements:
         Where a view has to be rendered for it, the corridors to those of `also` that it shows are measured as well."""
         corridor = Corridor(viewpoint.position[:2], other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
-        if found is not None and self._holds(found, corridor):
+        another = self._another(viewpoint)
+        if found is not None and self._holds(found, corridor, another):
             return found
         k = view_of(corridor, self._config)
         owner, views = self._views
-        view = views[k] if owner == viewpoint.id else None
         wanted = {other.id: corridor}
-        if view is None or not view.shows(corridor, self._floor_at):
+        if owner != viewpoint.id or not views[0][k].shows(corridor, self._floor_at):
             for third in also:
                 towards = Corridor(viewpoint.position[:2], third.position[:2])
                 if third.id != viewpoint.id and view_of(towards, self._config) == k:
                     wanted[third.id] = towards
-            place = np.array(viewpoint.position)
-            view = look_down(self._source, place, {k: list(wanted.values())}, self._floor_at, self._config)[k]
-            self.rendered_views += 1
+            views = self._look_down(viewpoint, {k: list(wanted.values())}, another)
         for id, towards in wanted.items():
-            evidence = measure(view, viewpoint.id, -1, towards, self._floor_at, self._support, id)
-            self._joins[viewpoint.id, id] = evidence
+            self._joins[viewpoint.id, id] = self._measure([view[k] for view in views], viewpoint, -1, towards, id)
         return self._joins[viewpoint.id, other.id]
 
     def knows_floor(self, viewpoint: Viewpoint, other: Viewpoint) -> bool:
@@ -113,5 +118,36 @@ class Measurements:
     def _step(self, viewpoint: Viewpoint, k: int) -> Corridor:
         return Corridor(viewpoint.position[:2], self._lattice.target(viewpoint.id, k))
 
-    def _holds(self, evidence: Evidence, corridor: Corridor) -> bool:
-        return answers(evidence, corridor.length, corridor.heading, self._config)
+    def _holds(self, evidence: Evidence, corridor: Corridor, another: int | None) -> bool:
+        heard = another is None or evidence.second is not None
+        return heard and answers(evidence, corridor.length, corridor.heading, self._config)
+
+    def _another(self, viewpoint: Viewpoint) -> int | None:
+        """The submap whose opinion is asked beside that of the one that renders the viewpoint."""
+        if self._ensemble is None or not self._config.second_opinion:
+            return None
+        return self._ensemble.another(np.array(viewpoint.position))
+
+    def _look_down(
+        self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]], another: int | None
+    ) -> list[dict[int, FloorView]]:
+        """The views of each model that is asked."""
+        place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
+        self.rendered_views += len(models) * len(wanted)
+        return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
+
+    def _measure(
+        self, views: Sequence[FloorView], viewpoint: Viewpoint, k: int, corridor: Corridor, joins: str = ""
+    ) -> Evidence:
+        """What each model shows of a corridor, the first with the other's opinion."""
+        found = [measure(view, viewpoint.id, k, corridor, self._floor_at, self._support, joins) for view in views]
+        if "slice" in self._config.criteria and self._ensemble is not None:
+            found = [replace(e, mass=self._mass(self._ensemble, e.submap, viewpoint, corridor)) for e in found]
+        return found[0] if len(found) == 1 else joined(*found)
+
+    def _mass(self, ensemble: Ensemble, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.uint8]:
+        from nvsim.mapping.slice_mass import Slice
+
+        if submap not in self._slices:
+            self._slices[submap] = Slice(ensemble.gaussians(submap))
+        return self._slices[submap].mass(corridor, self._floor_at, viewpoint.height)

@@ -30,25 +30,46 @@ from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
+from nvsim.splats.types import Gaussians, SubmapModel
 
 STAGE: StageName = "map"
 _FAR = 10.0  # metres
 
 
 class SceneViews:
-    """The scene model as the builder's source of views."""
+    """The scene model as the builder's source of views, with what the criteria of `config` ask for."""
 
-    def __init__(self, scene: SceneModel, backend: Backend = "auto") -> None:
+    def __init__(self, scene: SceneModel, config: MappingConfig, backend: Backend = "auto") -> None:
         self._scene, self._backend = scene, backend
+        self._channels = frozenset({"alpha", "normal", *(["depth"] if "depth" in config.criteria else [])})
 
     def views(
         self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> tuple[int, list[RenderOutput]]:
-        """The submap nearest to `position` and its views, alpha and normals, of what the masks ask for."""
+        """The submap nearest to `position` and its views of what the masks ask for."""
+        index, model = self._scene.model_at(position)
+        return index, self._rendered(model, cameras, masks)
+
+    def another(self, position: NDArray[np.floating]) -> int | None:
+        """See SceneModel.second."""
+        return self._scene.second(position)
+
+    def views_of(
+        self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[RenderOutput]:
+        """The views from the model of one submap."""
+        return self._rendered(self._scene.model(submap), cameras, masks)
+
+    def gaussians(self, submap: int) -> Gaussians:
+        """The Gaussians of a submap's model."""
+        return self._scene.model(submap).gaussians
+
+    def _rendered(
+        self, model: SubmapModel, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[RenderOutput]:
         from nvsim.render.regions import render_regions
 
-        index, model = self._scene.model_at(position)
-        return index, render_regions(model, cameras, masks, frozenset({"alpha", "normal"}), self._backend)
+        return render_regions(model, cameras, masks, self._channels, self._backend)
 
 
 def run(
@@ -88,7 +109,7 @@ def run(
     capture = project.need_capture()
     scan = scan_name(project)
     result = build_map(
-        SceneViews(scene, backend),
+        SceneViews(scene, config, backend),
         capture.positions,
         floor_of(project).height_at,
         support.at,
@@ -141,7 +162,8 @@ def map_key(project: Project, config: MappingConfig) -> str:
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
-    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config, *corrected)
+    asked = ["second opinion"] if config.second_opinion and len(trained) > 1 else []
+    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *corrected)
 
 
 def scan_name(project: Project) -> str:
