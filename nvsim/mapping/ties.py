@@ -17,9 +17,12 @@ def untie(ways: Ways) -> None:
     """Takes edges out until of two ways that part and meet again one is shorter by a centimetre, as far as the edges
     can be spared. Each is the last of one of the two ways, the longer first. Looks at ways of up to 12 m, from one
     viewpoint after the other."""
-    for start in sorted(ways):
-        while _untie_from(ways, start):
-            pass
+    again = True
+    while again:  # an edge less may tie what was not
+        again = False
+        for start in sorted(ways):
+            while _untie_from(ways, start):
+                again = True
 
 
 def _untie_from(ways: Ways, start: str) -> bool:

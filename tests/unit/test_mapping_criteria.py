@@ -126,7 +126,8 @@ def test_other_names_are_refused_with_a_sentence(names: tuple[str, ...], words: 
 def test_a_map_that_was_built_before_stays_current_until_what_came_later_is_used() -> None:
     before = {"rule", "tau_alpha", "tau_normal", "tau_dist", "row_alpha", "cell_alpha", "row_normal", "support",
               "both_ways", "robot_radius", "margin", "merge_radius", "max_distance", "max_viewpoints",
-              "cover_distance", "lattice_offset", "view_size"}  # fmt: skip
+              "cover_distance", "lattice_offset", "view_size", "checked_merges", "standing", "start", "starts",
+              "isolated", "jitter", "settle", "reach", "stretch"}  # fmt: skip
     config = MappingConfig()
     kept = {name: value for name, value in asdict(config).items() if name in before}
     assert config.key == {"MappingConfig": kept} == replace(config, row_slice=0.3, tau_depth=0.5).key
@@ -150,7 +151,7 @@ class Deep(Columns):
 
 
 def test_remembered_evidence_is_measured_again_only_where_it_lacks_what_is_asked() -> None:
-    world, plain = Deep(room(5, 4)), MappingConfig(view_size=96)
+    world, plain = Deep(room(5, 4)), MappingConfig(view_size=96, settle=False, jitter=0.0)
     walk = np.array([(1.0, 2.0, 1.2), (2.0, 2.0, 1.2), (3.0, 2.0, 1.2), (4.0, 2.0, 1.2)])
 
     def built(config: MappingConfig, previous: NavGraph | None = None) -> tuple[NavGraph, int]:

@@ -30,7 +30,7 @@ from nvsim.occupancy.types import OCCUPIED
 from nvsim.render.types import RenderOutput
 from nvsim.splats.types import Gaussians
 
-CONFIG = MappingConfig(view_size=96)
+CONFIG = MappingConfig(view_size=96, settle=False, jitter=0.0)
 ROOM = room(9, 6)
 FLOATER = fill(ROOM, 4.2, 2.4, 4.6, 3.6, OCCUPIED)  # what the second model alone shows
 WALK = np.column_stack([np.linspace(1.0, 8.0, 15), np.full(15, 3.0), np.full(15, 1.2)])
