@@ -23,6 +23,9 @@ from nvsim.mapping.survey import Survey
 from nvsim.mapping.ties import untie
 from nvsim.mapping.ways import DETOUR, NEAR, Ways
 
+_NARROW = 2.0  # times the straight way: below, no corridor is joined that just passes
+_SPARE = 0.05  # metres: a map of cells of 5 cm may call what is nearer too narrow
+
 
 class Settling:
     """Rearranges the graph of a survey in place."""
@@ -62,21 +65,24 @@ class Settling:
         return stands_for
 
     def _join(self, new: Iterable[str], among: Iterable[str]) -> None:
-        """Joins viewpoints of `new` with those `among` all, the nearest pairs first, where the way so far is long."""
+        """Joins viewpoints of `new` with those `among` all, the nearest pairs first, where the way so far is long: by
+        corridors with room to spare, then by those that just pass where even a detour is missing."""
         inside, pairs = set(among), set()
         for id in new:
             for other in self._near(self._draft.viewpoints[id], self._config.reach):
                 if other.id in inside:
                     pairs.add((min(id, other.id), max(id, other.id)))
         length = {pair: self._ways.apart(*pair) for pair in pairs}
-        for a, b in sorted(pairs, key=lambda pair: (length[pair], pair)):
-            if self._should_stop():
-                return
-            self._progress()
-            most = self._config.stretch * length[a, b]
-            far = self._ways.metres(a, b, most) > most
-            if far and self._is_open(self._draft.viewpoints[a], self._draft.viewpoints[b]):
-                self._ways.join(a, b)
+        order = sorted(pairs, key=lambda pair: (length[pair], pair))
+        for stretch, spare in ((self._config.stretch, _SPARE), (max(_NARROW, self._config.stretch), 0.0)):
+            for a, b in order:
+                if self._should_stop():
+                    return
+                self._progress()
+                most = stretch * length[a, b]
+                ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
+                if self._ways.metres(a, b, most) > most and self._is_open(*ends, spare):
+                    self._ways.join(a, b)
 
     def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
         """Brings back both ends of an edge of the search where the way between what stands for them is a long detour or
@@ -156,9 +162,12 @@ class Settling:
         others = (v for v in self._draft.near(here, reach) if v.id != viewpoint.id)
         return [v for v in others if self._survey.walk.in_line(here, np.array(v.position[:2]))]
 
-    def _is_open(self, a: Viewpoint, b: Viewpoint) -> bool:
-        """Whether the corridor between two viewpoints passes, both ways where that is asked."""
+    def _is_open(self, a: Viewpoint, b: Viewpoint, spare: float = 0.0) -> bool:
+        """Whether the corridor between two viewpoints passes, both ways where that is asked, with `spare` metres of
+        room at either side."""
         for here, there in ((a, b), (b, a)) if self._config.both_ways else ((a, b),):
             if self._survey.way(here, there, self._near(here, self._config.reach)) != OPEN:
+                return False
+            if spare and self._survey.known(here, there, spare) != OPEN:
                 return False
         return True

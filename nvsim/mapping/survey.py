@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
-from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.corridor import HeightAt
 from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.graph_builder import SAME, GraphBuilder, apart
@@ -63,11 +63,15 @@ class Survey:
         self.keep(replace(found, direction=direction, decision=decision))
         return decision
 
-    def known(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
-        """What the evidence that is kept decides about the corridor to another viewpoint; "" where there is none."""
+    def known(self, viewpoint: Viewpoint, other: Viewpoint, spare: float = 0.0) -> Decision:
+        """What the evidence that is kept decides about the corridor to another viewpoint, `spare` metres wider at
+        either side as far as was measured; "" where there is no evidence."""
+        config = self.config
+        if spare:
+            config = replace(config, margin=min(config.margin + spare, WIDEST / 2 - config.robot_radius))
         for evidence in self.draft.evidence[viewpoint.id].values():
             if evidence.joins == other.id or apart(other, evidence.target) < SAME:
-                return decide(evidence, self.config)
+                return decide(evidence, config)
         return ""
 
     def knows_floor(self, a: Viewpoint, b: Viewpoint) -> bool:
