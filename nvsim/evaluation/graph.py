@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.evaluation.structure import map_structure
 from nvsim.graph.components import components
+from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.paths import points_are_free, reachable, segments_are_free, standing_room, visible
 from nvsim.occupancy.types import OccupancyMap
@@ -40,7 +42,8 @@ def evaluate_graph(
     node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres
     coverage                       share of the free area reachable from the trajectory, for a point, that lies within
                                    `coverage_range` metres and in line of sight of a valid viewpoint
-    reachable_m2, components, largest_component (share of the nodes), isolated, mean_degree, edge_length
+    reachable_m2, components, largest_component (share of the nodes), isolated
+    and the figures of `nvsim.graph.structure.structure` and `nvsim.evaluation.structure.map_structure`.
     Shares are 0 to 1; of nothing they are 0.
     """
     nodes, edges = judge(graph, occupancy)
@@ -49,8 +52,6 @@ def evaluate_graph(
     valid = [id for id, good in nodes.items() if good]
     seen = visible(occupancy, _places(graph, valid), coverage_range) & area
     groups = components(graph)
-    places = {side: _places(graph, [key[side] for key in edges]) for side in (0, 1)}
-    lengths = np.hypot(*(places[0] - places[1]).T)
     return {
         "nodes": len(nodes),
         "edges": len(edges),
@@ -63,8 +64,8 @@ def evaluate_graph(
         "components": len(groups),
         "largest_component": _share(len(groups[0]) if groups else 0, len(nodes)),
         "isolated": sum(len(g) == 1 for g in groups),
-        "mean_degree": round(2 * _share(len(edges), len(nodes)), 2),
-        "edge_length": round(float(lengths.mean()), 3) if len(lengths) else 0.0,
+        **structure(graph),
+        **map_structure(graph, occupancy, robot_radius),
     }
 
 

@@ -87,7 +87,7 @@ WORK: dict[str, Work] = {
         Work(
             "evaluate graph",
             "Evaluate the graph",
-            "validity and coverage of the graph against an occupancy map",
+            "validity, coverage and structure of the graph against an occupancy map",
             "map",
             heavy=False,
             prints_figures=True,

@@ -1,4 +1,4 @@
-"""Validity and coverage of the navigation graph against an occupancy map."""
+"""Validity, coverage and structure of the navigation graph against an occupancy map."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ class Arguments(ProjectArguments):
 
 def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
+    from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
     from nvsim.evaluation.truth import occupancy_in_aligned_frame
 
@@ -43,5 +44,10 @@ def run(arguments: Arguments) -> int:
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius)
         if arguments.picture is not None:
             draw_graph(graph, occupancy, walk, arguments.picture)
-    show.figures(result, arguments.json, "navigation graph")
+    if arguments.json:
+        show.figures(result, True)
+        return 0
+    rows = [(name, value, MATTERPORT.get(name, "-")) for name, value in result.items()]
+    show.table(("figure", "this graph", "Matterport"), rows, "navigation graph")
+    print(f"Matterport: {SOURCE}; its near pairs see each other, for want of a map.")
     return 0
