@@ -41,7 +41,9 @@ def run(arguments: Arguments) -> int:
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
         occupancy = occupancy_in_aligned_frame(truth, capture, arguments.map_frame)
-        result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius)
+        support = project.support()
+        seen = None if support is None else support.at
+        result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)
         if arguments.picture is not None:
             draw_graph(graph, occupancy, walk, arguments.picture)
     if arguments.json:
