@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from nvsim.graph.quantities import evidence_along
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor
-from nvsim.mapping.criteria import OPEN, decide
+from nvsim.mapping.criteria import CRITERIA, FULL, OPEN, decide
 
+_FREE = {c.plane: 0 if c.below else FULL[c.plane] for c in CRITERIA}  # what free floor shows in each plane
 _BESIDE = math.radians(60.0)  # between two headings; corridors farther apart share no floor but that under the camera
 
 
@@ -47,28 +48,31 @@ def _laid_over(graph: NavGraph, here: str, there: str) -> Evidence | None:
     # The nearest heading last: of two that cover a cell it sees it from where the corridor would.
     near.sort(key=lambda e: -_turn(e.heading, corridor.heading))
     cells = corridor.cells() - xy[0]
-    shape = cells.shape[:2]
-    alpha, up, support = np.zeros(shape, np.uint8), np.full(shape, 255, np.uint8), np.ones(shape, bool)
+    planes: dict[str, Any] = {
+        plane: np.full(cells.shape[:2], free, getattr(near[-1], plane).dtype)
+        for plane, free in _FREE.items()
+        if all(getattr(e, plane) is not None for e in near)
+    }
     for e in near:
         forward = np.array([math.sin(e.heading), math.cos(e.heading)])
         row = np.floor((cells @ forward - e.near) / e.depth).astype(np.int64)
         across = cells @ np.array([forward[1], -forward[0]]) / e.width + 0.5
         column = np.floor(across * e.alpha.shape[1]).astype(np.int64)
         inside = (row >= 0) & (row < e.alpha.shape[0]) & (column >= 0) & (column < e.alpha.shape[1])
-        at = row[inside], column[inside]
-        alpha[inside], up[inside], support[inside] = e.alpha[at], e.up[at], e.support[at]
-    return replace(
-        near[-1],
-        heading=corridor.heading,
-        length=corridor.length,
-        alpha=alpha,
-        up=up,
-        support=support,
+        for plane, values in planes.items():
+            values[inside] = getattr(e, plane)[row[inside], column[inside]]
+    return Evidence(
+        here,
+        near[-1].direction,
+        corridor.heading,
+        corridor.length,
         near=NEAR,
         depth=DEPTH,
         width=WIDTH,
+        submap=near[-1].submap,
         target=corridor.target,
         joins=there,
+        **planes,
     )
 
 
