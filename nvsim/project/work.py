@@ -93,6 +93,14 @@ WORK: dict[str, Work] = {
             prints_figures=True,
         ),
         Work(
+            "evaluate calibration",
+            "Calibrate the thresholds",
+            "what every threshold of the map builder buys and costs, against an occupancy map",
+            "map",
+            heavy=False,
+            prints_figures=True,
+        ),
+        Work(
             "evaluate ablation",
             "Run the ablation",
             "train and print the paper's ablation and the comparison of the presets",

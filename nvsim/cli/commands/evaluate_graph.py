@@ -8,7 +8,6 @@ from typing import Literal
 
 from nvsim.cli import show
 from nvsim.cli.arguments import ProjectArguments
-from nvsim.errors import InputError
 from nvsim.project.project import Project
 
 
@@ -28,19 +27,17 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
-    from nvsim.evaluation.truth import occupancy_in_aligned_frame
+    from nvsim.evaluation.truth import true_occupancy
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
         walk = capture.positions[:, :2]
-        truth = arguments.occupancy or project.layout.ground_truth / "map.yaml"
-        if arguments.occupancy is None and not truth.is_file():
-            if arguments.picture is None:
-                raise InputError(f"{project.layout.root} has no true map; name one with --occupancy MAP.")
+        truth = project.layout.ground_truth / "map.yaml"
+        if arguments.picture is not None and arguments.occupancy is None and not truth.is_file():
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
-        occupancy = occupancy_in_aligned_frame(truth, capture, arguments.map_frame)
+        occupancy = true_occupancy(project, arguments.occupancy, arguments.map_frame)
         support = project.support()
         seen = None if support is None else support.at
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)
