@@ -35,6 +35,8 @@ _NAMES = {
     "near_pairs_2.5": "pairs under 2.5 m apart", "near_far_2.5": "share of those over 3 m apart in the graph",
     "detour": "way in the graph / way on the map, median", "detour_p95": "way in the graph / way on the map, 95 %",
     "unreachable": "pairs that only the map joins", "detour_pairs": "pairs looked at for that",
+    "valid_nodes": "valid viewpoints", "valid_edges": "valid edges",
+    "valid_nodes_robot": "valid viewpoints, for a robot", "valid_edges_robot": "valid edges, for a robot",
     "coverage_seen": "coverage of the floor that was seen", "seen_m2": "reachable floor that was seen, m²",
 }  # fmt: skip
 

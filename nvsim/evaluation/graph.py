@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.structure import map_structure
 from nvsim.graph.components import components
 from nvsim.graph.structure import structure
@@ -42,7 +44,8 @@ def evaluate_graph(
     and `seen` whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`.
 
     nodes, edges                   included viewpoints, and edges between them
-    node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres
+    node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres; of each
+                                   also how many (valid_nodes and so on) and its 95 % interval (_low, _high)
     coverage                       share of the free area reachable from the trajectory, for a point, that lies within
                                    `coverage_range` metres and in line of sight of a valid viewpoint
     coverage_seen, seen_m2         the same share of the part of that area that is `seen`, and its size; only with it
@@ -59,10 +62,10 @@ def evaluate_graph(
     return {
         "nodes": len(nodes),
         "edges": len(edges),
-        "node_validity": _share(sum(nodes.values()), len(nodes)),
-        "edge_validity": _share(sum(edges.values()), len(edges)),
-        "node_validity_robot": _share(sum(nodes_robot.values()), len(nodes)),
-        "edge_validity_robot": _share(sum(edges_robot.values()), len(edges)),
+        **_validity("node", "", nodes),
+        **_validity("edge", "", edges),
+        **_validity("node", "_robot", nodes_robot),
+        **_validity("edge", "_robot", edges_robot),
         "coverage": _share(int(covered.sum()), int(area.sum())),
         **(_seen(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
         "reachable_m2": _square_metres(area, occupancy),
@@ -72,6 +75,14 @@ def evaluate_graph(
         **structure(graph),
         **map_structure(graph, occupancy, robot_radius),
     }
+
+
+def _validity(what: str, suffix: str, judged: Mapping[Any, bool]) -> dict[str, float | int]:
+    valid = sum(judged.values())
+    low, high = wilson(valid, len(judged))
+    name = f"{what}_validity{suffix}"
+    figures = {name: _share(valid, len(judged)), f"{name}_low": round(low, 5), f"{name}_high": round(high, 5)}
+    return {**figures, f"valid_{what}s{suffix}": valid}
 
 
 def _seen(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.evaluation.graph import evaluate_graph
+from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.picture import draw_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import OCCUPIED, UNKNOWN
@@ -35,6 +36,8 @@ def test_validity_counts_what_stands_on_and_runs_over_free_cells() -> None:
     assert figures["edge_validity"] == pytest.approx(3 / 6), "ab, ac, ag"
     assert figures["edge_validity_robot"] == pytest.approx(2 / 6, abs=1e-5)
     assert figures["components"] == 1 and figures["largest_component"] == 1
+    assert (figures["valid_nodes"], figures["valid_edges_robot"]) == (5, 2)
+    assert (figures["edge_validity_low"], figures["edge_validity_high"]) == pytest.approx(wilson(3, 6), abs=1e-5)
 
 
 def test_coverage_is_the_seen_share_of_what_the_walk_reaches() -> None:

@@ -46,7 +46,13 @@ def run(arguments: Arguments) -> int:
     if arguments.json:
         show.figures(result, True)
         return 0
-    rows = [(name, value, MATTERPORT.get(name, "-")) for name, value in result.items()]
+    rows = []
+    for name, value in result.items():
+        if f"{name}_low" in result:
+            value = f"{value:.4g} ({result[f'{name}_low']:.4g} to {result[f'{name}_high']:.4g})"
+        if not name.endswith(("_low", "_high")):
+            rows.append((name, value, MATTERPORT.get(name, "-")))
     show.table(("figure", "this graph", "Matterport"), rows, "navigation graph")
+    print("In brackets: 95 % intervals (Wilson).")
     print(f"Matterport: {SOURCE}; its near pairs see each other, for want of a map.")
     return 0
