@@ -21,7 +21,7 @@ from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
-from nvsim.mapping.too_little import nowhere_to_stand, too_little
+from nvsim.mapping.too_little import NowhereToStand, nowhere_to_stand, too_little
 from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
@@ -89,7 +89,7 @@ def build_map(
     explorer.beside()
     draft = search.draft
     if not draft.viewpoints and not should_stop():
-        raise InputError(nowhere_to_stand(search.refusals, config))
+        raise NowhereToStand(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
     isolated = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
     for id in isolated:

@@ -108,6 +108,13 @@ WORK: dict[str, Work] = {
             prints_figures=True,
         ),
         Work(
+            "evaluate validity-table",
+            "Compare maps of all presets",
+            "train the presets, build their maps under each set of criteria and print the paper's table of validities",
+            "floors",
+            prints_figures=True,
+        ),
+        Work(
             "export r2r",
             "Export R2R",
             "write R2R connectivity and scans.txt, which agents load unchanged",
