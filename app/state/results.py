@@ -26,7 +26,18 @@ _NAMES = {
     "edge_validity_robot": "validity of edges, for a robot",
     "reachable_m2": "reachable floor, m²", "largest_component": "share of viewpoints in the largest component",
     "isolated": "viewpoints without an edge", "mean_degree": "edges at a viewpoint, mean",
-    "edge_length": "length of edges, mean, m",
+    "edge_length": "length of edges, mean, m", "edge_length_max": "length of the longest edge, m",
+    "degree_p5": "edges at a viewpoint, 5 %", "degree_p95": "edges at a viewpoint, 95 %",
+    "edge_length_p5": "length of edges, 5 %, m", "edge_length_p95": "length of edges, 95 %, m",
+    "nearest": "nearest other viewpoint, median, m", "nearest_mean": "nearest other viewpoint, mean, m",
+    "tied": "pairs with two shortest ways", "tied_episodes": "the same of pairs 4 to 6 edges apart",
+    "near_pairs_1.5": "pairs under 1.5 m apart", "near_far_1.5": "share of them over 3 m apart in the graph",
+    "near_pairs_2.5": "pairs under 2.5 m apart", "near_far_2.5": "share of those over 3 m apart in the graph",
+    "detour": "way in the graph / way on the map, median", "detour_p95": "way in the graph / way on the map, 95 %",
+    "unreachable": "pairs that only the map joins", "detour_pairs": "pairs looked at for that",
+    "valid_nodes": "valid viewpoints", "valid_edges": "valid edges",
+    "valid_nodes_robot": "valid viewpoints, for a robot", "valid_edges_robot": "valid edges, for a robot",
+    "coverage_seen": "coverage of the floor that was seen", "seen_m2": "reachable floor that was seen, m²",
 }  # fmt: skip
 
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.evaluation.interval import wilson
+from nvsim.evaluation.structure import map_structure
 from nvsim.graph.components import components
+from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.corridor import SupportAt
 from nvsim.occupancy.paths import points_are_free, reachable, segments_are_free, standing_room, visible
 from nvsim.occupancy.types import OccupancyMap
 
@@ -33,39 +38,60 @@ def evaluate_graph(
     trajectory_xy: NDArray[np.floating],
     robot_radius: float = 0.25,
     coverage_range: float = 2.5,
+    seen: SupportAt | None = None,
 ) -> dict[str, Any]:
-    """Figures of `graph` on `occupancy`, both in one frame; `trajectory_xy` (N, 2) says what could be reached at all.
+    """Figures of `graph` on `occupancy`, both in one frame; `trajectory_xy` (N, 2) says what could be reached at all,
+    and `seen` whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`.
 
     nodes, edges                   included viewpoints, and edges between them
-    node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres
+    node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres; of each
+                                   also how many (valid_nodes and so on) and its 95 % interval (_low, _high)
     coverage                       share of the free area reachable from the trajectory, for a point, that lies within
                                    `coverage_range` metres and in line of sight of a valid viewpoint
-    reachable_m2, components, largest_component (share of the nodes), isolated, mean_degree, edge_length
+    coverage_seen, seen_m2         the same share of the part of that area that is `seen`, and its size; only with it
+    reachable_m2, components, largest_component (share of the nodes), isolated
+    and the figures of `nvsim.graph.structure.structure` and `nvsim.evaluation.structure.map_structure`.
     Shares are 0 to 1; of nothing they are 0.
     """
     nodes, edges = judge(graph, occupancy)
     nodes_robot, edges_robot = judge(graph, occupancy, robot_radius)
     area = reachable(occupancy, trajectory_xy)
     valid = [id for id, good in nodes.items() if good]
-    seen = visible(occupancy, _places(graph, valid), coverage_range) & area
+    covered = visible(occupancy, _places(graph, valid), coverage_range) & area
     groups = components(graph)
-    places = {side: _places(graph, [key[side] for key in edges]) for side in (0, 1)}
-    lengths = np.hypot(*(places[0] - places[1]).T)
     return {
         "nodes": len(nodes),
         "edges": len(edges),
-        "node_validity": _share(sum(nodes.values()), len(nodes)),
-        "edge_validity": _share(sum(edges.values()), len(edges)),
-        "node_validity_robot": _share(sum(nodes_robot.values()), len(nodes)),
-        "edge_validity_robot": _share(sum(edges_robot.values()), len(edges)),
-        "coverage": _share(int(seen.sum()), int(area.sum())),
-        "reachable_m2": round(float(area.sum()) * occupancy.resolution**2, 2),
+        **_validity("node", "", nodes),
+        **_validity("edge", "", edges),
+        **_validity("node", "_robot", nodes_robot),
+        **_validity("edge", "_robot", edges_robot),
+        "coverage": _share(int(covered.sum()), int(area.sum())),
+        **(_seen(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
+        "reachable_m2": _square_metres(area, occupancy),
         "components": len(groups),
         "largest_component": _share(len(groups[0]) if groups else 0, len(nodes)),
         "isolated": sum(len(g) == 1 for g in groups),
-        "mean_degree": round(2 * _share(len(edges), len(nodes)), 2),
-        "edge_length": round(float(lengths.mean()), 3) if len(lengths) else 0.0,
+        **structure(graph),
+        **map_structure(graph, occupancy, robot_radius),
     }
+
+
+def _validity(what: str, suffix: str, judged: Mapping[Any, bool]) -> dict[str, float | int]:
+    valid = sum(judged.values())
+    low, high = wilson(valid, len(judged))
+    name = f"{what}_validity{suffix}"
+    figures = {name: _share(valid, len(judged)), f"{name}_low": round(low, 5), f"{name}_high": round(high, 5)}
+    return {**figures, f"valid_{what}s{suffix}": valid}
+
+
+def _seen(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
+    shown = int((covered & known).sum())
+    return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_metres(known, occupancy)}
+
+
+def _square_metres(cells: NDArray[np.bool_], occupancy: OccupancyMap) -> float:
+    return round(float(cells.sum()) * occupancy.resolution**2, 2)
 
 
 def _places(graph: NavGraph, ids: list[str]) -> NDArray[np.float64]:

@@ -54,6 +54,15 @@ def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, An
     return evaluate_floor(found)
 
 
+def true_occupancy(project: Project, path: Path | None, frame: str) -> OccupancyMap:
+    """The map at `path`, else the true one of the built-in building, in the project's aligned frame. Raises InputError
+    when there is none."""
+    truth = path or project.layout.ground_truth / "map.yaml"
+    if path is None and not truth.is_file():
+        raise InputError(f"{project.layout.root} has no true map; name one with --occupancy MAP.")
+    return occupancy_in_aligned_frame(truth, project.need_capture(), frame)
+
+
 def occupancy_in_aligned_frame(path: Path, capture: Capture, frame: str) -> OccupancyMap:
     """The map at `path`, brought from the capture's own frame when `frame` says so. Raises InputError when that frame
     is not upright."""

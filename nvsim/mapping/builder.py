@@ -23,7 +23,7 @@ from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
 from nvsim.mapping.settling import Settling
 from nvsim.mapping.survey import Survey
-from nvsim.mapping.too_little import nowhere_to_stand, too_little
+from nvsim.mapping.too_little import NowhereToStand, nowhere_to_stand, too_little
 from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
@@ -105,7 +105,7 @@ def build_map(
     if config.settle and not should_stop():
         Settling(survey, should_stop, explorer.progress).run()
     if not draft.viewpoints and not should_stop():
-        raise InputError(nowhere_to_stand(search.refusals, config))
+        raise NowhereToStand(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
     alone = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
     isolated = [] if config.isolated else alone

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
+from nvsim.graph.ways import SAME_LENGTH
 from nvsim.mapping.ways import Ways
 
-SAME_LENGTH = 0.01  # metres
 _FAR = 12.0  # metres: ways that part and meet again do so within
 
 

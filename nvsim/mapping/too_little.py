@@ -8,11 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import DECISIONS, OPEN, standing
 
 _FEW = 3  # viewpoints
 _MOST_UNCOVERED = 0.3  # share of the trajectory
+
+
+class NowhereToStand(InputError):
+    """A build found no place for a viewpoint: there is no map."""
 
 
 def too_little(report: Mapping[str, Any], uncovered: NDArray[np.floating], places: int) -> str:

@@ -23,7 +23,8 @@ from nvsim.training.config import TrainingConfig, preset
 PROJECT = Path("house.nvsim")
 VERBS = (
     "submaps", "depth", "floors", "train", "map", "evaluate views", "evaluate floor", "evaluate depth",
-    "evaluate graph", "evaluate ablation", "export r2r", "export splats",
+    "evaluate graph", "evaluate calibration", "evaluate ablation", "evaluate validity-table",
+    "export r2r", "export splats",
 )  # fmt: skip
 
 

@@ -12,12 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.graph.ways import SAME_LENGTH
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.rethreshold import Rethresholder
-from nvsim.mapping.ties import SAME_LENGTH, untie
+from nvsim.mapping.ties import untie
 from nvsim.mapping.ways import NEAR, Ways
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
@@ -125,8 +126,6 @@ def test_a_build_that_remembers_is_the_same_to_the_last_bit(settled: NavGraph) -
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=4, max_size=16, unique=True))
 def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spared(cells: list[tuple[int, int]]) -> None:
     draft = GraphBuilder("test")
-    from nvsim.graph.types import Viewpoint
-
     ids = {cell: f"{cell[0]}{cell[1]}" for cell in cells}
     for (x, y), id in ids.items():
         draft.put(Viewpoint(id, (2.0 * x, 2.0 * y, 1.2)))

@@ -51,7 +51,9 @@ def run(arguments: Arguments) -> int:
         pipeline.run(project, capture, CaptureConfig(), arguments.config, listen, arguments.depth)
         truth = read_map(project.layout.ground_truth / "map.yaml")
         positions = project.need_capture().positions[:, :2]
-        figures = evaluate_graph(project.need_graph(), truth, positions)
+        support = project.support()
+        seen = None if support is None else support.at
+        figures = evaluate_graph(project.need_graph(), truth, positions, seen=seen)
         project.set_result("graph", figures)
     if not arguments.json:
         show.figures(figures, False, "the graph against the building's true map")

@@ -1,4 +1,4 @@
-"""Validity and coverage of the navigation graph against an occupancy map."""
+"""Validity, coverage and structure of the navigation graph against an occupancy map."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Literal
 
 from nvsim.cli import show
 from nvsim.cli.arguments import ProjectArguments
-from nvsim.errors import InputError
 from nvsim.project.project import Project
 
 
@@ -26,22 +25,34 @@ class Arguments(ProjectArguments):
 
 def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
+    from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
-    from nvsim.evaluation.truth import occupancy_in_aligned_frame
+    from nvsim.evaluation.truth import true_occupancy
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
         walk = capture.positions[:, :2]
-        truth = arguments.occupancy or project.layout.ground_truth / "map.yaml"
-        if arguments.occupancy is None and not truth.is_file():
-            if arguments.picture is None:
-                raise InputError(f"{project.layout.root} has no true map; name one with --occupancy MAP.")
+        truth = project.layout.ground_truth / "map.yaml"
+        if arguments.picture is not None and arguments.occupancy is None and not truth.is_file():
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
-        occupancy = occupancy_in_aligned_frame(truth, capture, arguments.map_frame)
-        result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius)
+        occupancy = true_occupancy(project, arguments.occupancy, arguments.map_frame)
+        support = project.support()
+        seen = None if support is None else support.at
+        result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)
         if arguments.picture is not None:
             draw_graph(graph, occupancy, walk, arguments.picture)
-    show.figures(result, arguments.json, "navigation graph")
+    if arguments.json:
+        show.figures(result, True)
+        return 0
+    rows = []
+    for name, value in result.items():
+        if f"{name}_low" in result:
+            value = f"{value:.4g} ({result[f'{name}_low']:.4g} to {result[f'{name}_high']:.4g})"
+        if not name.endswith(("_low", "_high")):
+            rows.append((name, value, MATTERPORT.get(name, "-")))
+    show.table(("figure", "this graph", "Matterport"), rows, "navigation graph")
+    print("In brackets: 95 % intervals (Wilson).")
+    print(f"Matterport: {SOURCE}; its near pairs see each other, for want of a map.")
     return 0
