@@ -9,8 +9,9 @@ import numpy as np
 
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
+from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.turning import turned
-from nvsim.occupancy.types import Heights, OccupancyMap
+from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.project import Project
 
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
+from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.octomap_tree import DEPTH, read_tree
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, Heights, OccupancyMap
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 _ANYWAY = 1_500_000  # cells that any file may span: 60 x 60 m in cells of 5 cm; a larger building is a larger file
 _MOST_PAINTED = 1 << 31  # cells, each as often as voxels of one column lie in the band

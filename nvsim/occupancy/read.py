@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nvsim.errors import InputError
-from nvsim.occupancy.types import Heights, OccupancyMap
+
+if TYPE_CHECKING:
+    from nvsim.occupancy.heights import Heights
+    from nvsim.occupancy.types import OccupancyMap
 
 ROS, OCTOMAP = (".yaml", ".yml"), (".bt", ".ot")
 """Suffixes of the files that can be read."""

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from nvsim.cli import show
-from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.errors import InputError
+from nvsim.occupancy.heights import Heights
 from nvsim.project.project import Project
 
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt; the built-in building's truth when left out."""
+    """A ROS map.yaml or an OctoMap .bt or .ot; the built-in building's truth when left out."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
     robot_radius: float = 0.25
@@ -39,7 +41,7 @@ def run(arguments: Arguments) -> int:
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
-        occupancy = occupancy_in_aligned_frame(truth, capture, arguments.map_frame)
+        occupancy = occupancy_in_aligned_frame(truth, capture, arguments.map_frame, arguments.heights)
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius)
         if arguments.picture is not None:
             draw_graph(graph, occupancy, walk, arguments.picture)
