@@ -16,7 +16,8 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot; the built-in building's truth when left out."""
+    """A ROS map.yaml or an OctoMap .bt or .ot; the built-in building's truth, or else the map that was
+    built in the project, when left out. One that was made of the depth of this project's own models is refused."""
     heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
@@ -30,17 +31,22 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.evaluation.picture import draw_graph
     from nvsim.evaluation.truth import occupancy_in_aligned_frame
+    from nvsim.project.built_map import refuse_own_depth, true_map
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
         walk = capture.positions[:, :2]
-        truth = arguments.occupancy or project.layout.ground_truth / "map.yaml"
-        if arguments.occupancy is None and not truth.is_file():
+        truth = arguments.occupancy or true_map(project)
+        if truth is None:
             if arguments.picture is None:
-                raise InputError(f"{project.layout.root} has no true map; name one with --occupancy MAP.")
+                raise InputError(
+                    f"{project.layout.root} has no map to judge by; name one with --occupancy MAP, or build one with "
+                    "`nvsim occupancy build --project`."
+                )
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
+        refuse_own_depth(truth, project)
         occupancy = occupancy_in_aligned_frame(truth, capture, arguments.map_frame, arguments.heights)
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius)
         if arguments.picture is not None:
