@@ -17,6 +17,7 @@ from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import Camera
 
 _STILL = 0.05  # metres; scans of a sensor that is never elsewhere are of its points, not of its place
+_NOTHING = 65.5  # metres; the largest number of 16 bits stands for nothing as often as 0 does
 _AGAIN = "a depth image has one channel of 16 bits, millimetres"
 
 
@@ -85,7 +86,7 @@ def _read(file: DepthFile) -> NDArray[np.float64]:
                 "float32; copy it again from the source."
             )
         found = np.frombuffer(data, "<f4").reshape(height, width).astype(np.float64)
-        return np.where(np.isfinite(found) & (found > 0), found, 0.0)
+        return np.where((found > 0) & (found < _NOTHING), found, 0.0)
     import cv2
 
     from nvsim.files.decoding import decoded
@@ -93,4 +94,5 @@ def _read(file: DepthFile) -> NDArray[np.float64]:
     stored = decoded(data, file.path, cv2.IMREAD_UNCHANGED, what="a depth image", then=_AGAIN)
     if stored.ndim != 2 or stored.dtype != np.uint16:
         raise InputError(f"{file.path} is no depth image: {_AGAIN}; write it anew.")
-    return np.where(stored < np.iinfo(np.uint16).max, stored, 0) / 1000.0  # the largest stands for nothing as well
+    found = stored / 1000.0
+    return np.where(found < _NOTHING, found, 0.0)

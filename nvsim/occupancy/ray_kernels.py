@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 PASSED, HIT = np.uint8(1), np.uint8(2)
 """What the rays of one scan did to a voxel; 0 where they did nothing."""
-_CLOSE = 1  # voxels from the end of a ray within which what is hit is the same surface, and hides nothing
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -141,6 +140,29 @@ def settle(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def spread(
+    touched: NDArray[np.int64],
+    count: int,
+    width: int,
+    base: NDArray[np.int32],
+    layers: int,
+    walls: NDArray[np.bool_],
+) -> None:
+    """Marks in `walls` what lies within `width` voxels, along every axis, of each voxel that is listed."""
+    rows, columns = base.shape
+    for i in range(count):
+        column, k = touched[i] // layers, touched[i] % layers
+        r, c = column // columns, column % columns
+        level = base[r, c] + k
+        for to_r in range(max(r - width, 0), min(r + width + 1, rows)):
+            for to_c in range(max(c - width, 0), min(c + width + 1, columns)):
+                first = level - width - base[to_r, to_c]
+                start = (to_r * columns + to_c) * layers
+                for to_k in range(max(first, 0), min(first + 2 * width + 1, layers)):
+                    walls[start + to_k] = True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _is_open(
     x: float,
     y: float,
@@ -148,9 +170,10 @@ def _is_open(
     end: NDArray[np.float64],
     base: NDArray[np.int32],
     layers: int,
-    marks: NDArray[np.uint8],
+    walls: NDArray[np.bool_],
+    close: int,
 ) -> bool:
-    """Whether nothing that is marked as hit lies between a place and `end` (3,), but close to the end."""
+    """Whether no voxel of `walls` lies between a place and `end` (3,), but within `close` voxels of the end."""
     dx, dy, dz = end[0] - x, end[1] - y, end[2] - z
     c, r, level = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
     last_c, last_r, last = int(np.floor(end[0])), int(np.floor(end[1])), int(np.floor(end[2]))
@@ -160,10 +183,10 @@ def _is_open(
     next_z = ((level + (step > 0)) - z) / dz if level != last else np.inf
     size_c, size_r, size_z = 1 / abs(dx), 1 / abs(dy), 1 / abs(dz)
     for _ in range(abs(last_c - c) + abs(last_r - r) + abs(last - level)):
-        if max(abs(last_c - c), abs(last_r - r), abs(last - level)) <= _CLOSE:
+        if max(abs(last_c - c), abs(last_r - r), abs(last - level)) <= close:
             return True
         v = _voxel(r, c, level, base, layers)
-        if v >= 0 and marks[v] == HIT:
+        if v >= 0 and walls[v]:
             return False
         if next_z <= next_c and next_z <= next_r:
             level += step
@@ -184,18 +207,19 @@ def first_to_see(
     ends: NDArray[np.float64],
     base: NDArray[np.int32],
     layers: int,
-    marks: NDArray[np.uint8],
+    walls: NDArray[np.bool_],
+    close: int,
     out: NDArray[np.int64],
 ) -> None:
     """Fills `out` (N, L) with the first L rows of `places` (M, 3) in `order` (N, K) from which each of `ends` (N, 3) is
-    seen past what is marked as hit; -1 where fewer do. Rows of M and more are none."""
+    seen past `walls`, those within `close` voxels of it left out; -1 where fewer do. Rows of M and more are none."""
     out[:] = -1
     for i in range(len(ends)):
         found = 0
         for j in order[i]:
             if j >= len(places) or found == out.shape[1]:
                 break
-            if _is_open(places[j, 0], places[j, 1], places[j, 2], ends[i], base, layers, marks):
+            if _is_open(places[j, 0], places[j, 1], places[j, 2], ends[i], base, layers, walls, close):
                 out[i, found] = j
                 found += 1
 

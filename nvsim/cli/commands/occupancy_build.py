@@ -18,7 +18,7 @@ from nvsim.cli.arguments import Inline
 from nvsim.cli.console import listening
 from nvsim.cli.session import working
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener
+from nvsim.events import Done, Listener, Log
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.read import ROS
 
@@ -36,7 +36,7 @@ class Arguments:
     project: Path | None = None
     """The project folder, NAME.nvsim, in place of a capture."""
     source: Literal["auto", "lidar", "depth", "images", "trained"] = "auto"
-    """What rays are cast from; the best that there is, in this order, when left out. A map of trained models never
+    """What rays are cast from; the best that there is when left out. A map of trained models never
     judges the project that they belong to."""
     out: Path | None = None
     """The map's file, NAME.yaml; its image lies beside it. In the project when left out, which then takes it for its
@@ -133,5 +133,6 @@ def _build(arguments: Arguments, project: Project | None, listen: Listener) -> i
         "seconds": round(time.monotonic() - started, 1),
     }
     area = f"{built.area(FREE):.1f} m² free, {built.area(OCCUPIED):.1f} m² occupied"
-    listen(Done(VERB, f"{area}. {built.provenance.note} Wrote {out}.", figures))
+    listen(Log(built.provenance.note, VERB))
+    listen(Done(VERB, f"{area}, written to {out}", figures))
     return 0
