@@ -201,15 +201,20 @@ def _read_records(sensors: Path, tree: Tree, findings: Findings) -> list[RawFram
 
 
 def _read_depths(sensors: Path, tree: Tree, findings: Findings) -> list[DepthFile]:
-    """Depth images: float32 of metres, row by row. Those without a pose or a lens are left out."""
-    depths = []
-    for where, fields in _rows(sensors / "records_depth.txt", 3, findings, maxsplit=2):
-        timestamp = _timestamp(fields[0], where, findings)
-        if timestamp is None:
-            continue
-        lens, pose = tree.depth_lenses.get(fields[1]), tree.world_to(fields[1], timestamp)
-        if lens is not None and pose is not None:
-            depths.append(DepthFile(sensors / "records_data" / fields[2], lens, inverse(pose), is_raw=True))
+    """Depth images: float32 of metres, row by row. Those without a pose or a lens are left out; nothing but a map of
+    them needs them, so that no fault in their list refuses the capture."""
+    depths, faults = [], Findings()
+    try:
+        for where, fields in _rows(sensors / "records_depth.txt", 3, faults, maxsplit=2):
+            timestamp = _timestamp(fields[0], where, faults)
+            lens = tree.depth_lenses.get(fields[1])
+            pose = None if timestamp is None else tree.world_to(fields[1], timestamp)
+            if lens is not None and pose is not None:
+                depths.append(DepthFile(sensors / "records_data" / fields[2], lens, inverse(pose), is_raw=True))
+    except InputError as error:
+        faults.error(str(error).rstrip("."), "records_depth.txt", "")
+    for fault in faults:
+        findings.warning(fault.message, fault.where, "the depth image is left out")
     return depths
 
 

@@ -21,12 +21,11 @@ from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 from nvsim.perception.floor_height import estimate_floor
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.makers import makers_of
-from nvsim.project.occupancy_sources import Rays
+from nvsim.project.occupancy_sources import STAGE, Rays
 
 if TYPE_CHECKING:
     from nvsim.project.project import Project
 
-STAGE = "occupancy"
 _APART = 0.3  # metres between the places from which a cloud is taken to be seen
 _LEVELS = 400_000  # points of sweeps that the height of the floor is looked for in
 _HIGHEST = 3.0  # metres over the floor: nothing that stands higher hides floor from a camera

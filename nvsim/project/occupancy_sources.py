@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.project.project import Project
 
+STAGE = "occupancy"
 Wanted = Literal["auto", "lidar", "depth", "images", "trained"]
-_REACH: dict[Source, float] = {"lidar": 12.0, "depth": 5.0, "images": 5.0, "trained": 5.0}
+_REACH: dict[Source, float] = {"lidar": 12.0, "depth": 5.0, "images": 4.0, "trained": 5.0}
 """Metres, beyond which what is measured is not taken for exact."""
 _PIXELS = 320  # on the longer side of a depth image: more rays than this go through the same cells
 _RENDERED = 240
@@ -61,10 +62,10 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
     try:
         found = read(stored.source, alignment=stored.alignment, leave_out=capture_config(project).leave_out)
     except InputError as error:
-        listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", "occupancy"))
+        listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", STAGE))
         return stored
     if trajectory_digest(found) != trajectory_digest(stored):
-        listen(Warning(f"{stored.source} has changed since it was imported; its scans are not used.", "occupancy"))
+        listen(Warning(f"{stored.source} has changed since it was imported; its scans are not used.", STAGE))
         return stored
     return replace(stored, scans=found.scans, depths=found.depths)
 

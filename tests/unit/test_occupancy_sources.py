@@ -130,6 +130,15 @@ def test_a_depth_camera_without_a_lens_is_left_out_with_a_warning(tmp_path: Path
     assert [f.severity for f in findings if "depth0" in f.message] == ["warning"]
 
 
+@pytest.mark.parametrize("rows", ["1, depth0\n", "now, depth0, 1.depth\n", "\xff\n"])
+def test_a_damaged_list_of_depth_images_does_not_refuse_the_capture(tmp_path: Path, rows: str) -> None:
+    write_kapture(tmp_path, poses(3), depth=True)
+    (tmp_path / "sensors" / "records_depth.txt").write_bytes(f"# kapture format: 1.1\n{rows}".encode("latin-1"))
+    findings = Findings()
+    assert read_raw(tmp_path, findings).depths == ()
+    assert {f.severity for f in findings} == {"warning"}
+
+
 def damage_raw(folder: Path) -> Path:
     write_kapture(folder, poses(3), depth=True)
     file = folder / "sensors" / "records_data" / "1.depth"

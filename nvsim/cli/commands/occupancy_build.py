@@ -45,7 +45,7 @@ class Arguments:
     """Metres per cell."""
     heights: Inline[Heights] = field(default_factory=Heights)
     reach: float | None = None
-    """Metres after which rays end; 12 of a scan and 5 of depth images when left out."""
+    """Metres after which rays end; 12 of a scan, 4 of the depth of images, 5 of other depth when left out."""
     camera_height: float | None = None
     """Metres of the cameras above the floor, for a capture that has no scale or shows no floor."""
     scale: float | None = None
@@ -86,13 +86,14 @@ def _build(arguments: Arguments, project: Project | None, listen: Listener) -> i
     from nvsim.occupancy.ros import write_ros_map
     from nvsim.occupancy.types import FREE, OCCUPIED
     from nvsim.project.occupancy_build import build_occupancy
-    from nvsim.project.occupancy_sources import capture_with_ranges, find_rays
+    from nvsim.project.occupancy_sources import STAGE, capture_with_ranges, find_rays
     from nvsim.project.stages.imported import capture_config
 
     started = time.monotonic()
     height = arguments.camera_height
     if project is not None:
-        capture = capture_with_ranges(project, listen)
+        measured = arguments.source not in ("images", "trained")
+        capture = capture_with_ranges(project, listen) if measured else project.need_capture()
         height = height or capture_config(project).camera_height
     else:
         assert arguments.capture is not None  # `_check`
@@ -133,6 +134,6 @@ def _build(arguments: Arguments, project: Project | None, listen: Listener) -> i
         "seconds": round(time.monotonic() - started, 1),
     }
     area = f"{built.area(FREE):.1f} m² free, {built.area(OCCUPIED):.1f} m² occupied"
-    listen(Log(built.provenance.note, VERB))
-    listen(Done(VERB, f"{area}, written to {out}", figures))
+    listen(Log(built.provenance.note, STAGE))
+    listen(Done(STAGE, f"{area}, written to {out}", figures))
     return 0
