@@ -9,7 +9,10 @@ import numpy as np
 
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.occupancy.types import UNKNOWN, OccupancyMap
+from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.turning import turned
+from nvsim.occupancy.types import OccupancyMap
+from nvsim.project.built_map import refuse_own_depth, true_map
 from nvsim.project.project import Project
 
 
@@ -54,34 +57,34 @@ def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, An
     return evaluate_floor(found)
 
 
-def true_occupancy(project: Project, path: Path | None, frame: str) -> OccupancyMap:
-    """The map at `path`, else the true one of the built-in building, in the project's aligned frame. Raises InputError
-    when there is none."""
-    truth = path or project.layout.ground_truth / "map.yaml"
-    if path is None and not truth.is_file():
-        raise InputError(f"{project.layout.root} has no true map; name one with --occupancy MAP.")
-    return occupancy_in_aligned_frame(truth, project.need_capture(), frame)
+def true_occupancy(project: Project, path: Path | None, frame: str, heights: Heights | None = None) -> OccupancyMap:
+    """The map at `path`, else the true one of the built-in building or the one built for the project, in the project's
+    aligned frame, cut between `heights` where it has some.
+
+    Raises InputError when there is none, or it was made of the project's own models.
+    """
+    truth = path or true_map(project)
+    if truth is None:
+        raise InputError(
+            f"{project.layout.root} has no map to judge by; name one with --occupancy MAP, or build one with "
+            "`nvsim occupancy build --project`."
+        )
+    refuse_own_depth(truth, project)
+    return occupancy_in_aligned_frame(truth, project.need_capture(), frame, heights)
 
 
-def occupancy_in_aligned_frame(path: Path, capture: Capture, frame: str) -> OccupancyMap:
-    """The map at `path`, brought from the capture's own frame when `frame` says so. Raises InputError when that frame
-    is not upright."""
+def occupancy_in_aligned_frame(
+    path: Path, capture: Capture, frame: str, heights: Heights | None = None
+) -> OccupancyMap:
+    """The map at `path`, cut between `heights` where it has some, and brought from the capture's own frame when `frame`
+    says so. Raises InputError when that frame is not upright."""
     from nvsim.occupancy.read import read_map
 
-    occupancy = read_map(path)
+    occupancy = read_map(path, heights)
     alignment = capture.alignment
     if frame == "aligned" or alignment.is_identity:
         return occupancy
     rotation = alignment.rotation
     if rotation[2, 2] < np.cos(np.radians(2.0)):
         raise InputError(f"{path} cannot be in the capture's frame, which is not z-up; use --map-frame aligned.")
-    resolution = occupancy.resolution * alignment.scale
-    rows, columns = occupancy.cells.shape
-    size = np.array([columns, rows]) * occupancy.resolution
-    corners = np.array(occupancy.origin) + np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * size
-    turned = alignment.scale * corners @ rotation[:2, :2].T
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    shape = np.ceil((high - low) / resolution).astype(int)[::-1]
-    empty = OccupancyMap(np.full(shape, UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
-    back = empty.centres() @ rotation[:2, :2] / alignment.scale
-    return OccupancyMap(occupancy.at(back), resolution, empty.origin)
+    return turned(occupancy, rotation[:2, :2], scale=alignment.scale)

@@ -60,6 +60,11 @@ class Layout:
         return self.in_use("depth")
 
     @property
+    def occupancy(self) -> Path:
+        """The occupancy map that was built of what the capture has."""
+        return self.root / "occupancy" / "map.yaml"
+
+    @property
     def masks(self) -> Path:
         return self.in_use("masks")
 

@@ -285,13 +285,16 @@ class Project:
     @property
     def may_have_occupancy(self) -> bool:
         """Whether there are the files that `occupancy` is made of."""
-        return (self.layout.ground_truth / "map.yaml").is_file() or self.layout.support.is_file()
+        maps = self.layout.ground_truth / "map.yaml", self.layout.occupancy
+        return any(path.is_file() for path in (*maps, self.layout.support))
 
     def occupancy(self) -> OccupancyMap | None:
-        """The map that a user may compare the graph with: the truth of the built-in building, else what the cloud
-        and the floor masks say."""
-        truth = self.layout.ground_truth / "map.yaml"
-        if truth.is_file():
+        """The map that a user may compare the graph with: the truth of the built-in building, else the one that was
+        built of the capture, else what the cloud and the floor masks say."""
+        from nvsim.project.built_map import true_map
+
+        truth = true_map(self)
+        if truth is not None:
             from nvsim.occupancy.read import read_map
 
             return read_map(truth)

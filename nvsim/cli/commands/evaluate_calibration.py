@@ -11,14 +11,17 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.cli import show
-from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.occupancy.heights import Heights
 from nvsim.project.project import Project
 
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt; the built-in building's truth when left out."""
+    """A ROS map.yaml, or an OctoMap .bt or .ot; when left out the built-in building's truth, or the map built for the
+    project."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
     robot_radius: float = 0.25
@@ -38,7 +41,7 @@ def run(arguments: Arguments) -> int:
     a = arguments
     with Project.open(a.project) as project:
         graph, capture, config = project.need_graph(), project.need_capture(), thresholds_of(project)
-        occupancy = true_occupancy(project, a.occupancy, a.map_frame)
+        occupancy = true_occupancy(project, a.occupancy, a.map_frame, a.heights)
         found = calibrate(graph, occupancy, capture.positions, config, a.want, a.robot_radius)
     files = write_calibration(found, a.out) if a.out is not None else []
     if a.json:

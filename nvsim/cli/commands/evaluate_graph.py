@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from nvsim.cli import show
-from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.occupancy.heights import Heights
 from nvsim.project.project import Project
 
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt; the built-in building's truth when left out."""
+    """A ROS map.yaml or an OctoMap .bt or .ot; the built-in building's truth, or else the map that was
+    built in the project, when left out. One that was made of the depth of this project's own models is refused."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
     robot_radius: float = 0.25
@@ -28,16 +31,17 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
     from nvsim.evaluation.truth import true_occupancy
+    from nvsim.project.built_map import true_map
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
         walk = capture.positions[:, :2]
-        truth = project.layout.ground_truth / "map.yaml"
-        if arguments.picture is not None and arguments.occupancy is None and not truth.is_file():
+        truth = arguments.occupancy or true_map(project)
+        if truth is None and arguments.picture is not None:
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
-        occupancy = true_occupancy(project, arguments.occupancy, arguments.map_frame)
+        occupancy = true_occupancy(project, truth, arguments.map_frame, arguments.heights)
         support = project.support()
         seen = None if support is None else support.at
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)

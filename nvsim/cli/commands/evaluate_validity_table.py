@@ -16,12 +16,15 @@ import tyro
 from nvsim.cli.arguments import Inline, ProjectArguments, given
 from nvsim.cli.session import working
 from nvsim.mapping.config import MappingConfig
+from nvsim.occupancy.heights import Heights
 
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt; the built-in building's truth when left out."""
+    """A ROS map.yaml, or an OctoMap .bt or .ot; when left out the built-in building's truth, or the map built for the
+    project."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
     presets: tuple[str, ...] = ()
@@ -70,7 +73,7 @@ def run(arguments: Arguments) -> int:
         a.afresh,
     )
     with working(a.project, "evaluate validity-table", a.json) as (project, listen):
-        occupancy = true_occupancy(project, a.occupancy, a.map_frame)
+        occupancy = true_occupancy(project, a.occupancy, a.map_frame, a.heights)
         table = evaluate_validity(project, config, occupancy, listen)
         walk = project.need_capture().positions[:, :2]
         files = write_validity(table, a.out or cells_folder(project), occupancy, walk)
