@@ -6,7 +6,7 @@ built with, and each corridor is judged by an occupancy map. Suggested is the lo
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
