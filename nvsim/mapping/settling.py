@@ -23,8 +23,8 @@ from nvsim.mapping.survey import Survey
 from nvsim.mapping.ties import untie
 from nvsim.mapping.ways import DETOUR, NEAR, Ways
 
-_NARROW = 2.0  # times the straight way: below, no corridor is joined that just passes
-_SPARE = 0.05  # metres: a map of cells of 5 cm may call what is nearer too narrow
+_SPARE = 0.05  # metres of room at either side that most edges have
+_NARROW = ((2.0, 0.025), (6.0, 0.0))  # times the straight way from which corridors with less of it are joined
 
 
 class Settling:
@@ -74,7 +74,7 @@ class Settling:
                     pairs.add((min(id, other.id), max(id, other.id)))
         length = {pair: self._ways.apart(*pair) for pair in pairs}
         order = sorted(pairs, key=lambda pair: (length[pair], pair))
-        for stretch, spare in ((self._config.stretch, _SPARE), (max(_NARROW, self._config.stretch), 0.0)):
+        for stretch, spare in ((self._config.stretch, _SPARE), *_NARROW):
             for a, b in order:
                 if self._should_stop():
                     return
@@ -124,7 +124,7 @@ class Settling:
         for viewpoint, seen in Filling(self._survey).found():
             if self._should_stop():
                 return
-            if not any(self._is_open(viewpoint, other) for other in seen):
+            if not any(self._is_open(viewpoint, other, _NARROW[0][1]) for other in seen):
                 self._draft.remove(viewpoint.id)
                 continue
             self._ways.add([viewpoint.id])

@@ -85,7 +85,7 @@ def test_presets_set_all_sliders_and_mark_their_places(part: ThresholdPart, qtbo
     tried(part, qtbot)
     assert part.trial.config.rule == "mean" and not part.trial.config.both_ways
     row = part.panel.rows["support"]
-    assert row.figure.value() == 0.5 and row.slider._marks["paper"] == 50 and row.slider._marks["default"] == 85
+    assert row.figure.value() == 0.0 and row.slider._marks["paper"] == 0 and row.slider._marks["default"] == 85
     assert not part.panel.rows["row_alpha"].slider.isEnabled(), "the paper's rule does not ask about rows"
     part.panel.take_preset("project")
     assert not part.trial.differs

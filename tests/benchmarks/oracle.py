@@ -1,0 +1,92 @@
+"""What the construction of the map costs before any rendering: the builder with a perfect oracle for its criteria.
+
+python -m tests.benchmarks.oracle [--seeds 41 42 43 --truth FOLDER ...] [--json]
+
+The oracle answers from the true occupancy map as a perfect floor-aware model would: alpha is 1 where something stands,
+floor is known where it is free. What is left is the lattice, settling, and the raster of views and map. A seed is a
+building of the generator, of which nothing is rendered; --truth names folders that hold map.yaml and
+trajectory_xy_yaw.txt, as house_walk's ground_truth does.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+
+from nvsim.cli import show
+from nvsim.mapping.config import MappingConfig
+from nvsim.occupancy.types import OccupancyMap
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+
+CAMERA_HEIGHT = 1.4  # metres
+_SHOWN = (
+    *("nodes", "edges", "node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot", "coverage"),
+    *("components", "mean_degree", "clustering", "nearest", "near_far", "tied", "tied_episodes"),
+    *("detour", "detour_p95", "rendered_views", "seconds"),
+)
+
+
+@dataclass(frozen=True)
+class Arguments:
+    seeds: tuple[int, ...] = (41, 42, 43)
+    truth: tuple[Path, ...] = ()
+    json: bool = False
+    config: tyro.conf.OmitArgPrefixes[MappingConfig] = field(default_factory=MappingConfig)
+
+
+def main() -> None:
+    arguments = tyro.cli(Arguments, description=__doc__)
+    worlds = {str(folder): of_folder(folder) for folder in arguments.truth}
+    worlds |= {f"seed {seed}": of_seed(seed) for seed in arguments.seeds}
+    figures = {name: measured(*world, arguments.config) for name, world in worlds.items()}
+    if arguments.json:
+        print(json.dumps(figures))
+        return
+    rows = [(key, *(found.get(key, "-") for found in figures.values())) for key in _SHOWN]
+    show.table(("figure", *figures), rows, "a perfect oracle")
+
+
+def of_folder(folder: Path) -> tuple[OccupancyMap, NDArray[np.float64]]:
+    """The true map of a folder, and the trajectory (N, 2)."""
+    from nvsim.occupancy.read import read_map
+
+    return read_map(folder / "map.yaml"), np.loadtxt(folder / "trajectory_xy_yaw.txt")[:, :2]
+
+
+def of_seed(seed: int) -> tuple[OccupancyMap, NDArray[np.float64]]:
+    """The same of a building of the generator."""
+    from nvsim.building import BuildingConfig
+    from nvsim.building.scene import make_scene
+    from nvsim.building.truth import occupancy
+
+    scene = make_scene(BuildingConfig(seed=seed))
+    return occupancy(scene), scene.path[:, :2]
+
+
+def measured(occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig) -> dict[str, Any]:
+    """The figures of `nvsim evaluate graph`, and what the build took."""
+    from columns import Columns, flat_floor
+
+    from nvsim.evaluation.graph import evaluate_graph
+    from nvsim.mapping.builder import build_map
+
+    world = Columns(occupancy)
+    cameras = np.column_stack([walk, np.full(len(walk), CAMERA_HEIGHT)])
+    started = time.perf_counter()
+    result = build_map(world, cameras, flat_floor, world.support, config, scan="oracle")
+    seconds = time.perf_counter() - started
+    found = evaluate_graph(result.graph, occupancy, walk)
+    return {**found, "rendered_views": result.report["rendered_views"], "seconds": round(seconds, 1)}
+
+
+if __name__ == "__main__":
+    main()
