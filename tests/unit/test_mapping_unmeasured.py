@@ -17,7 +17,7 @@ from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.unmeasured import closed
 from nvsim.occupancy.types import OCCUPIED, UNKNOWN, OccupancyMap
 
-CONFIG = MappingConfig(view_size=128)
+CONFIG = MappingConfig(view_size=128, settle=False, jitter=0.0)
 
 
 def built(occupancy: OccupancyMap) -> NavGraph:
