@@ -56,7 +56,7 @@ def main() -> None:
         figures["floor"] = scored("floor", *project, "--truth", str(truth))
     if occupancy is not None:
         figures["graph"] = scored("graph", *project, "--occupancy", str(occupancy))
-    figures["views"] = scored("views", *project).get("mean")
+    figures["views"] = scored("views", *project)
     for key, value in figures.items():
         print(f"{key:16} {value}")
     print(json.dumps(figures))
@@ -95,7 +95,7 @@ def scored(what: str, *words: str) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(nvsim("evaluate", what, *words, "--json").splitlines()[-1])
     except (subprocess.CalledProcessError, ValueError, IndexError) as error:
         return {"failed": str(error)}
-    return found
+    return {key: value for key, value in found.items() if not isinstance(value, dict | list)}
 
 
 if __name__ == "__main__":
