@@ -26,7 +26,9 @@ _NAMES = {
     "edge_validity_robot": "validity of edges, for a robot",
     "reachable_m2": "reachable floor, m²", "largest_component": "share of viewpoints in the largest component",
     "isolated": "viewpoints without an edge", "mean_degree": "edges at a viewpoint, mean",
-    "edge_length": "length of edges, mean, m",
+    "edge_length": "length of edges, mean, m", "stair_edges": "edges from storey to storey",
+    "stair_edge_validity": "validity of edges from storey to storey",
+    "stair_edge_validity_robot": "validity of edges from storey to storey, for a robot",
 }  # fmt: skip
 
 

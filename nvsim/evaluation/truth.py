@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
-from nvsim.capture.types import Capture
+from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
+from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, read_storeys
 from nvsim.occupancy.types import UNKNOWN, OccupancyMap
 from nvsim.project.project import Project
 
@@ -54,18 +56,33 @@ def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, An
     return evaluate_floor(found)
 
 
-def occupancy_in_aligned_frame(path: Path, capture: Capture, frame: str) -> OccupancyMap:
-    """The map at `path`, brought from the capture's own frame when `frame` says so. Raises InputError when that frame
-    is not upright."""
+def maps_in_aligned_frame(path: Path, capture: Capture, frame: str) -> OccupancyMap | StoreyMaps:
+    """The map at `path`, or those of the storeys that a folder or a .json file names, brought from the capture's own
+    frame when `frame` says so. Raises InputError when that frame is not upright."""
     from nvsim.occupancy.read import read_map
 
-    occupancy = read_map(path)
+    several = path.is_dir() or path.suffix.lower() == ".json"
+    maps = read_storeys(path) if several else read_map(path)
     alignment = capture.alignment
     if frame == "aligned" or alignment.is_identity:
-        return occupancy
-    rotation = alignment.rotation
-    if rotation[2, 2] < np.cos(np.radians(2.0)):
+        return maps
+    if alignment.rotation[2, 2] < np.cos(np.radians(2.0)):
         raise InputError(f"{path} cannot be in the capture's frame, which is not z-up; use --map-frame aligned.")
+    if isinstance(maps, OccupancyMap):
+        return _aligned(maps, alignment)
+    turn = alignment.scale * alignment.rotation[:2, :2]
+    return StoreyMaps(
+        tuple(StoreyMap(alignment.scale * s.floor, _aligned(s.occupancy, alignment)) for s in maps.storeys),
+        tuple(
+            replace(s, outline=tuple((float(x), float(y)) for x, y in np.array(s.outline) @ turn.T))
+            for s in maps.stairs
+        ),
+    )
+
+
+def _aligned(occupancy: OccupancyMap, alignment: Alignment) -> OccupancyMap:
+    """The map on the cells of the aligned frame."""
+    rotation = alignment.rotation
     resolution = occupancy.resolution * alignment.scale
     rows, columns = occupancy.cells.shape
     size = np.array([columns, rows]) * occupancy.resolution

@@ -285,16 +285,17 @@ class Project:
     @property
     def may_have_occupancy(self) -> bool:
         """Whether there are the files that `occupancy` is made of."""
-        return (self.layout.ground_truth / "map.yaml").is_file() or self.layout.support.is_file()
+        truth = self.layout.true_map
+        return self.layout.support.is_file() if truth is None else truth.is_file()
 
     def occupancy(self) -> OccupancyMap | None:
         """The map that a user may compare the graph with: the truth of the built-in building, else what the cloud
-        and the floor masks say."""
-        truth = self.layout.ground_truth / "map.yaml"
-        if truth.is_file():
+        and the floor masks say; None of several storeys, which one map cannot show."""
+        truth = self.layout.true_map
+        if truth is not None:
             from nvsim.occupancy.read import read_map
 
-            return read_map(truth)
+            return read_map(truth) if truth.is_file() else None
         capture, support = self.capture(), self.support()
         if capture is None or support is None:
             return None

@@ -15,7 +15,8 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt; the built-in building's truth when left out."""
+    """A ROS map.yaml, an OctoMap .bt, or a storeys.json (or its folder), which names a map for each storey; the truth
+    of the built-in building when left out."""
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
     robot_radius: float = 0.25
@@ -27,19 +28,19 @@ class Arguments(ProjectArguments):
 def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.evaluation.picture import draw_graph
-    from nvsim.evaluation.truth import occupancy_in_aligned_frame
+    from nvsim.evaluation.truth import maps_in_aligned_frame
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
-        walk = capture.positions[:, :2]
-        truth = arguments.occupancy or project.layout.ground_truth / "map.yaml"
-        if arguments.occupancy is None and not truth.is_file():
+        walk = capture.positions
+        truth = arguments.occupancy or project.layout.true_map
+        if truth is None:
             if arguments.picture is None:
                 raise InputError(f"{project.layout.root} has no true map; name one with --occupancy MAP.")
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
-        occupancy = occupancy_in_aligned_frame(truth, capture, arguments.map_frame)
+        occupancy = maps_in_aligned_frame(truth, capture, arguments.map_frame)
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius)
         if arguments.picture is not None:
             draw_graph(graph, occupancy, walk, arguments.picture)
