@@ -23,6 +23,8 @@ from nvsim.mapping.criteria import answers
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.view_source import ViewSource
 
+_SAME_FLOOR = 0.5  # metres
+
 
 class Measurements:
     """rendered_viewpoints  viewpoints that a whole turn was rendered at
@@ -62,7 +64,7 @@ class Measurements:
         wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
         for other in others:
             if other.id != viewpoint.id:
-                towards = Corridor(viewpoint.position[:2], other.position[:2])
+                towards = _corridor(viewpoint, other.position[:2])
                 wanted[view_of(towards, self._config)].append(towards)
         views = look_down(self._source, np.array(viewpoint.position), wanted, self._floor_at, self._config)
         self._views = (viewpoint.id, views)
@@ -77,7 +79,7 @@ class Measurements:
 
     def between(self, viewpoint: Viewpoint, other: Viewpoint) -> Evidence:
         """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number."""
-        corridor = Corridor(viewpoint.position[:2], other.position[:2])
+        corridor = _corridor(viewpoint, other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
         if found is not None and self._holds(found, corridor):
             return found
@@ -89,6 +91,8 @@ class Measurements:
             view = look_down(self._source, place, {k: [corridor]}, self._floor_at, self._config)[k]
             self.rendered_views += 1
         evidence = measure(view, viewpoint.id, -1, corridor, self._floor_at, self._support, other.id)
+        if abs(corridor.end(self._floor_at) - float(self._floor_at(np.array(other.position)))) > _SAME_FLOOR:
+            evidence = replace(evidence, support=np.zeros_like(evidence.support))  # it ends beneath or over the other
         self._joins[viewpoint.id, other.id] = evidence
         return evidence
 
@@ -98,7 +102,15 @@ class Measurements:
         return (*self._steps.values(), *(replace(e, direction=i) for i, e in joins))
 
     def _step(self, viewpoint: Viewpoint, k: int) -> Corridor:
-        return Corridor(viewpoint.position[:2], self._lattice.target(viewpoint.id, k))
+        return _corridor(viewpoint, self._lattice.target(viewpoint.id, k))
+
+    def arrival(self, viewpoint: Viewpoint, target: tuple[float, float]) -> tuple[float, float, float]:
+        """World x, y, z of the camera that has gone from a viewpoint to `target` (x, y), as high above the floor."""
+        return *target, _corridor(viewpoint, target).end(self._floor_at) + viewpoint.height
 
     def _holds(self, evidence: Evidence, corridor: Corridor) -> bool:
         return answers(evidence, corridor.length, corridor.heading, self._config)
+
+
+def _corridor(viewpoint: Viewpoint, target: tuple[float, float]) -> Corridor:
+    return Corridor(viewpoint.position[:2], target, viewpoint.position[2])

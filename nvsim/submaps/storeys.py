@@ -15,7 +15,7 @@ from nvsim.geometry.storeys import FEW, storeys
 
 _LEVEL = 0.3  # metres by which cameras on a storey differ from most of it
 _MOST = 0.7  # share of the cameras that are so, or it is no building of storeys
-_OVER = 2.0  # metres, seen from above, between cameras of storeys that lie over one another
+_OVER = 3.0  # metres, seen from above, between cameras of storeys that lie over one another
 
 
 @dataclass(frozen=True, eq=False)

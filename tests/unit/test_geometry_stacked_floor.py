@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from stairwell import SLOPE, stairwell
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
@@ -36,25 +37,16 @@ def test_one_floor_gives_points_what_it_gives_places() -> None:
     assert (np.abs(alone.height_at(points) - surface.height_at(points)) < 1e-6).sum() > 20
 
 
-def stair() -> StackedFloor:
-    """A stair along x from 2 to 7 between y = 0 and 1, up to 3 m, in both storeys; nodes every 0.1 m."""
-    x, y = np.meshgrid(np.arange(0, 10, 0.1), np.arange(-2, 3, 0.1))
-    on = (x > 2) & (x < 7) & (y > -0.05) & (y < 1.05)
-    slope = np.clip(0.6 * (x - 2), 0, 3)
-    lower, upper = np.where(on, slope, 0.0), np.where(on, slope, 3.0)
-    return StackedFloor(tuple(FloorSurface(h.astype(np.float32), (0.0, -2.0), 0.1) for h in (lower, upper)))
-
-
 def test_a_stair_is_met_from_both_storeys_and_from_itself() -> None:
-    floor = stair()
+    floor = stairwell()
     for x in np.arange(2.15, 6.9, 0.1):
-        height = 0.6 * (x - 2)
+        height = SLOPE * (x - 2)
         for z in (1.3, height, height + 1.3, 4.3):
             assert floor.height_at(np.array([x, 0.5, z])) == pytest.approx(height, abs=0.031)
 
 
 def test_beside_a_stair_there_is_the_floor_of_the_storey_and_no_slope() -> None:
-    floor, rng = stair(), np.random.default_rng(0)
+    floor, rng = stairwell(), np.random.default_rng(0)
     beside = np.column_stack([rng.uniform(2.5, 7, 300), rng.uniform(1.11, 1.6, 300)])
     for z, height in ((1.3, 0.0), (4.3, 3.0), (2.3, 0.0)):
         found = floor.height_at(np.column_stack([beside, np.full(300, z)]))
