@@ -11,6 +11,7 @@ from app.state.directions import figure
 from nvsim.mapping.explain import Explanation, Measure
 
 _ROW = 21  # pixels
+_LEAST = 6  # rows: what a map of the default's criteria shows
 
 
 class MeasureBars(QWidget):
@@ -27,13 +28,18 @@ class MeasureBars(QWidget):
         self._measures = () if explanation is None else explanation.measures
         self._failed = None if explanation is None else explanation.failed
         self.setAccessibleDescription("; ".join(_words(m) for m in self._measures))
+        self.updateGeometry()
         self.update()
 
     def sizeHint(self) -> QSize:
-        return QSize(300, 6 * _ROW + 4)
+        return QSize(300, self._rows * _ROW + 4)
 
     def minimumSizeHint(self) -> QSize:
-        return QSize(200, 6 * _ROW + 4)
+        return QSize(200, self._rows * _ROW + 4)
+
+    @property
+    def _rows(self) -> int:
+        return max(_LEAST, len(self._measures))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)

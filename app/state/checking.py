@@ -15,6 +15,7 @@ from nvsim.graph.findings import Context, Finding, Validator
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.edge_doubts import against
+from nvsim.mapping.unmeasured import closed
 
 LARGE = 1000  # edges, from which on the window goes on while they are looked at
 SLICE = 0.008  # seconds of that at a time
@@ -37,7 +38,7 @@ class Checking:
         self._changed = changed
         self._graph: NavGraph | None = None
         self._file: GraphFile | None = None
-        self._known = Context(against=against(MappingConfig()))
+        self._known = Context(against=against(MappingConfig()), closed=closed(MappingConfig()))
         self._validator: Validator | None = None
         self._look: _Look | None = None
         self._begin = QTimer(parent, singleShot=True, interval=0)

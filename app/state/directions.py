@@ -13,7 +13,7 @@ from app.state.graph_arrays import GraphArrays
 from nvsim.graph.types import Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import DECISIONS, OPEN
+from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, lacking
 from nvsim.mapping.explain import Explanation, explain, outline
 
 _HERE = 0.01  # metres: a step that ends this near to a viewpoint leads to it
@@ -71,6 +71,8 @@ class Direction:
     def fate(self) -> str:
         """What became of it, in a few words for a list."""
         failed, obstacle = self.explanation.failed, self.explanation.obstacle
+        if self.explanation.decision == DISPUTED:
+            return DECISIONS[DISPUTED].label
         if failed is not None:
             where = f", {obstacle:.1f} m" if failed.word == "alpha" and obstacle is not None else ""
             return DECISIONS[failed.word].label + where
@@ -82,7 +84,7 @@ class Direction:
 
     @property
     def _by_threshold(self) -> bool:
-        return self.evidence.decision in {m.word for m in self.explanation.measures}
+        return self.evidence.decision in {DISPUTED, *(m.word for m in self.explanation.measures)}
 
     @property
     def passable(self) -> bool:
@@ -112,6 +114,8 @@ class Direction:
                 words += f", something stands at {explanation.obstacle:.1f} m"
             else:
                 words += f", {DECISIONS[failed.word].clause}"
+            if explanation.disagreement:
+                words += f"; {explanation.disagreement}"
             if self.joined:
                 return f"An edge {way} against the thresholds: {words}."
             return f"No edge {way}: {words}."
@@ -144,14 +148,14 @@ def short(id: str) -> str:
 
 def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: MappingConfig) -> tuple[Direction, ...]:
     """The corridors measured from `viewpoint` as `config` decides them, clockwise from north, steps before the ones to
-    other viewpoints. Evidence of a viewpoint that was moved since is left out."""
+    other viewpoints. Left out is the evidence of a viewpoint that was moved since, and what `config` cannot decide."""
     row = arrays.index.get(viewpoint)
     if row is None:
         return ()
     found = []
     for key in graph.evidence_of.get(viewpoint, ()):
         e = graph.evidence[key]
-        if e.viewpoint != viewpoint or e.stale or not e.alpha.size:
+        if e.viewpoint != viewpoint or e.stale or not e.alpha.size or lacking(e, config):
             continue
         goal = _goal(arrays, e)
         neighbour = "" if goal is None else arrays.ids[goal]

@@ -19,10 +19,11 @@ from app.state.storeys import Storeys
 from app.state.view_states import ViewStates
 from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.difference import Difference
-from nvsim.graph.findings import Context
+from nvsim.graph.findings import Context, Limits
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.edge_doubts import against
+from nvsim.mapping.unmeasured import closed
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class Document(QObject):
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
             known = contents.context
             if known is None or known.occupancy is not contents.occupancy:
-                known = Context(occupancy=contents.occupancy, against=against(contents.thresholds))
+                known = Context(Limits(), contents.occupancy, against(contents.thresholds), closed(contents.thresholds))
             self.editing.checking.set_context(known)
         if before.path != contents.path:
             self._selection = Selection()

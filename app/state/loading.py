@@ -194,6 +194,7 @@ class ProjectReader:
         states = stage_states(project)
         stages = states.rows
         capture, depth = _file_stamp(project.layout.imported / "capture.json"), depth_in_use(project)
+        built = _file_stamp(project.layout.occupancy)
         stamps: dict[str, Hashable] = {
             "capture": capture,
             "cloud": (capture, depth and depth.key, project.layout.depth),
@@ -202,8 +203,8 @@ class ProjectReader:
             "stages": states,
             "results": tuple(project.result_times().items()),
             "scene_stamp": models,
-            "occupancy": (capture, _file_stamp(project.layout.support)),
-            "context": self._context_stamp(stages, (capture, _file_stamp(project.layout.support))),
+            "occupancy": (capture, _file_stamp(project.layout.support), built),
+            "context": self._context_stamp(stages, (capture, _file_stamp(project.layout.support), built)),
         }
         readers: dict[str, Callable[[], Any]] = {
             "capture": project.capture,

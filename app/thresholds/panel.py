@@ -17,12 +17,13 @@ from PySide6.QtWidgets import (
 from app.forms.fields import field_docs
 from app.look import colors
 from app.look.labels import Label, MarkedLabel
-from app.look.plain_text import tip
+from app.look.plain_text import plain, tip
 from app.state.document import Document
 from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import changed, preset, thresholds
 from app.thresholds.trial import Trial
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import FAMILIES
 from nvsim.mapping.rethreshold import Rethreshold
 from nvsim.project.work import STAGE, sentence
 
@@ -58,6 +59,7 @@ class ThresholdPanel(QScrollArea):
         layout.addWidget(self.notes)
         layout.addSpacing(4)
         layout.addLayout(self._rules(content, docs))
+        layout.addLayout(self._families(content, docs))
         self.rows = {t.field: ThresholdRow(t, docs.get(t.field, ""), content) for t in thresholds()}
         width = max(row.name.fontMetrics().horizontalAdvance(row.name.text()) for row in self.rows.values()) + 8
         for row in self.rows.values():
@@ -103,6 +105,24 @@ class ThresholdPanel(QScrollArea):
         row.addWidget(self.both_ways)
         return row
 
+    def _families(self, parent: QWidget, docs: dict[str, str]) -> QHBoxLayout:
+        row = QHBoxLayout()
+        self.families = {family: QCheckBox(family.capitalize(), parent) for family in FAMILIES}
+        for family, box in self.families.items():
+            box.setObjectName(f"criterion_{family}")
+            box.setToolTip(tip(docs.get("criteria", "")))
+            box.toggled.connect(lambda _: self._choose_families())
+            row.addWidget(box)
+        row.addStretch(1)
+        return row
+
+    def _choose_families(self) -> None:
+        chosen = tuple(family for family, box in self.families.items() if box.isChecked())
+        if chosen:
+            self._choose("criteria", chosen)
+        else:
+            self.refresh()  # something must decide: the last one stays
+
     def _presets(self, parent: QWidget) -> QHBoxLayout:
         row = QHBoxLayout()
         row.setSpacing(4)
@@ -129,7 +149,7 @@ class ThresholdPanel(QScrollArea):
     def _sources(self) -> dict[str, MappingConfig]:
         return {"project": self._trial.project_config, "default": MappingConfig(), "paper": MappingConfig.paper()}
 
-    def _choose(self, field: str, value: bool | float | str) -> None:
+    def _choose(self, field: str, value: bool | float | str | tuple[str, ...]) -> None:
         self._trial.set_config(changed(self._trial.config, field, value))
 
     # Showing ---------------------------------------------------------------------------------------------------
@@ -139,8 +159,12 @@ class ThresholdPanel(QScrollArea):
         with QSignalBlocker(self.rule), QSignalBlocker(self.both_ways):
             self.rule.setCurrentIndex(list(_RULES).index(config.rule))
             self.both_ways.setChecked(config.both_ways)
+        for family, box in self.families.items():
+            with QSignalBlocker(box):
+                box.setChecked(family in config.criteria)
         for threshold in thresholds():
             marks = {name: threshold.of(source) for name, source in sources.items()}
+            self.rows[threshold.field].setVisible(not threshold.family or threshold.family in config.criteria)
             decides = config.rule == "worst" or not threshold.worst_only
             self.rows[threshold.field].show_value(threshold.of(config), marks, decides)
         self._show_outcome()
@@ -165,6 +189,8 @@ class ThresholdPanel(QScrollArea):
             return STAGE["map"].lacking
         if self._trial.preparing:
             return "the evidence is still being summed up"
+        if self._trial.refusal:
+            return "a criterion asks for what was not measured"
         if not self._trial.outcome:
             return "these thresholds change no edge"
         editing = self._document.editing
@@ -176,6 +202,8 @@ class ThresholdPanel(QScrollArea):
             return sentence(STAGE["map"].lacking)
         if self._trial.preparing:
             return "Summing up the evidence…"
+        if self._trial.refusal:
+            return "This was not measured; Build again… measures it."
         if outcome is None:
             return "Move a slider to see what it would change."
         if not outcome:
@@ -188,7 +216,7 @@ class ThresholdPanel(QScrollArea):
 
     def _notes(self) -> str:
         outcome = self._trial.outcome
-        return "" if outcome is None else " ".join(notes(outcome))
+        return plain(self._trial.refusal) if outcome is None else " ".join(notes(outcome))
 
 
 def notes(outcome: Rethreshold) -> list[str]:

@@ -17,6 +17,7 @@ class Threshold:
     low, high   what the slider reaches
     step        of the slider and of its figure
     worst_only  whether only the rule "worst" asks for it
+    family      the criterion that must be chosen for it to decide, "" where it always does
     """
 
     field: str
@@ -26,6 +27,7 @@ class Threshold:
     step: float = 0.01
     unit: str = ""
     worst_only: bool = False
+    family: str = ""
 
     def of(self, config: MappingConfig) -> float:
         return float(getattr(config, self.field))
@@ -45,23 +47,26 @@ class Threshold:
 def thresholds() -> tuple[Threshold, ...]:
     """One for each criterion, then those of the robot and the trajectory."""
     return (
-        *(Threshold(c.field, c.label, 0.0, 1.0, worst_only=c.worst_only) for c in criteria.CRITERIA),
+        *(Threshold(c.field, c.label, 0.0, 1.0, worst_only=c.worst_only, family=c.family) for c in criteria.CRITERIA),
         Threshold("robot_radius", "Robot's radius", 0.0, 0.45, unit="m"),
         Threshold("margin", "Margin at each side", 0.0, 0.2, unit="m"),
-        Threshold("max_distance", "Off the trajectory", 0.5, 10.0, 0.1, "m"),
+        Threshold("max_distance", "Off the trajectory", 0.0, 10.0, 0.1, "m"),
     )
 
 
-FIXED = ("tau_dist", "merge_radius", "lattice_offset", "cover_distance", "max_viewpoints", "view_size")
+FIXED = (
+    *("tau_dist", "merge_radius", "checked_merges", "start", "starts", "isolated", "cover_distance", "max_viewpoints"),
+    *("lattice_offset", "jitter", "settle", "reach", "stretch", "view_size", "second_opinion"),
+)
 """What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""
 
 
-def changed(config: MappingConfig, field: str, value: bool | float | str) -> MappingConfig:
+def changed(config: MappingConfig, field: str, value: bool | float | str | tuple[str, ...]) -> MappingConfig:
     """`config` with another value. A robot that would be wider than what was measured is made as wide as that."""
     values = {**vars(config), field: value}
     other = {"robot_radius": "margin", "margin": "robot_radius"}.get(field)
-    if other is not None:
-        values[other] = round(max(0.0, min(values[other], WIDEST / 2 - float(value))), 6)
+    if other is not None and isinstance(value, int | float):
+        values[other] = round(max(0.0, min(values[other], WIDEST / 2 - value)), 6)
     return MappingConfig(**values)
 
 

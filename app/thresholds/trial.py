@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.state.document import Document
+from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.rethreshold import Rethreshold, Rethresholder
@@ -25,6 +27,8 @@ class Trial(QObject):
         self._document = document
         self.config = document.contents.thresholds
         self.outcome: Rethreshold | None = None
+        self.refusal = ""
+        """Why the graph cannot be decided by `config`: what a criterion asks for was not measured."""
         self.milliseconds = 0.0  # that the last decision took
         self._redecider: Rethresholder | None = None
         self._number = 0
@@ -72,7 +76,8 @@ class Trial(QObject):
 
         def work() -> None:
             redecider = Rethresholder(graph, walk)
-            redecider.decide(config)  # the sums for this width of the robot are made here
+            with contextlib.suppress(InputError):  # said when it is decided in the window's own thread
+                redecider.decide(config)  # the sums for this width of the robot are made here
             self._prepared.emit(number, redecider)
 
         self._thread = threading.Thread(target=work, name="thresholds", daemon=True)
@@ -90,7 +95,7 @@ class Trial(QObject):
         """Another graph is shown. `fresh`: one that was built or opened, with thresholds of its own."""
         if fresh:
             self.config = self.project_config
-        self._redecider, self.outcome = None, None
+        self._redecider, self.outcome, self.refusal = None, None, ""
         self._number += 1  # what is under way is about a graph of the past
         self.changed.emit()
         self.decided.emit()
@@ -118,6 +123,9 @@ class Trial(QObject):
         if self._redecider is None:
             return
         begin = time.perf_counter()
-        self.outcome = self._redecider.decide(self.config)
+        try:
+            self.outcome, self.refusal = self._redecider.decide(self.config), ""
+        except InputError as error:
+            self.outcome, self.refusal = None, str(error)
         self.milliseconds = 1e3 * (time.perf_counter() - begin)
         self.decided.emit()

@@ -103,7 +103,8 @@ class ThresholdPart(Part):
 
     def _on_trial(self) -> None:
         self.workspace.scene.update()
-        self._inspector.inspection.try_out(self.trial.config if self.trial.differs else None)
+        tried = self.trial.differs and not self.trial.refusal
+        self._inspector.inspection.try_out(self.trial.config if tried else None)
 
     # Making it so ------------------------------------------------------------------------------------------------
 
@@ -128,7 +129,7 @@ class ThresholdPart(Part):
         settings = Settings(project)
         preset = settings.preset("map")
         values = settings.changed("map")
-        tried = {t.field for t in thresholds()} | {"rule", "both_ways"}
+        tried = {t.field for t in thresholds()} | {"rule", "both_ways", "criteria"}
         for field in fields_of("map", preset):
             name = field.path.rpartition(".")[2]
             if name in tried:
@@ -151,7 +152,7 @@ class ThresholdPart(Part):
         """The thresholds that were applied to the graph of this build, None when none were."""
         try:
             kept = json.loads(str(self.workspace.settings.value(self._key(), "")))
-            if kept["built"] == asdict(self.trial.project_config):
+            if MappingConfig(**kept["built"]) == self.trial.project_config:
                 return MappingConfig(**kept["applied"])
         except (ValueError, KeyError, TypeError, RecursionError, InputError):
             return None  # nothing was applied, or somebody wrote into the settings file

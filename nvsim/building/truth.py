@@ -9,11 +9,12 @@ from scipy import ndimage
 from nvsim.building.raycast import normal
 from nvsim.building.rendering import View
 from nvsim.building.scene import Scene
+from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 RESOLUTION = 0.05  # metres per cell
-LOW, HIGH = 0.10, 1.5  # what stands in a robot's way, metres above the floor
+LOW, HIGH = Heights().from_height, Heights().to_height  # what stands in a robot's way, metres above the floor
 _BORDER = 0.5  # metres around the building
 
 

@@ -10,13 +10,15 @@ floor that a user or a robot can have, or when the user gives that height.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.floor_plane import FloorPlane, find_floor
 from nvsim.capture.image_points import image_points
-from nvsim.capture.raw import RawCapture, RawFrame
+from nvsim.capture.raw import RawCapture
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.errors import InputError
 from nvsim.geometry.rotation import smallest_rotation
@@ -140,16 +142,19 @@ def apply(raw: RawCapture, alignment: Alignment) -> Capture:
     for f in raw.frames:
         if f.camera_to_world is None or f.lens is None:
             continue
-        frames.append(
-            Frame(f.name, f.image_path, f.lens, _turned(f, f.camera_to_world, alignment), f.sensor, f.timestamp)
-        )
+        frames.append(Frame(f.name, f.image_path, f.lens, _turned(f.camera_to_world, alignment), f.sensor, f.timestamp))
     cloud = raw.cloud
     if cloud is not None and not alignment.is_identity:
         cloud = Cloud(to_aligned_frame(cloud.points, alignment).astype(np.float32), cloud.colors, cloud.kind)
-    return Capture(raw.source, raw.format, tuple(frames), cloud, alignment)
+    scale = alignment.scale
+    scans = [replace(s, to_world=_turned(s.to_world, alignment), scale=s.scale * scale) for s in raw.scans]
+    depths = [
+        replace(d, camera_to_world=_turned(d.camera_to_world, alignment), scale=d.scale * scale) for d in raw.depths
+    ]
+    return Capture(raw.source, raw.format, tuple(frames), cloud, alignment, tuple(scans), tuple(depths))
 
 
-def _turned(frame: RawFrame, pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.float64]:
+def _turned(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.float64]:
     if alignment.is_identity:
         return pose
     turned = np.eye(4)

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
+from nvsim.capture.kapture_tree import Pose, Tree
 from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import merge, read_cloud, usable_cloud
 from nvsim.capture.raw import (
@@ -30,58 +28,12 @@ from nvsim.capture.raw import (
     pose_from_quaternion,
     read_text,
 )
-from nvsim.capture.types import Cloud
+from nvsim.capture.types import Cloud, DepthFile, ScanFile
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 
-Pose = NDArray[np.float64]
-_NESTED, _CARRIERS = 8, 64  # rigs on rigs, and rigs that carry one sensor, which are followed
 _METRIC_SENSORS = {"lidar", "depth", "gnss"}
-
-
-@dataclass
-class _Tree:
-    """What the sensor files say. Poses are (4, 4); None where the file leaves it out or it is not rigid."""
-
-    kinds: dict[str, str] = field(default_factory=dict)
-    lenses: dict[str, Lens | None] = field(default_factory=dict)
-    mounts: dict[str, list[tuple[str, Pose]]] = field(default_factory=dict)  # sensor -> (rig, rig to sensor)
-    poses: dict[tuple[str, int], Pose | None] = field(default_factory=dict)  # (device, timestamp) -> world to device
-    _ways: dict[str, list[tuple[str, Pose | None]]] = field(default_factory=dict)
-
-    @cached_property
-    def _posed(self) -> set[str]:
-        return {device for device, _ in self.poses}
-
-    def _carriers(self, device: str) -> list[tuple[str, Pose | None]]:
-        """The device and the rigs that carry it, the nearest first (rigs may be nested), each with the way from it to
-        the device, None for the device itself. A rig that is listed on several ways counts once."""
-        if device not in self._ways:
-            ways: dict[str, Pose | None] = {device: None}
-            edge = [device]
-            for _ in range(_NESTED):
-                reached = []
-                for carried in edge:
-                    way = ways[carried]
-                    for rig, mount in self.mounts.get(carried, []):
-                        if rig not in ways and len(ways) < _CARRIERS:
-                            ways[rig] = mount if way is None else way @ mount
-                            reached.append(rig)
-                edge = reached
-            self._ways[device] = list(ways.items())
-        return self._ways[device]
-
-    def world_to(self, device: str, timestamp: int) -> Pose | None:
-        """The pose of a device: its own, or through a rig that carries it."""
-        for carrier, way in self._carriers(device):
-            pose = self.poses.get((carrier, timestamp))
-            if pose is not None:
-                return pose if way is None else way @ pose
-        return None
-
-    def ever_posed(self, device: str) -> bool:
-        return any(carrier in self._posed for carrier, _ in self._carriers(device))
 
 
 def find(path: Path) -> Path | None:
@@ -122,7 +74,7 @@ def _read(root: Path, findings: Findings) -> RawCapture:
     for name in ("sensors.txt", "records_camera.txt", "trajectories.txt"):
         if file_size(sensors / name) is None:
             raise InputError(f"{sensors / name} is missing; a kapture capture needs it.")
-    tree = _Tree()
+    tree = Tree()
     _read_sensors(sensors / "sensors.txt", tree, findings)
     if file_size(sensors / "rigs.txt") is not None:
         _read_rigs(sensors / "rigs.txt", tree, findings)
@@ -130,13 +82,15 @@ def _read(root: Path, findings: Findings) -> RawCapture:
     frames = _read_records(sensors, tree, findings)
     points = root / "reconstruction" / "points3d.txt"
     reconstructed = file_size(points) is not None
-    cloud = None
+    has_depth = file_size(sensors / "records_depth.txt") is not None
+    depths = _read_depths(sensors, tree, findings) if has_depth else []
+    cloud, scans = None, list[ScanFile]()
     if file_size(sensors / "records_lidar.txt") is not None:
-        cloud = _read_lidar(sensors, tree, findings)
+        cloud, scans = _read_lidar(sensors, tree, findings)
     elif reconstructed:
         cloud = _read_points(points, findings)
     metric = not reconstructed or bool(tree.mounts) or bool(_METRIC_SENSORS & set(tree.kinds.values()))
-    return RawCapture(root, "kapture", tuple(frames), cloud, metric)
+    return RawCapture(root, "kapture", tuple(frames), cloud, metric, tuple(scans), tuple(depths))
 
 
 def _rows(path: Path, least: int, findings: Findings, maxsplit: int = -1) -> Iterator[tuple[str, list[str]]]:
@@ -179,13 +133,15 @@ def _pose(fields: list[str], where: str, findings: Findings) -> Pose | None:
     return pose_from_quaternion(np.array(values[:4]), np.array(values[4:]), where, findings)
 
 
-def _read_sensors(path: Path, tree: _Tree, findings: Findings) -> None:
+def _read_sensors(path: Path, tree: Tree, findings: Findings) -> None:
     for where, fields in _rows(path, 3, findings):
         sensor, kind = fields[0], fields[2].lower()
         if sensor in tree.kinds:
             findings.error(f"sensor {sensor!r} is listed twice", where, "it is unclear which one is meant")
             continue
         tree.kinds[sensor] = kind
+        if kind == "depth":
+            tree.depth_lenses[sensor] = _depth_lens(fields, where, findings)
         if kind != "camera":
             continue
         tree.lenses[sensor] = None
@@ -197,7 +153,19 @@ def _read_sensors(path: Path, tree: _Tree, findings: Findings) -> None:
             tree.lenses[sensor] = read_lens(fields[3], params[0], params[1], params[2:], where, findings)
 
 
-def _read_rigs(path: Path, tree: _Tree, findings: Findings) -> None:
+def _depth_lens(fields: list[str], where: str, findings: Findings) -> Lens | None:
+    """The lens of a depth camera. Without one its images say nothing, and the capture is as good as without them."""
+    faults = Findings()
+    params = _numbers(fields[4:], where, faults)
+    if params and len(params) >= 2 and len(fields) >= 6:
+        lens = read_lens(fields[3], params[0], params[1], params[2:], where, faults)
+        if lens is not None:
+            return lens
+    findings.warning(f"depth camera {fields[0]!r} has no lens that is known", where, "its depth images are left out")
+    return None
+
+
+def _read_rigs(path: Path, tree: Tree, findings: Findings) -> None:
     for where, fields in _rows(path, 9, findings):
         pose = _pose(fields[2:9], where, findings)
         if pose is None:
@@ -206,14 +174,14 @@ def _read_rigs(path: Path, tree: _Tree, findings: Findings) -> None:
             tree.mounts.setdefault(fields[1], []).append((fields[0], pose))
 
 
-def _read_trajectories(path: Path, tree: _Tree, findings: Findings) -> None:
+def _read_trajectories(path: Path, tree: Tree, findings: Findings) -> None:
     for where, fields in _rows(path, 9, findings):
         timestamp = _timestamp(fields[0], where, findings)
         if timestamp is not None:
             tree.poses[fields[1], timestamp] = _pose(fields[2:9], where, findings)
 
 
-def _read_records(sensors: Path, tree: _Tree, findings: Findings) -> list[RawFrame]:
+def _read_records(sensors: Path, tree: Tree, findings: Findings) -> list[RawFrame]:
     frames = []
     for where, fields in _rows(sensors / "records_camera.txt", 3, findings, maxsplit=2):
         timestamp = _timestamp(fields[0], where, findings)
@@ -232,28 +200,49 @@ def _read_records(sensors: Path, tree: _Tree, findings: Findings) -> list[RawFra
     return sorted(frames, key=lambda f: f.timestamp)  # the order of the trajectory, which records need not keep
 
 
-def _read_lidar(sensors: Path, tree: _Tree, findings: Findings) -> Cloud | None:
-    clouds = []
+def _read_depths(sensors: Path, tree: Tree, findings: Findings) -> list[DepthFile]:
+    """Depth images: float32 of metres, row by row. Those without a pose or a lens are left out; nothing but a map of
+    them needs them, so that no fault in their list refuses the capture."""
+    depths, faults = [], Findings()
+    try:
+        for where, fields in _rows(sensors / "records_depth.txt", 3, faults, maxsplit=2):
+            timestamp = _timestamp(fields[0], where, faults)
+            lens = tree.depth_lenses.get(fields[1])
+            pose = None if timestamp is None else tree.world_to(fields[1], timestamp)
+            if lens is not None and pose is not None:
+                depths.append(DepthFile(sensors / "records_data" / fields[2], lens, inverse(pose), is_raw=True))
+    except InputError as error:
+        faults.error(str(error).rstrip("."), "records_depth.txt", "")
+    for fault in faults:
+        findings.warning(fault.message, fault.where, "the depth image is left out")
+    return depths
+
+
+def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | None, list[ScanFile]]:
+    """All points in the world, and the scans that have a pose."""
+    clouds, scans = [], []
     for where, fields in _rows(sensors / "records_lidar.txt", 3, findings, maxsplit=2):
         timestamp = _timestamp(fields[0], where, findings)
         if timestamp is None:
             continue
+        path = sensors / "records_data" / fields[2]
         try:
-            cloud = read_cloud(sensors / "records_data" / fields[2], findings)
+            cloud = read_cloud(path, findings)
         except InputError as error:
-            findings.error(*_cloud_fault(sensors / "records_data" / fields[2], fields[2], where, error))
+            findings.error(*_cloud_fault(path, fields[2], where, error))
             continue
         pose = tree.world_to(fields[1], timestamp)
         if pose is not None:
             to_world = inverse(pose)
             points = cloud.points.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3]
             clouds.append(Cloud(points.astype(np.float32), cloud.colors))
+            scans.append(ScanFile(path, fields[1], to_world))
         elif tree.ever_posed(fields[1]):
             findings.warning("the cloud has no pose at its timestamp", f"{fields[2]}, {where}", "it is left out")
         else:
             findings.note("the cloud's sensor has no pose at all", where, "the cloud is taken to be in the world frame")
             clouds.append(cloud)
-    return merge(clouds)
+    return merge(clouds), scans
 
 
 def _cloud_fault(path: Path, name: str, where: str, error: InputError) -> tuple[str, str, str]:

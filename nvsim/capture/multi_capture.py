@@ -82,7 +82,19 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
     ]
     clouds = [raw.cloud for raw in raws if raw.cloud is not None]
     formats = "+".join(dict.fromkeys(raw.format for raw in raws))
-    return RawCapture(path, f"several ({formats})", tuple(frames), _joined(clouds), raws[0].metric)
+    scans = [
+        replace(scan, sensor=f"{label}/{scan.sensor}")
+        for label, raw in zip(labels(sources), raws, strict=True)
+        for scan in raw.scans
+    ]
+    depths = [
+        replace(depth, frame=depth.frame and f"{label}/{depth.frame}")
+        for label, raw in zip(labels(sources), raws, strict=True)
+        for depth in raw.depths
+    ]
+    return RawCapture(
+        path, f"several ({formats})", tuple(frames), _joined(clouds), raws[0].metric, tuple(scans), tuple(depths)
+    )
 
 
 def labels(sources: Sequence[Path]) -> list[str]:

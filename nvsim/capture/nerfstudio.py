@@ -21,6 +21,7 @@ from nvsim.capture.json_tree import Tree
 from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size
+from nvsim.capture.types import DepthFile
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
@@ -54,7 +55,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
     frames = tree.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list 'frames', so it is not a transforms.json; choose another file.")
-    read = []
+    read, depths = [], []
     lenses: dict[str, Lens | None] = {}
     for i, entry in enumerate(frames):
         where = f"{path.name}, frame {i}"
@@ -64,6 +65,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
         frame = _frame(path, tree, entry, i, where, lenses, findings)
         if frame is not None:
             read.append(frame)
+            depths += _depth(path, entry, frame, where, findings)
     if all("timestamp" in f for f in frames if isinstance(f, dict)):
         read.sort(key=lambda f: f.timestamp)
     ngp = "aabb_scale" in tree or ("is_fisheye" in tree and "camera_model" not in tree)
@@ -77,7 +79,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
             cloud = read_cloud(_resolve(path.parent, listed), findings, kind="lidar" if metric else "sfm")
     except InputError as error:
         findings.error(str(error).rstrip("."), f"{path.name}, ply_file_path", "there would be no floor to measure")
-    return RawCapture(path, "instant-ngp" if ngp else "nerfstudio", tuple(read), cloud, metric)
+    return RawCapture(path, "instant-ngp" if ngp else "nerfstudio", tuple(read), cloud, metric, (), tuple(depths))
 
 
 def _is_metric(tree: Tree, frames: list[Tree]) -> bool:
@@ -110,6 +112,18 @@ def _frame(
     if pose is not None:
         pose = pose @ _OPENGL_TO_OPENCV
     return RawFrame(name, image, lens, pose, where, "camera", float(index) if timestamp is None else timestamp)
+
+
+def _depth(path: Path, entry: Tree, frame: RawFrame, where: str, findings: Findings) -> list[DepthFile]:
+    """The depth image of a frame, of millimetres, where it has one; it shares the frame's pose and lens."""
+    try:
+        listed = json_tree.text(entry, "depth_file_path", where)
+    except InputError as error:
+        findings.warning(str(error).removeprefix(f"{where}: ").rstrip("."), where, "the frame has no depth image")
+        return []
+    if listed is None or frame.lens is None or frame.camera_to_world is None:
+        return []
+    return [DepthFile(_resolve(path.parent, listed), frame.lens, frame.camera_to_world, frame.name)]
 
 
 def _name(listed: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
-from nvsim.capture.types import Cloud
+from nvsim.capture.types import Cloud, DepthFile, ScanFile
 from nvsim.errors import InputError
 from nvsim.files import regular
 from nvsim.geometry.lens import Lens
@@ -36,13 +36,15 @@ class RawFrame:
 
 @dataclass(frozen=True, eq=False)
 class RawCapture:
-    """`metric` says whether the source claims that its unit is the metre."""
+    """`metric` says whether the source claims that its unit is the metre. `scans` and `depths` are in its own frame."""
 
     source: Path
     format: str
     frames: tuple[RawFrame, ...]
     cloud: Cloud | None
     metric: bool
+    scans: tuple[ScanFile, ...] = ()
+    depths: tuple[DepthFile, ...] = ()
 
 
 def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:

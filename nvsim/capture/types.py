@@ -76,6 +76,42 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
+class ScanFile:
+    """The cloud of one scan, in the frame of its scanner.
+
+    path      the file, PLY or PCD
+    sensor    the scanner's id in the source
+    to_world  (4, 4) float64, rigid: where the scanner was, aligned frame, metres
+    scale     metres per unit of the file
+    """
+
+    path: Path
+    sensor: str
+    to_world: NDArray[np.float64]
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class DepthFile:
+    """What a depth camera measured along its optical axis, 0 where it measured nothing.
+
+    path             the file: an image of whole millimetres, or where `is_raw`, float32 of metres, row by row
+    lens             of the depth camera; an image may be smaller or larger than its size, which scales it
+    camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, metres
+    frame            the name of the frame that it belongs to, "" for none
+    is_raw           see `path`
+    scale            metres per such metre
+    """
+
+    path: Path
+    lens: Lens
+    camera_to_world: NDArray[np.float64]
+    frame: str = ""
+    is_raw: bool = False
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
 class Alignment:
     """aligned = scale * (rotation @ source): a rotation about the origin and a scale, kept apart.
 
@@ -99,13 +135,16 @@ class Alignment:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A posed walk. `source` is the folder or file it was read from, `format` its name ("nerfstudio", ...)."""
+    """A posed walk. `source` is the folder or file it was read from, `format` its name ("nerfstudio", ...). `scans` and
+    `depths` say where it was seen from how far anything is; a capture that was stored does not know them."""
 
     source: Path
     format: str
     frames: tuple[Frame, ...]
     cloud: Cloud | None
     alignment: Alignment
+    scans: tuple[ScanFile, ...] = ()
+    depths: tuple[DepthFile, ...] = ()
 
     @cached_property
     def positions(self) -> NDArray[np.float64]:

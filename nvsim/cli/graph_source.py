@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from nvsim.graph.edits import Visible
     from nvsim.graph.findings import Context, Limits
     from nvsim.graph.types import EdgeKey, NavGraph
+    from nvsim.occupancy.heights import Heights
     from nvsim.occupancy.types import OccupancyMap
 
 
@@ -43,8 +44,11 @@ def is_project(path: Path) -> bool:
     return path_kind(path) == "project"
 
 
-def sources(path: Path, limits: Limits | None = None, occupancy: Path | None = None) -> Iterator[Source]:
-    """Every graph at `path`, one after another. `occupancy` is a map to use in place of the one found there.
+def sources(
+    path: Path, limits: Limits | None = None, occupancy: Path | None = None, heights: Heights | None = None
+) -> Iterator[Source]:
+    """Every graph at `path`, one after another. `occupancy` is a map to use in place of the one found there, cut
+    between `heights` where it has some.
 
     Raises InputError when there is none, or it cannot be read.
     """
@@ -52,7 +56,7 @@ def sources(path: Path, limits: Limits | None = None, occupancy: Path | None = N
     if occupancy is not None:
         from nvsim.occupancy.read import read_map
 
-        map = read_map(occupancy)
+        map = read_map(occupancy, heights)
     if is_project(path):
         from nvsim.mapping.edge_doubts import margin
         from nvsim.project.graph_context import context_of
@@ -72,9 +76,9 @@ def sources(path: Path, limits: Limits | None = None, occupancy: Path | None = N
         yield Source(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
 
 
-def one_source(path: Path, occupancy: Path | None = None) -> Source:
+def one_source(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> Source:
     """The one graph at `path`. Raises InputError when there are several."""
-    found = sources(path, occupancy=occupancy)
+    found = sources(path, None, occupancy, heights)
     first = next(found)
     if next(found, None) is not None:
         raise InputError(f"{path} holds several scans; name the connectivity file of one.")

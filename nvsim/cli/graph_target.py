@@ -16,6 +16,7 @@ from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.operations import EditContext
 from nvsim.graph.quantities import Known
 from nvsim.graph.types import NavGraph
+from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.types import OccupancyMap
 
 if TYPE_CHECKING:
@@ -25,12 +26,12 @@ if TYPE_CHECKING:
 class GraphTarget:
     """A project folder or a file, and what is known around its graph. Raises InputError when it is neither."""
 
-    def __init__(self, path: Path, occupancy: Path | None = None) -> None:
+    def __init__(self, path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> None:
         self.path = Path(path).expanduser().absolute()
         self.is_project = os.path.isdir(self.path)
         if not os.path.exists(self.path):
             raise InputError(f"{path} does not exist; name a project or an R2R connectivity file.")
-        self._map = occupancy
+        self._map, self._heights = occupancy, heights
 
     def read(self) -> NavGraph:
         """The graph as it is saved."""
@@ -130,7 +131,7 @@ class GraphTarget:
         if self._map is not None:
             from nvsim.occupancy.read import read_map
 
-            return read_map(self._map)
+            return read_map(self._map, self._heights)
         if self.is_project:
             from nvsim.project.project import Project
 

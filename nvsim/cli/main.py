@@ -35,6 +35,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "graph review": ("graph_review", "the edges to look at, the least certain first"),
     "graph compare": ("graph_compare", "how one graph differs from another, and a merge of the two"),
     "graph evidence": ("graph_evidence", "measure viewpoints that were added or moved, and propose edges there"),
+    "occupancy build": (
+        "occupancy_build",
+        "build an occupancy map from scans, depth images, or what else a capture has",
+    ),
+    "occupancy compare": ("occupancy_compare", "how an occupancy map differs from a true one, cell by cell"),
     "video": ("video", WORK["video"].does),
     "export r2r": ("export_r2r", WORK["export r2r"].does),
     "export graph": (
@@ -47,6 +52,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "evaluate floor": ("evaluate_floor", WORK["evaluate floor"].does),
     "evaluate depth": ("evaluate_depth", WORK["evaluate depth"].does),
     "evaluate graph": ("evaluate_graph", WORK["evaluate graph"].does),
+    "evaluate calibration": ("evaluate_calibration", WORK["evaluate calibration"].does),
+    "evaluate validity-table": ("evaluate_validity_table", WORK["evaluate validity-table"].does),
     "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.evaluation.ablation_rows import ABLATION, COMPARISON, TABLES, Budget, Row, ablation_rows, preset_rows
-from nvsim.evaluation.ablation_run import Run, finished, forget, run_of, views_of
+from nvsim.evaluation.ablation_run import Run, SharedViews, finished, forget, run_of, within
 from nvsim.evaluation.comparison import Shown, Tile
 from nvsim.evaluation.novel import NovelView, has_novel_views
 from nvsim.evaluation.scores import Distance
@@ -23,14 +23,11 @@ from nvsim.evaluation.submap_scores import Bench, Scored, totals
 from nvsim.evaluation.table import SPREAD
 from nvsim.evaluation.truth import truth_of
 from nvsim.evaluation.views import held_out_frames, novel_views
-from nvsim.events import Event, Listener, Log, Progress
+from nvsim.events import Listener, Log
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import lacks
 from nvsim.submaps.types import Submap, nearest_submap
-
-if TYPE_CHECKING:
-    from nvsim.training.views import TrainingView
 
 STAGE = "ablation"
 _SHOWN_SUBMAPS = 4
@@ -102,9 +99,9 @@ def evaluate_ablation(
     shown: list[tuple[int, Shown]] = []
     for submap, bench in _benches(project, chosen, folder, distance):
         shown += [(submap.index, picture) for picture in bench.pictures]
-        views = _Views(project, submap)
+        views = SharedViews(project, submap)
         for run in (r for r in distinct.values() if r.submap.index == submap.index):
-            model = finished(project, run, views.of(run), _within(listen, before, total, titles[run.folder]))
+            model = finished(project, run, views.of(run), within(listen, STAGE, before, total, titles[run.folder]))
             before += run.config.steps if run in todo else 0
             scored[run.folder] = bench.score(model)
     result = {}
@@ -185,32 +182,3 @@ def _benches(
     for submap in submaps:
         count = _SHOWN_FRAMES.get(len(submaps), 1) if submap.index in pictured else 0
         yield submap, Bench(project, truth, frames[submap.index], novel[submap.index], distance, count)
-
-
-def _within(listen: Listener, before: int, total: int, name: str) -> Listener:
-    """Makes the steps of one run a part of the steps of all."""
-
-    def pass_on(event: Event) -> None:
-        if isinstance(event, Progress):
-            event = Progress(STAGE, before + event.done, total, name)
-        listen(event)
-
-    return pass_on
-
-
-class _Views:
-    """The training images of a submap, read when first needed and again for another size; rows share them."""
-
-    def __init__(self, project: Project, submap: Submap) -> None:
-        self._project, self._submap = project, submap
-        self._size = 0
-        self._views: list[TrainingView] = []
-
-    def of(self, run: Run) -> Callable[[], list[TrainingView]]:
-        def read() -> list[TrainingView]:
-            if run.config.image_size != self._size:
-                self._views = views_of(self._project, self._submap, run.config)
-                self._size = run.config.image_size
-            return self._views
-
-        return read

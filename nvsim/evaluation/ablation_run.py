@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from nvsim import __version__
 from nvsim.errors import InputError
-from nvsim.events import Listener
+from nvsim.events import Event, Listener, Progress
 from nvsim.files import atomic
 from nvsim.project import ledger
 from nvsim.project.config import held_out
@@ -117,3 +117,32 @@ def views_of(project: Project, submap: Submap, config: TrainingConfig) -> list[T
     """What a run may see of a submap: its frames without those held out."""
     kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
     return training_views(project, [i for i in submap.frames if i not in kept_out], config)
+
+
+class SharedViews:
+    """The training images of a submap, read when first needed and again for another size; runs share them."""
+
+    def __init__(self, project: Project, submap: Submap) -> None:
+        self._project, self._submap = project, submap
+        self._size = 0
+        self._views: list[TrainingView] = []
+
+    def of(self, run: Run) -> Views:
+        def read() -> list[TrainingView]:
+            if run.config.image_size != self._size:
+                self._views = views_of(self._project, self._submap, run.config)
+                self._size = run.config.image_size
+            return self._views
+
+        return read
+
+
+def within(listen: Listener, stage: str, before: int, total: int, name: str) -> Listener:
+    """Makes the steps of one run a part of the steps of all, of which `before` are done."""
+
+    def pass_on(event: Event) -> None:
+        if isinstance(event, Progress):
+            event = Progress(stage, before + event.done, total, name)
+        listen(event)
+
+    return pass_on

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.evaluation.storeys import climbing, judge_storeys, seen_area
+from nvsim.evaluation.interval import wilson
+from nvsim.evaluation.storeys import climbing, covered_areas, judge_storeys
+from nvsim.evaluation.structure import map_structure
 from nvsim.graph.components import components
+from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.corridor import SupportAt
 from nvsim.occupancy.paths import points_are_free, reachable, segments_are_free, standing_room, visible
 from nvsim.occupancy.storeys import StoreyMaps
 from nvsim.occupancy.types import OccupancyMap
@@ -37,57 +42,98 @@ def evaluate_graph(
     trajectory: NDArray[np.floating],
     robot_radius: float = 0.25,
     coverage_range: float = 2.5,
+    seen: SupportAt | None = None,
 ) -> dict[str, Any]:
-    """Figures of `graph` on `occupancy`, both in one frame; `trajectory` (N, 2) says what could be reached at all; on
-    the maps of several storeys it must be (N, 3), of the cameras.
+    """Figures of `graph` on `occupancy`, both in one frame; `trajectory` (N, 2) says what could be reached at all, and
+    `seen` whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`. On the maps of several
+    storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
 
     nodes, edges                   included viewpoints, and edges between them
-    node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres
+    node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres; of each
+                                   also how many (valid_nodes and so on) and its 95 % interval (_low, _high)
     coverage                       share of the free area reachable from the trajectory, for a point, that lies within
                                    `coverage_range` metres and in line of sight of a valid viewpoint
-    reachable_m2, components, largest_component (share of the nodes), isolated, mean_degree, edge_length
+    coverage_seen, seen_m2         the same share of the part of that area that is `seen`, and its size; only with it
+    reachable_m2, components, largest_component (share of the nodes), isolated
+    and the figures of `nvsim.graph.structure.structure` and, on one map, `nvsim.evaluation.structure.map_structure`.
     Of several storeys, coverage is over all of them, and there are
     storeys                        their number
-    stair_edges, stair_edge_validity, stair_edge_validity_robot: of the edges from one storey to another
+    stair_edges                    edges from one storey to another; with stair_edge_validity and so on, of these
     Shares are 0 to 1; of nothing they are 0.
     """
     nodes, edges = judge(graph, occupancy)
     nodes_robot, edges_robot = judge(graph, occupancy, robot_radius)
-    valid = [id for id, good in nodes.items() if good]
-    stairs: dict[str, Any] = {}
-    if isinstance(occupancy, StoreyMaps):
-        area, seen = seen_area(graph, occupancy, valid, trajectory, coverage_range)
-        coverage = _share(seen, area)
-        between = climbing(graph, occupancy, list(edges))
-        stairs = {
-            "storeys": len(occupancy.storeys),
-            "stair_edges": len(between),
-            "stair_edge_validity": _share(sum(edges[key] for key in between), len(between)),
-            "stair_edge_validity_robot": _share(sum(edges_robot[key] for key in between), len(between)),
-        }
-    else:
-        cells = reachable(occupancy, trajectory[:, :2])
-        found = visible(occupancy, _places(graph, valid), coverage_range) & cells
-        area, coverage = float(cells.sum()) * occupancy.resolution**2, _share(int(found.sum()), int(cells.sum()))
+    around = _covered(graph, occupancy, [id for id, good in nodes.items() if good], trajectory, coverage_range, seen)
     groups = components(graph)
-    places = {side: _places(graph, [key[side] for key in edges]) for side in (0, 1)}
-    lengths = np.hypot(*(places[0] - places[1]).T)
     return {
         "nodes": len(nodes),
         "edges": len(edges),
-        "node_validity": _share(sum(nodes.values()), len(nodes)),
-        "edge_validity": _share(sum(edges.values()), len(edges)),
-        "node_validity_robot": _share(sum(nodes_robot.values()), len(nodes)),
-        "edge_validity_robot": _share(sum(edges_robot.values()), len(edges)),
-        "coverage": coverage,
-        "reachable_m2": round(area, 2),
+        **_validity("node", "", nodes),
+        **_validity("edge", "", edges),
+        **_validity("node", "_robot", nodes_robot),
+        **_validity("edge", "_robot", edges_robot),
+        **around,
         "components": len(groups),
         "largest_component": _share(len(groups[0]) if groups else 0, len(nodes)),
         "isolated": sum(len(g) == 1 for g in groups),
-        "mean_degree": round(2 * _share(len(edges), len(nodes)), 2),
-        "edge_length": round(float(lengths.mean()), 3) if len(lengths) else 0.0,
-        **stairs,
+        **structure(graph),
+        **(
+            _on_stairs(graph, occupancy, edges, edges_robot)
+            if isinstance(occupancy, StoreyMaps)
+            else map_structure(graph, occupancy, robot_radius)
+        ),
     }
+
+
+def _validity(what: str, suffix: str, judged: Mapping[Any, bool]) -> dict[str, float | int]:
+    valid = sum(judged.values())
+    low, high = wilson(valid, len(judged))
+    name = f"{what}_validity{suffix}"
+    figures = {name: _share(valid, len(judged)), f"{name}_low": round(low, 5), f"{name}_high": round(high, 5)}
+    return {**figures, f"valid_{what}s{suffix}": valid}
+
+
+def _covered(
+    graph: NavGraph,
+    occupancy: OccupancyMap | StoreyMaps,
+    valid: list[str],
+    trajectory: NDArray[np.floating],
+    reach: float,
+    seen: SupportAt | None,
+) -> dict[str, float]:
+    """What the `valid` viewpoints cover of what can be reached, and of the part of it that is `seen`."""
+    if isinstance(occupancy, StoreyMaps):
+        whole, shown = covered_areas(graph, occupancy, valid, trajectory, reach, seen)
+        known = {"coverage_seen": _share(*shown), "seen_m2": round(shown[1], 2)} if seen is not None else {}
+        return {"coverage": _share(*whole), **known, "reachable_m2": round(whole[1], 2)}
+    area = reachable(occupancy, trajectory[:, :2])
+    covered = visible(occupancy, _places(graph, valid), reach) & area
+    return {
+        "coverage": _share(int(covered.sum()), int(area.sum())),
+        **(_seen(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
+        "reachable_m2": _square_metres(area, occupancy),
+    }
+
+
+def _seen(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
+    shown = int((covered & known).sum())
+    return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_metres(known, occupancy)}
+
+
+def _on_stairs(
+    graph: NavGraph, maps: StoreyMaps, edges: dict[tuple[str, str], bool], edges_robot: dict[tuple[str, str], bool]
+) -> dict[str, float | int]:
+    between = climbing(graph, maps, list(edges))
+    return {
+        "storeys": len(maps.storeys),
+        "stair_edges": len(between),
+        **_validity("stair_edge", "", {key: edges[key] for key in between}),
+        **_validity("stair_edge", "_robot", {key: edges_robot[key] for key in between}),
+    }
+
+
+def _square_metres(cells: NDArray[np.bool_], occupancy: OccupancyMap) -> float:
+    return round(float(cells.sum()) * occupancy.resolution**2, 2)
 
 
 def _places(graph: NavGraph, ids: list[str]) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.corridor import SupportAt
 from nvsim.occupancy.paths import points_are_free, reachable, segments_are_free, standing_room, visible
 from nvsim.occupancy.storeys import StoreyMaps
 
@@ -44,25 +45,35 @@ def judge_storeys(
     return dict(zip(ids, stands.tolist(), strict=True)), dict(zip(keys, runs.tolist(), strict=True))
 
 
-def seen_area(
-    graph: NavGraph, maps: StoreyMaps, ids: list[str], trajectory: NDArray[np.floating], reach: float
-) -> tuple[float, float]:
-    """Square metres that can be reached from the `trajectory` (N, 3), and those of them within `reach` metres and in
-    line of sight of the viewpoints `ids`, over all storeys. Treads count on both storeys that they join, and who stands
-    on them looks on both."""
+def covered_areas(
+    graph: NavGraph,
+    maps: StoreyMaps,
+    ids: list[str],
+    trajectory: NDArray[np.floating],
+    reach: float,
+    seen: SupportAt | None = None,
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Square metres within `reach` metres and in line of sight of the viewpoints `ids`, and of all that can be reached
+    from the `trajectory` (N, 3), over all storeys; then both of the part where floor is `seen`. Treads count on both
+    storeys that they join, and who stands on them looks on both."""
     places, floors = places_of(graph, ids)
     storeys, walked = maps.nearest(floors), maps.beneath(trajectory[:, 2])
-    whole = seen = 0.0
+    whole, shown = np.zeros(2), np.zeros(2)
     for k, storey in enumerate(maps.storeys):
         here = storeys == k
         for stair in maps.stairs:
             if k in (stair.lower, stair.upper):
                 here |= stair.holds(places) & np.isin(storeys, (stair.lower, stair.upper))
         area = reachable(storey.occupancy, trajectory[walked == k, :2])
+        covered = visible(storey.occupancy, places[here], reach) & area
         cell = storey.occupancy.resolution**2
-        whole += float(area.sum()) * cell
-        seen += float((visible(storey.occupancy, places[here], reach) & area).sum()) * cell
-    return whole, seen
+        whole += [cell * float(covered.sum()), cell * float(area.sum())]
+        if seen is not None:
+            centres = storey.occupancy.centres()
+            heights = np.full((*centres.shape[:2], 1), storey.floor)
+            known = area & np.asarray(seen(np.concatenate([centres, heights], axis=-1)), bool)
+            shown += [cell * float((covered & known).sum()), cell * float(known.sum())]
+    return (float(whole[0]), float(whole[1])), (float(shown[0]), float(shown[1]))
 
 
 def climbing(graph: NavGraph, maps: StoreyMaps, keys: list[tuple[str, str]]) -> list[tuple[str, str]]:

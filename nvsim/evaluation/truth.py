@@ -7,11 +7,15 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from nvsim.capture.types import Alignment, Capture
+from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, read_storeys
-from nvsim.occupancy.types import UNKNOWN, OccupancyMap
+from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, is_storeys, read_storeys
+from nvsim.occupancy.turning import turned
+from nvsim.occupancy.types import OccupancyMap
+from nvsim.project.built_map import refuse_own_depth, true_map
 from nvsim.project.project import Project
 
 
@@ -56,40 +60,59 @@ def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, An
     return evaluate_floor(found)
 
 
-def maps_in_aligned_frame(path: Path, capture: Capture, frame: str) -> OccupancyMap | StoreyMaps:
-    """The map at `path`, or those of the storeys that a folder or a .json file names, brought from the capture's own
-    frame when `frame` says so. Raises InputError when that frame is not upright."""
+def true_maps(
+    project: Project, path: Path | None, frame: str, heights: Heights | None = None
+) -> OccupancyMap | StoreyMaps:
+    """The map at `path`, or those of the storeys that a folder or a .json file names, else the true ones of the
+    built-in building or the one built for the project, in the project's aligned frame, cut between `heights` where it
+    has some.
+
+    Raises InputError when there is none, or it was made of the project's own models.
+    """
+    truth = path or true_map(project)
+    if truth is None:
+        raise InputError(
+            f"{project.layout.root} has no map to judge by; name one with --occupancy MAP, or build one with "
+            "`nvsim occupancy build --project`."
+        )
+    if not is_storeys(truth):
+        refuse_own_depth(truth, project)
+    return maps_in_aligned_frame(truth, project.need_capture(), frame, heights)
+
+
+def true_occupancy(project: Project, path: Path | None, frame: str, heights: Heights | None = None) -> OccupancyMap:
+    """The same for what judges by one map. Raises InputError also where there are several storeys."""
+    found = true_maps(project, path, frame, heights)
+    if isinstance(found, StoreyMaps):
+        raise InputError(
+            f"{path or project.layout.ground_truth} has maps of several storeys, by which only `nvsim evaluate graph` "
+            "judges; name the map of one with --occupancy MAP."
+        )
+    return found
+
+
+def maps_in_aligned_frame(
+    path: Path, capture: Capture, frame: str, heights: Heights | None = None
+) -> OccupancyMap | StoreyMaps:
+    """The map at `path`, or those of the storeys that a folder or a .json file names, cut between `heights` where it
+    has some, and brought from the capture's own frame when `frame` says so. Raises InputError when that frame is not
+    upright."""
     from nvsim.occupancy.read import read_map
 
-    several = path.is_dir() or path.suffix.lower() == ".json"
-    maps = read_storeys(path) if several else read_map(path)
+    maps = read_storeys(path, heights) if is_storeys(path) else read_map(path, heights)
     alignment = capture.alignment
     if frame == "aligned" or alignment.is_identity:
         return maps
     if alignment.rotation[2, 2] < np.cos(np.radians(2.0)):
         raise InputError(f"{path} cannot be in the capture's frame, which is not z-up; use --map-frame aligned.")
+    turn, scale = alignment.rotation[:2, :2], alignment.scale
     if isinstance(maps, OccupancyMap):
-        return _aligned(maps, alignment)
-    turn = alignment.scale * alignment.rotation[:2, :2]
+        return turned(maps, turn, scale=scale)
     return StoreyMaps(
-        tuple(StoreyMap(alignment.scale * s.floor, _aligned(s.occupancy, alignment)) for s in maps.storeys),
-        tuple(
-            replace(s, outline=tuple((float(x), float(y)) for x, y in np.array(s.outline) @ turn.T))
-            for s in maps.stairs
-        ),
+        tuple(StoreyMap(scale * s.floor, turned(s.occupancy, turn, scale=scale)) for s in maps.storeys),
+        tuple(replace(s, outline=_turned(s.outline, scale * turn)) for s in maps.stairs),
     )
 
 
-def _aligned(occupancy: OccupancyMap, alignment: Alignment) -> OccupancyMap:
-    """The map on the cells of the aligned frame."""
-    rotation = alignment.rotation
-    resolution = occupancy.resolution * alignment.scale
-    rows, columns = occupancy.cells.shape
-    size = np.array([columns, rows]) * occupancy.resolution
-    corners = np.array(occupancy.origin) + np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * size
-    turned = alignment.scale * corners @ rotation[:2, :2].T
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    shape = np.ceil((high - low) / resolution).astype(int)[::-1]
-    empty = OccupancyMap(np.full(shape, UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
-    back = empty.centres() @ rotation[:2, :2] / alignment.scale
-    return OccupancyMap(occupancy.at(back), resolution, empty.origin)
+def _turned(outline: tuple[tuple[float, float], ...], turn: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in np.array(outline) @ turn.T)

@@ -72,11 +72,15 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """UTF-8. Raises InputError when the disk refuses, or the text holds what is no character, as a file name may."""
+    write_bytes(path, encoded(path, text))
+
+
+def encoded(path: Path, text: str) -> bytes:
+    """`text` in UTF-8, to be written to `path`. Raises InputError where it holds what is no character."""
     try:
-        data = text.encode()
+        return text.encode()
     except UnicodeEncodeError as error:
         at = text[max(0, error.start - 20) : error.end + 20]
         raise InputError(
             f"Cannot write {path}: {at!a} is not text in UTF-8; rename the file or folder that it comes from."
         ) from error
-    write_bytes(path, data)

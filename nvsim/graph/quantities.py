@@ -139,7 +139,8 @@ def _slope(graph: NavGraph, known: Known) -> Values:
 def clearness(graph: NavGraph, key: EdgeKey) -> float:
     """1 less the greatest mean alpha of a row of the corridors along an edge: 1 where the way is clear, 0 where it is
     not, NaN where nothing was measured."""
-    found = [float(e.alpha.mean(axis=1).max()) for e in evidence_along(graph, key) if e.alpha.size]
+    shown = [one for e in evidence_along(graph, key) for one in (e, e.second) if one is not None]
+    found = [float(one.alpha.mean(axis=1).max()) for one in shown if one.alpha.size]
     return 1.0 - max(found) / 255.0 if found else math.nan
 
 

@@ -39,8 +39,9 @@ class Review:
         self._known: dict[EdgeKey, tuple[tuple[int, ...], float]] = {}
 
     def order(self, graph: NavGraph) -> list[Doubt]:
-        """Edges between included viewpoints that nobody reviewed: first those that nothing was measured along (a
-        user's before others, and the longest first), then by margin, the smallest first."""
+        """Edges between included viewpoints that nobody reviewed: first those that two submap models disagree about,
+        then those that nothing was measured along (a user's before others, and the longest first), then by margin, the
+        smallest first."""
         doubts = []
         for key, edge in graph.edges.items():
             a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
@@ -52,6 +53,9 @@ class Review:
                 person = edge.origin == "person"
                 why = f"{'a user joined them and ' if person else ''}nothing was measured along its {length:.1f} m"
                 doubts.append(((0 if person else 1, -length), Doubt(key, margin, why)))
+            elif any(e.decision == "disputed" for e in evidence_along(graph, key)):
+                why = f"two submap models disagree about it, and one speaks against it by {distance(margin)}"
+                doubts.append(((-1, margin), Doubt(key, margin, why)))
             else:
                 sense = "speaks against it" if margin < 0 else "speaks for it"
                 why = f"the evidence {sense}, by {distance(margin)}"

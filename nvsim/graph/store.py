@@ -1,8 +1,9 @@
 """Graphs and evidence as bytes: one evidence as a compact blob for a database row, a whole graph as one blob.
 
 An evidence blob is a version byte, the length of a JSON header (uint32, little endian), the header, and the deflated
-cells. A graph blob is a zip with graph.json and evidence.bin. Floats travel as JSON numbers, which Python writes so
-that they come back equal to the last bit.
+cells. Its version is 1 where it holds alpha, up and support alone; what else was measured makes it 2, which programs
+before that refuse. A graph blob is a zip with graph.json and evidence.bin. Floats travel as JSON numbers, which Python
+writes so that they come back equal to the last bit.
 """
 
 from __future__ import annotations
@@ -23,15 +24,17 @@ import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.files.regular import shown
-from nvsim.graph.types import Edge, Evidence, NavGraph, Viewpoint
+from nvsim.graph.types import Edge, Evidence, NavGraph, SecondOpinion, Viewpoint
 
 T = TypeVar("T")
 _VERSION = 1
+_EVIDENCE_VERSION = 2
 _BLOCK = 256
 _FAR = 1e12  # metres
 _MOST_HEADER = 1 << 16  # bytes
-_ARRAYS = ("alpha", "up", "support")
-_SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in _ARRAYS)
+_OPTIONAL = ("reach", "mass")
+_ARRAYS = ("alpha", "up", "support", *_OPTIONAL)
+_SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in (*_ARRAYS, "second"))
 _CELLS_PER_BYTE = 256
 """Of evidence, at most: ours have two, and twenty where all cells are alike."""
 _FREE, _FREE_TEXT, _EXPANSION = 32 << 20, 4 << 20, 10
@@ -97,18 +100,24 @@ def encode_evidence(evidence: Evidence) -> bytes:
         return known
     header: dict[str, Any] = {name: getattr(evidence, name) for name in _SCALARS}
     header["shape"] = evidence.alpha.shape
+    extra = [name for name in _OPTIONAL if getattr(evidence, name) is not None]
+    planes = [evidence.alpha, evidence.up, *(getattr(evidence, name) for name in extra)]
+    version = 1
+    if extra or evidence.second is not None:
+        version, header["planes"] = _EVIDENCE_VERSION, extra
+    if (second := evidence.second) is not None:
+        header["second"] = second.submap, [name for name in _OPTIONAL if getattr(second, name) is not None]
+        planes += [second.alpha, second.up, *(getattr(second, name) for name in header["second"][1])]
     text = json.dumps(header, separators=(",", ":")).encode()
-    cells = zlib.compress(
-        evidence.alpha.tobytes() + evidence.up.tobytes() + np.packbits(evidence.support).tobytes(), level=6
-    )
-    return struct.pack("<BI", _VERSION, len(text)) + text + cells
+    raw = b"".join(plane.tobytes() for plane in planes) + np.packbits(evidence.support).tobytes()
+    return struct.pack("<BI", version, len(text)) + text + zlib.compress(raw, level=6)
 
 
 def decode_evidence(blob: bytes) -> Evidence:
     """Raises InputError when `blob` is not whole or comes from a newer version."""
     try:
         version, size = struct.unpack_from("<BI", blob)
-        if version != _VERSION:
+        if version not in (1, _EVIDENCE_VERSION):
             raise InputError(f"The evidence is of version {version}, newer than this program; install a newer NVSim.")
         if size > _MOST_HEADER:
             raise ValueError("a header too long")
@@ -117,19 +126,24 @@ def decode_evidence(blob: bytes) -> Evidence:
         count = rows * cells
         if not (type(rows) is type(cells) is int and min(rows, cells) >= 0 and count <= _CELLS_PER_BYTE * len(blob)):
             raise ValueError(f"cells of shape {rows!r:.20} x {cells!r:.20}")
-        data = _inflated(blob[5 + size :], 2 * count + (count + 7) // 8)
+        own = ["alpha", "up", *_optional(header.pop("planes", []))]
+        submap, extra = header.pop("second", (None, []))
+        others = [] if submap is None else ["alpha", "up", *_optional(extra)]
+        many = len(own) + len(others)
+        data = _inflated(blob[5 + size :], many * count + (count + 7) // 8)
+        planes = [np.frombuffer(data, np.uint8, count, k * count).reshape(rows, cells) for k in range(many)]
+        support = np.unpackbits(np.frombuffer(data, np.uint8, offset=many * count), count=count).astype(bool)
         header["target"] = x, y = (float(header["target"][0]), float(header["target"][1]))
         if not (math.isfinite(x) and math.isfinite(y)):
             raise ValueError("a target that is not finite")
+        if not header.keys() <= set(_SCALARS):
+            raise ValueError("a header of other things")
         _check_kinds(header, _EVIDENCE)
-        evidence = Evidence(
-            alpha=np.frombuffer(data, np.uint8, count).reshape(rows, cells),
-            up=np.frombuffer(data, np.uint8, count, count).reshape(rows, cells),
-            support=np.unpackbits(np.frombuffer(data, np.uint8, offset=2 * count), count=count)
-            .astype(bool)
-            .reshape(rows, cells),
-            **header,
-        )
+        if submap is not None:
+            _check_kinds({"submap": submap}, _EVIDENCE)
+            header["second"] = SecondOpinion(submap, **dict(zip(others, planes[len(own) :], strict=True)))
+        header |= zip(own, planes[: len(own)], strict=True)
+        evidence = Evidence(support=support.reshape(rows, cells), **header)
         evidence.__dict__[_BLOB] = bytes(blob)
         return evidence
     except InputError:
@@ -138,6 +152,13 @@ def decode_evidence(blob: bytes) -> Evidence:
         raise InputError(
             f"The stored evidence is damaged ({shown(error)}); build the graph again with `nvsim map`."
         ) from error
+
+
+def _optional(names: Any) -> tuple[str, ...]:
+    """The names of planes in a header, in our order. Raises ValueError for others."""
+    if not isinstance(names, list) or names != [name for name in _OPTIONAL if name in names]:
+        raise ValueError(f"planes {names!r:.40}")
+    return tuple(names)
 
 
 def encode_graph(graph: NavGraph) -> bytes:
@@ -200,7 +221,7 @@ def decode_graph(blob: bytes) -> NavGraph:
             if not 0 < size <= len(data) - at:
                 raise ValueError("evidence of another size")
             found = decode_evidence(data[at : at + size])
-            held += 3 * found.alpha.size
+            held += _planes_in(found) * found.alpha.size
             if held > _FREE + _EXPANSION * len(blob):
                 raise ValueError("more evidence than fits in it")
             evidence[found.key] = found
@@ -210,6 +231,11 @@ def decode_graph(blob: bytes) -> NavGraph:
         raise
     except Exception as error:  # whatever an archive and JSON that are none of ours lead to
         raise InputError(f"The graph file is damaged ({shown(error)}); export it again.") from error
+
+
+def _planes_in(evidence: Evidence) -> int:
+    """How many arrays of its cells it holds."""
+    return sum(getattr(one, n, None) is not None for one in (evidence, evidence.second) for n in _ARRAYS)
 
 
 def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
@@ -258,4 +284,12 @@ def same_evidence(a: Evidence, b: Evidence) -> bool:
         a is b
         or all(getattr(a, n) == getattr(b, n) for n in _SCALARS)
         and all(np.array_equal(getattr(a, n), getattr(b, n)) for n in _ARRAYS)
+        and _same_opinion(a.second, b.second)
     )
+
+
+def _same_opinion(a: SecondOpinion | None, b: SecondOpinion | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    planes = ("alpha", "up", *_OPTIONAL)
+    return a.submap == b.submap and all(np.array_equal(getattr(a, n), getattr(b, n)) for n in planes)

@@ -18,7 +18,22 @@ EdgeKey = tuple[str, str]
 EvidenceKey = tuple[str, int]
 ViewpointOrigin = Literal["start", "step", "person", "file"]
 EdgeOrigin = Literal["step", "merge", "person", "file"]
-Decision = Literal["", "open", "alpha", "normal", "unknown", "distance", "limit", "merge", "return"]
+Decision = Literal[
+    "",
+    "open",
+    "alpha",
+    "normal",
+    "depth",
+    "slice",
+    "unknown",
+    "disputed",
+    "distance",
+    "limit",
+    "merge",
+    "return",
+    "spare",
+    "served",
+]
 
 
 @dataclass(frozen=True)
@@ -68,6 +83,21 @@ def edge(a: str, b: str, origin: EdgeOrigin = "step") -> Edge:
 
 
 @dataclass(frozen=True, eq=False)
+class SecondOpinion:
+    """What the model of another submap that was trained on the same place shows of a corridor.
+
+    submap                   index of that submap
+    alpha, up, reach, mass   as in Evidence
+    """
+
+    submap: int
+    alpha: NDArray[np.uint8]
+    up: NDArray[np.uint8]
+    reach: NDArray[np.uint8] | None = None
+    mass: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Evidence:
     """What was measured from one viewpoint along one corridor, enough to decide again without rendering.
 
@@ -84,9 +114,16 @@ class Evidence:
     submap      index of the submap model that was rendered
     target      (x, y) where the step leads
     joins       id of the existing viewpoint that the corridor leads to, "" for a lattice step
-    decision    the words of the decision under the thresholds it was built with: "open", or the first criterion that
-                failed: "alpha", "normal", "unknown", "distance", "limit", "merge", "return" (the corridor back)
+    decision    under the thresholds it was built with: "open", or the first criterion that failed: "alpha", "normal",
+                "depth", "slice", "unknown", "disputed" (one of two submap models calls it open), "distance", "limit",
+                "merge", "return" (the corridor back); or why a free corridor got no edge: "spare" (another way is
+                hardly longer), "served" (others stand near its end)
     stale       whether the viewpoint, or the one it leads to, stands elsewhere since this was measured
+    reach       (rows, cells) uint8, share of the way to the cell's floor that the rendered depth reaches * 255, where
+                what passes every Gaussian reaches it; 0 where a cell lies outside the image. None: not measured
+    mass        (rows, cells) uint8, how much of the cell the Gaussians between 0.1 m above the floor and the camera
+                cover, seen from above, * 255. None: not measured
+    second      what the model of another submap shows of it, None where none was asked
     """
 
     viewpoint: str
@@ -104,6 +141,9 @@ class Evidence:
     joins: str = ""
     decision: Decision = ""
     stale: bool = False
+    reach: NDArray[np.uint8] | None = None
+    mass: NDArray[np.uint8] | None = None
+    second: SecondOpinion | None = None
 
     @property
     def key(self) -> tuple[str, int]:

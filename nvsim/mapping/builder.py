@@ -21,7 +21,9 @@ from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
-from nvsim.mapping.too_little import nowhere_to_stand, too_little
+from nvsim.mapping.settling import Settling
+from nvsim.mapping.survey import Survey
+from nvsim.mapping.too_little import NowhereToStand, nowhere_to_stand, too_little
 from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
@@ -37,10 +39,12 @@ _CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
 @dataclass(frozen=True, eq=False)
 class BuildResult:
     """`report` is JSON-able: viewpoints, edges, components, starts, rendered_viewpoints, rendered_views, seconds,
-    viewpoints_per_s, decisions (word -> count), walk_uncovered (places), isolated_removed, limited, stopped."""
+    viewpoints_per_s, decisions (word -> count), walk_uncovered (places), isolated_removed, limited, stopped.
+    `measured` is all evidence, as a graph of nothing else: also of viewpoints that the graph does not have."""
 
     graph: NavGraph
     report: dict[str, Any]
+    measured: NavGraph
 
 
 def _never() -> bool:
@@ -55,17 +59,20 @@ def build_map(
     config: MappingConfig,
     *,
     scan: str,
+    start: NDArray[np.floating] | None = None,
     previous: NavGraph | None = None,
+    remembered: NavGraph | None = None,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = _never,
     keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
-    """Builds the navigation graph of the camera positions `trajectory` (N, 3).
+    """Builds the navigation graph of the camera positions `trajectory` (N, 3); the search begins at `start` (3,) where
+    one is given.
 
     `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
-    `previous` is decided again instead of being rendered, and what a user added to it is kept. `keep` is given what
-    was measured so far every few seconds, as a graph of evidence alone: a build that was cut off takes it as `previous`
-    and ends like one that was not.
+    `previous`, and of what an earlier build had `remembered`, is decided again instead of being rendered, and what a
+    user added to `previous` is kept. `keep` is given what was measured so far every few seconds, as a graph of evidence
+    alone: a build that was cut off takes it as `remembered` and ends like one that was not.
 
     Raises InputError when the trajectory is empty or nobody can stand anywhere on it.
     Source: paper, section III-D, Algorithm 1.
@@ -73,25 +80,35 @@ def build_map(
     if len(trajectory) == 0 or not np.isfinite(trajectory).all():
         raise InputError("The trajectory has no camera with a finite position; check the capture with `nvsim check`.")
     started = time.monotonic()
-    remembered = () if previous is None else tuple(previous.evidence.values())
+    known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
-    measurements = Measurements(source, floor_at, support, config, lattice, remembered)
+    measurements = Measurements(source, floor_at, support, config, lattice, known)
     walk = Walk(trajectory, support)
-    search = Search(GraphBuilder(scan), lattice, measurements, walk, floor_at, config)
+    survey = Survey(GraphBuilder(scan), lattice, measurements, walk, floor_at, config)
+    search = Search(survey)
+
+    def measured() -> NavGraph:
+        return NavGraph(scan, evidence={e.key: e for e in measurements.everything()})
 
     def keep_evidence() -> None:
         if keep is not None:
-            keep(NavGraph(scan, evidence={e.key: e for e in measurements.everything()}))
+            keep(measured())
 
     explorer = _Explorer(search, walk, config, listen, should_stop, keep_evidence)
-    explorer.cover()
-    explorer.bridge()
-    explorer.beside()
+    if start is not None or config.starts == "one":
+        explorer.begin(walk.places[0] if start is None else start)
+    if config.starts == "cover":
+        explorer.cover()
+        explorer.bridge()
+        explorer.beside()
     draft = search.draft
+    if config.settle and not should_stop():
+        Settling(survey, should_stop, explorer.progress).run()
     if not draft.viewpoints and not should_stop():
-        raise InputError(nowhere_to_stand(search.refusals, config))
+        raise NowhereToStand(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
-    isolated = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
+    alone = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
+    isolated = [] if config.isolated else alone
     for id in isolated:
         draft.remove(id)
     graph = keep_edits(draft.graph(), previous)
@@ -120,7 +137,7 @@ def build_map(
     sentence = too_little(report, np.array(uncovered), len(walk.places))
     if sentence and not should_stop():
         listen(Warning(sentence, STAGE))
-    return BuildResult(graph, report)
+    return BuildResult(graph, report, measured())
 
 
 def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Listener) -> None:
@@ -136,6 +153,9 @@ def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Lis
         listen(
             Log(f"{count} free steps would have led farther than {config.max_distance} m from the trajectory.", STAGE)
         )
+    if report["decisions"].get("disputed"):
+        count = report["decisions"]["disputed"]
+        listen(Log(f"{count} corridors have no edge because two submap models disagree about them.", STAGE))
     if report["components"] > 1:
         sizes = ", ".join(map(str, report["component_sizes"]))
         text = f"The graph has {report['components']} parts that do not reach each other ({sizes} viewpoints)."
@@ -161,6 +181,12 @@ class _Explorer:
         self._listen, self._should_stop = listen, should_stop
         self._tried: set[int] = set()
         self._keep, self._kept = keep, time.monotonic()
+
+    def begin(self, place: NDArray[np.floating]) -> None:
+        """Starts at one place (3,), on the trajectory or beside it."""
+        if self._search.start(place):
+            self._search.run(self._should_stop, self.progress)
+            self.progress()
 
     def cover(self) -> None:
         """Starts at the place with the most clearance, then at those that are not covered yet, in the same order."""
@@ -192,9 +218,7 @@ class _Explorer:
         for place in self._walk.beside(self._config.half_width, _BESIDE):
             if self._should_stop():
                 return
-            if self._search.start(place):
-                self._search.run(self._should_stop, self._progress)
-                self._progress()
+            self.begin(place)
 
     def is_covered(self, place: NDArray[np.floating]) -> bool:
         return self._coverer(place) is not None
@@ -226,11 +250,11 @@ class _Explorer:
         self._tried.add(place)
         if not self._search.start(self._walk.places[place]):
             return False
-        self._search.run(self._should_stop, self._progress)
-        self._progress()
+        self._search.run(self._should_stop, self.progress)
+        self.progress()
         return True
 
-    def _progress(self) -> None:
+    def progress(self) -> None:
         found = len(self._search.draft.viewpoints)
         done = found - self._search.waiting
         self._listen(Progress(STAGE, max(0, done), max(1, found), f"{found} viewpoints"))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.mapping.families import chosen
 
 WIDEST = 0.9  # metres across that the evidence of a corridor covers
 
@@ -17,6 +18,8 @@ class MappingConfig:
 
     rule: Literal["mean", "worst"] = "worst"
     """mean: the paper's mean over the corridor alone. worst: every row and cell must pass too."""
+    criteria: tuple[str, ...] = ("alpha", "normal")
+    """What must pass, joined by commas: alpha, normal, depth, slice. Known floor is asked for whatever stands here."""
     tau_alpha: float = 0.95
     """Mean accumulated alpha over the corridor must stay below this (tau_alpha)."""
     tau_normal: float = 0.85
@@ -29,6 +32,17 @@ class MappingConfig:
     """Rule worst: the alpha of every cell of 0.05 x 0.1 m must stay below this."""
     row_normal: float = 0.6
     """Rule worst: the mean upward normal component of every row must exceed this."""
+    tau_depth: float = 0.95
+    """Criterion depth: the mean share of the way to the floor that the rendered depth reaches must exceed this."""
+    row_depth: float = 0.9
+    """Rule worst: the same for the mean of every row."""
+    tau_slice: float = 0.05
+    """Criterion slice: what Gaussians between 0.1 m above the floor and the camera cover of the corridor, seen from
+    above, must stay below this share."""
+    row_slice: float = 0.2
+    """Rule worst: the same for every row."""
+    cell_slice: float = 0.5
+    """Rule worst: the same for every cell."""
     support: float = 0.85
     """Share of every row that a floor mask or the cloud must know as floor; what is not known is not walked."""
     both_ways: bool = True
@@ -39,24 +53,59 @@ class MappingConfig:
     """Metres that are kept free on either side of the robot as well, because edges of rendered things are soft. The
     corridor is twice the sum of both wide and ends the sum beyond the step; a door of 0.8 m lets it pass."""
     merge_radius: float = 1.0
-    """Metres; a step that ends this near to an existing viewpoint joins it when the corridor to it passes."""
+    """Metres; a step that ends this near to an existing viewpoint leads to it."""
+    checked_merges: bool = True
+    """The corridor to an existing viewpoint that does not stand exactly where the step ends must pass as well."""
+    standing: bool = True
+    """A start needs free, known floor under it."""
+    start: str = ""
+    """Where the search begins: the name of a frame, or X,Y in metres; left out, the place of the trajectory with the
+    most room around it, or its first frame when there is one start alone."""
+    starts: Literal["cover", "one"] = "cover"
+    """cover: the search begins again wherever the trajectory is not covered, or the graph does not follow it."""
+    isolated: bool = False
+    """Viewpoints without an edge are kept."""
     max_distance: float = 4.0
-    """Metres; no viewpoint is farther than this from the trajectory, seen from above."""
-    max_viewpoints: int = 1500
-    """The search stops here and says so."""
+    """Metres; no viewpoint is farther than this from the trajectory, seen from above; 0 for any distance."""
+    max_viewpoints: int = 20_000
+    """The search stops here and says so: under loose thresholds it leaves the building through a hole in a wall."""
     cover_distance: float = 1.5
     """Metres; a place of the trajectory without a viewpoint this near, in line, starts another search."""
     lattice_offset: float = 7.5
     """Degrees that the eight directions are turned by, so that none lies between two of R2R's 30-degree views."""
+    jitter: float = 0.15
+    """Metres, at most, between where a step ends and the lattice, the same in every run: steps of one length leave
+    shortest paths tied, which tells an agent apart from its teacher without either being wrong."""
+    settle: bool = True
+    """What the search found is thinned, joined and filled up; otherwise its lattices stay as they are."""
+    reach: float = 3.5
+    """Settling: metres of the longest edge."""
+    stretch: float = 1.2
+    """Settling: two viewpoints with a free way are joined unless the graph's way is at most this many times as long."""
     view_size: int = 192
     """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
 
+    second_opinion: bool = True
+    """Ask the model of another submap too where it was trained on the same place; an edge needs both."""
+
     def __post_init__(self) -> None:
+        object.__setattr__(self, "criteria", chosen(self.criteria))
         if not 0 <= self.half_width <= WIDEST / 2:
             raise InputError(
                 f"The corridor of a robot of {self.robot_radius} m radius with {self.margin} m margin is not between 0 "
                 f"and {WIDEST} m wide, which is what the evidence can hold; change --robot-radius or --margin."
             )
+
+    @property
+    def key(self) -> dict[str, dict[str, object]]:
+        """What a map's key holds of it. An option that came later counts where it is used only, so that what was built
+        before stays current."""
+        later = tuple(f"_{family}" for family in ("depth", "slice") if family not in self.criteria)
+        values = {name: value for name, value in asdict(self).items() if not name.endswith(later)}
+        if self.criteria == MappingConfig.criteria:
+            del values["criteria"]
+        del values["second_opinion"]  # the stage knows whether there is another submap to ask
+        return {MappingConfig.__name__: values}
 
     @property
     def half_width(self) -> float:
@@ -65,5 +114,25 @@ class MappingConfig:
 
     @staticmethod
     def paper() -> MappingConfig:
-        """The paper's decision: the means, one way."""
-        return MappingConfig(rule="mean", both_ways=False, margin=0.0, support=0.5)
+        """The paper's Algorithm 1: the means decide, by the closest submap alone, one way, from one start, however far
+        from the trajectory, and a step that ends near an existing viewpoint leads to it.
+
+        The paper does not say how near that is. A lattice of eight directions with steps of one length is dense in the
+        plane, so that an exact match would never end; a metre gives as many viewpoints to the area as the paper has
+        (2,095 on about 6,000 m2, of which part is free).
+        """
+        return MappingConfig(
+            rule="mean",
+            both_ways=False,
+            margin=0.0,
+            support=0.0,
+            checked_merges=False,
+            standing=False,
+            starts="one",
+            isolated=True,
+            max_distance=0.0,
+            lattice_offset=0.0,
+            jitter=0.0,
+            settle=False,
+            second_opinion=False,
+        )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import WIDEST, MappingConfig
-from nvsim.mapping.view_source import ViewSource
+from nvsim.mapping.view_source import Ensemble, ViewSource
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 """The floor's height (...) at world points (..., 3), whose z is the height of a camera or of a floor near which it is
@@ -104,18 +104,21 @@ class Corridor:
 
 @dataclass(frozen=True, eq=False)
 class FloorView:
-    """A view of the floor: alpha (H, W) and normal_z (H, W), the world z of the Gaussians' normals, float32, both right
-    where `seen` (H, W) is true."""
+    """A view of the floor: alpha (H, W), normal_z (H, W), the world z of the Gaussians' normals, and where depth was
+    rendered depth (H, W), that of the Gaussians times alpha, metres along the optical axis; all float32 and right where
+    `seen` (H, W) is true."""
 
     submap: int
     camera: Camera
     alpha: NDArray[np.float32]
     normal_z: NDArray[np.float32]
     seen: NDArray[np.bool_]
+    depth: NDArray[np.float32] | None = None
 
     def shows(self, corridor: Corridor, floor_at: HeightAt) -> bool:
         """Whether every pixel that `corridor` is read from was rendered."""
-        return bool(self.seen[_corners(*_cells_in(self.camera, corridor, floor_at), self.seen.shape)].all())
+        pixels, inside, _ = _cells_in(self.camera, corridor, floor_at)
+        return bool(self.seen[_corners(pixels, inside, self.seen.shape)].all())
 
 
 def look_down(
@@ -124,17 +127,25 @@ def look_down(
     wanted: Mapping[int, Sequence[Corridor]],
     floor_at: HeightAt,
     config: MappingConfig,
+    submap: int | None = None,
 ) -> dict[int, FloorView]:
-    """Renders a view for each lattice direction in `wanted`, of the pixels that its corridors are read from."""
+    """Renders a view for each lattice direction in `wanted`, of the pixels that its corridors are read from; with
+    `submap` from the model of that one, for which `source` must be an Ensemble."""
     towards = headings(config)
     cameras = [camera_towards(position, towards[k], config) for k in wanted]
     masks = [pixels_read(c, corridors, floor_at) for c, corridors in zip(cameras, wanted.values(), strict=True)]
-    submap, outputs = source.views(np.asarray(position, np.float64), cameras, masks)
+    if submap is None:
+        submap, outputs = source.views(np.asarray(position, np.float64), cameras, masks)
+    else:
+        assert isinstance(source, Ensemble)
+        outputs = source.views_of(submap, cameras, masks)
     views = {}
     for k, camera, output, mask in zip(wanted, cameras, outputs, masks, strict=True):
         if output.alpha is None or output.normal is None:
             raise ValueError("the source rendered no alpha or no normal")
-        views[k] = FloorView(submap, camera, output.alpha, np.ascontiguousarray(output.normal[..., 2]), mask)
+        normal_z = np.ascontiguousarray(output.normal[..., 2])
+        depth = None if output.depth is None else output.alpha * output.depth
+        views[k] = FloorView(submap, camera, output.alpha, normal_z, mask, depth)
     return views
 
 
@@ -142,7 +153,8 @@ def pixels_read(camera: Camera, corridors: Sequence[Corridor], floor_at: HeightA
     """(H, W) the pixels of a view that `measure` reads `corridors` from."""
     mask = np.zeros((camera.intrinsics.height, camera.intrinsics.width), bool)
     for corridor in corridors:
-        mask[_corners(*_cells_in(camera, corridor, floor_at), mask.shape)] = True
+        pixels, inside, _ = _cells_in(camera, corridor, floor_at)
+        mask[_corners(pixels, inside, mask.shape)] = True
     return mask
 
 
@@ -165,12 +177,17 @@ def measure(
     """What `view` shows on the floor cells of `corridor`; the decision is left empty.
 
     The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
-    background's floor, whose normal points up, and adds to the z of the Gaussians' normals.
+    background's floor, whose normal points up, and adds to the z of the Gaussians' normals. The depth is the
+    composite's too: that share of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
     """
     ground = corridor.ground(floor_at)
-    pixels, inside = _pixels_of(view.camera, ground)
+    pixels, inside, to_floor = _pixels_of(view.camera, ground)
     alpha = np.where(inside, _bilinear(view.alpha, pixels), 1.0)
     normal_z = np.where(inside, _bilinear(view.normal_z, pixels), 0.0)
+    reach = None
+    if view.depth is not None:
+        share = _bilinear(view.depth, pixels) / np.maximum(to_floor, 1e-6) + (1.0 - alpha)
+        reach = _bytes(np.where(inside, share, 0.0))
     return Evidence(
         viewpoint,
         direction,
@@ -185,14 +202,25 @@ def measure(
         view.submap,
         corridor.target,
         joins,
+        reach=reach,
     )
+
+
+def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, support: SupportAt) -> Evidence:
+    """The evidence of `corridor` on floor that is level and empty, as far as it is known."""
+    known = np.asarray(support(corridor.ground(floor_at)), bool)
+    empty, full = np.zeros(known.shape, np.uint8), np.full(known.shape, 255, np.uint8)
+    place = viewpoint, -1, corridor.heading, corridor.length
+    return Evidence(*place, empty, full, known, NEAR, DEPTH, WIDTH, -1, corridor.target, reach=full, mass=empty)
 
 
 def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.round(np.clip(values, 0.0, 1.0) * 255).astype(np.uint8)
 
 
-def _cells_in(camera: Camera, corridor: Corridor, floor_at: HeightAt) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _cells_in(
+    camera: Camera, corridor: Corridor, floor_at: HeightAt
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
     """See `_pixels_of`, of the cell centres on the floor."""
     return _pixels_of(camera, corridor.ground(floor_at))
 
@@ -202,12 +230,15 @@ def _lifted(xy: NDArray[np.float64], z: NDArray[np.float64] | float) -> NDArray[
     return np.concatenate([xy, np.broadcast_to(z, xy.shape[:-1])[..., None]], axis=-1)
 
 
-def _pixels_of(camera: Camera, ground: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(rows, CELLS, 2) pixels of points (rows, CELLS, 3), and (rows, CELLS) whether they lie in the image, with a
-    pixel's grace at its border."""
+def _pixels_of(
+    camera: Camera, ground: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
+    """(rows, CELLS, 2) pixels of points (rows, CELLS, 3), (rows, CELLS) whether they lie in the image, with a pixel's
+    grace at its border, and (rows, CELLS) their depth, metres."""
     pixels, depth = camera.project(ground)
     u, v, k = pixels[..., 0], pixels[..., 1], camera.intrinsics
-    return pixels, np.asarray((depth > 0) & (u > -1) & (v > -1) & (u < k.width + 1) & (v < k.height + 1))
+    inside = (depth > 0) & (u > -1) & (v > -1) & (u < k.width + 1) & (v < k.height + 1)
+    return pixels, np.asarray(inside), np.asarray(depth)
 
 
 def _neighbours(pixels: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[NDArray[Any], ...]:

@@ -2,90 +2,24 @@
 
 Whoever decides or explains reads `CRITERIA`: the builder (`decide`), the stack that decides a whole graph again
 (`evidence_stack`), the explanation (`explain`), the sliders and the words of the window. A new criterion is a threshold
-in `MappingConfig` and a row here.
+in `MappingConfig` and a row here. Those of one family are asked when the configuration names it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.criterion import FULL, Criterion, Part
+from nvsim.mapping.opinions import opinions
 
 OPEN: Decision = "open"
-Plane = Literal["alpha", "up", "support"]
-Part = tuple[slice, slice]  # rows and cells of the corridor
-FULL: Mapping[Plane, int] = {"alpha": 255, "up": 255, "support": 1}
-"""What a stored value of 1 is in each plane of the evidence."""
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """One measured value against one threshold.
-
-    field       the threshold's name in MappingConfig
-    word        the decision when it fails
-    name        what is measured, in words
-    label       the same beside a slider
-    plane       the plane of the evidence that it looks at
-    over        "corridor" takes the mean of all cells, "row" the worst mean of a row, "cell" the worst cell
-    below       whether the value must stay below the limit; else it must exceed it
-    closed      whether a value at the limit passes
-    worst_only  whether only the rule "worst" asks for it
-    """
-
-    field: str
-    word: Decision
-    name: str
-    label: str
-    plane: Plane
-    over: Literal["corridor", "row", "cell"]
-    below: bool
-    closed: bool = False
-    worst_only: bool = False
-
-    def limit(self, config: MappingConfig) -> float:
-        return float(getattr(config, self.field))
-
-    def asked(self, config: MappingConfig) -> bool:
-        return not self.worst_only or config.rule == "worst"
-
-    @overload
-    def passes(self, value: float, limit: float) -> bool: ...
-    @overload
-    def passes(self, value: NDArray[np.floating], limit: float) -> NDArray[np.bool_]: ...
-    def passes(self, value: float | NDArray[np.floating], limit: float) -> bool | NDArray[np.bool_]:
-        """Whether a value, or each value of an array, is on the right side of the limit."""
-        if self.below:
-            return value <= limit if self.closed else value < limit
-        return value >= limit if self.closed else value > limit
-
-    def relation(self, passes: bool) -> str:
-        """How a value that passes, or fails, lies to the limit."""
-        if self.below == passes:
-            return "≤" if self.closed == passes else "<"
-        return "≥" if self.closed == passes else ">"
-
-    def measure(self, evidence: Evidence, corridor: Part) -> tuple[float, Part]:
-        """The value, 0 to 1, and the part of the corridor that it comes from."""
-        rows, cells = corridor
-        values: NDArray[Any] = getattr(evidence, self.plane)[rows, cells]
-        full = FULL[self.plane]
-        if self.over == "corridor":
-            return float(values.mean()) / full, corridor
-        if self.over == "row":
-            means = values.mean(axis=1)
-            row = int(means.argmax() if self.below else means.argmin())
-            return float(means[row]) / full, (slice(row, row + 1), cells)
-        row, cell = divmod(int(values.argmax() if self.below else values.argmin()), values.shape[1])
-        at = cells.start + cell
-        return float(values[row, cell]) / full, (slice(row, row + 1), slice(at, at + 1))
-
+DISPUTED: Decision = "disputed"
 
 CRITERIA: tuple[Criterion, ...] = (
     Criterion("tau_alpha", "alpha", "mean alpha", "Mean alpha below", "alpha", "corridor", True),
@@ -97,6 +31,13 @@ CRITERIA: tuple[Criterion, ...] = (
     Criterion(
         "row_normal", "normal", "least row's upward normal", "Row's normal above", "up", "row", False, worst_only=True
     ),
+    Criterion("tau_depth", "depth", "mean reach of depth", "Mean reach above", "reach", "corridor", False),
+    Criterion(
+        "row_depth", "depth", "least row's reach of depth", "Row's reach above", "reach", "row", False, worst_only=True
+    ),
+    Criterion("tau_slice", "slice", "mean slice", "Mean slice below", "mass", "corridor", True),
+    Criterion("row_slice", "slice", "worst row's slice", "Row's slice below", "mass", "row", True, worst_only=True),
+    Criterion("cell_slice", "slice", "worst cell's slice", "Cell's slice below", "mass", "cell", True, worst_only=True),
     Criterion(
         "support", "unknown", "least row's known floor", "Known floor, least", "support", "row", False, closed=True
     ),
@@ -125,10 +66,25 @@ DECISIONS: Mapping[Decision, Words] = {
         "what lies in the corridor does not face up",
         "photograph its floor from above, or lower the limits of the upward normal where it is level",
     ),
+    "depth": Words(
+        "depth ends early",
+        "the rendered depth ends before the floor of the corridor",
+        "photograph the place from more sides, or lower the limits of depth where it is free",
+    ),
+    "slice": Words(
+        "Gaussians in it",
+        "Gaussians stand between the floor and the camera in the corridor",
+        "photograph the place from more sides, or raise the limits of the slice where it is free",
+    ),
     "unknown": Words(
         "floor not seen",
         "no image and no scan shows floor along the corridor",
         "photograph the floor there, looking down by 20 to 30 degrees from two or three places, or correct its masks",
+    ),
+    "disputed": Words(
+        "models disagree",
+        "one submap's model shows the corridor free and another's does not",
+        "look at it from both models, or photograph the place where the submaps meet from more sides",
     ),
     "return": Words("no way back", "the way there is free, the way back is not", "photograph the place both ways"),
     "distance": Words("too far out", "it leads too far from the trajectory", "raise the greatest distance from it"),
@@ -138,12 +94,37 @@ DECISIONS: Mapping[Decision, Words] = {
         "another viewpoint stands near its end and the way to it is not free",
         "lower the distance within which viewpoints are one",
     ),
+    "spare": Words("not needed", "another way there is hardly longer", "lower the stretch of settling"),
+    "served": Words(
+        "served", "other viewpoints stand near its end", "lower the distance within which viewpoints are one"
+    ),
 }
 """Why no edge came of a corridor: the criteria's decisions, then those of the search."""
 
 
+def lacking(evidence: Evidence, config: MappingConfig) -> tuple[str, ...]:
+    """The families that `config` names and `evidence`, or the second opinion in it, holds no plane of."""
+    told = [one for one in (evidence, evidence.second) if one is not None]
+    asked = [c for c in CRITERIA if c.family and c.chosen(config)]
+    return tuple(dict.fromkeys(c.family for c in asked if any(getattr(one, c.plane) is None for one in told)))
+
+
 def decide(evidence: Evidence, config: MappingConfig) -> Decision:
-    """OPEN, or the word of the first criterion that fails."""
+    """OPEN, or the word of the first criterion that fails; DISPUTED where one of two models calls the corridor open.
+
+    Raises InputError where the evidence lacks what a criterion asks for.
+    """
+    return stricter([_decision(one, config) for one in opinions(evidence, config)])
+
+
+def stricter(decisions: Sequence[Decision]) -> Decision:
+    """The decision of one or two opinions: an edge needs both."""
+    if len(decisions) > 1 and (decisions[0] == OPEN) != (decisions[1] == OPEN):
+        return DISPUTED
+    return decisions[0]
+
+
+def _decision(evidence: Evidence, config: MappingConfig) -> Decision:
     corridor = corridor_of(evidence, config)
     for criterion in CRITERIA:
         if criterion.asked(config):
@@ -155,14 +136,36 @@ def decide(evidence: Evidence, config: MappingConfig) -> Decision:
 
 def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
     """Whether the floor under a viewpoint is free: the cells within the robot's radius of it, in every direction that
-    was measured, under the rule's limit for the mean of a row."""
-    alpha, known = footing(around, config)
-    return alpha < standing_limit(config) and known >= config.support
+    was measured, under the rule's limit for the mean of a row; in every model that was asked."""
+    several = [opinions(evidence, config) for evidence in around]
+    firsts = [one[0] for one in several]
+    if not _stands(firsts, config):
+        return False
+    # All directions of a viewpoint were measured with the same models.
+    return not any(len(one) > 1 for one in several) or _stands([one[-1] for one in several], config)
+
+
+def _stands(around: list[Evidence], config: MappingConfig) -> bool:
+    if not around or footing(around, config)[1] < config.support:
+        return False
+    for criterion in standing(config):
+        beneath = np.concatenate([criterion.plane_of(evidence)[under(evidence, config)] for evidence in around])
+        if not criterion.passes(float(beneath.mean() / FULL[criterion.plane]), criterion.limit(config)):
+            return False
+    return True
+
+
+def standing(config: MappingConfig) -> tuple[Criterion, ...]:
+    """What the mean over the floor under a viewpoint is held against: the rule's criterion of a row of each family. The
+    upward normal contains 1 - alpha, so beside alpha it says nothing more of a floor."""
+    over = "row" if config.rule == "worst" else "corridor"
+    families = [f for f in config.criteria if f != "normal" or "alpha" not in config.criteria]
+    return tuple(c for c in CRITERIA if c.family in families and c.over == over)
 
 
 def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, float]:
-    """What `can_stand` asks of the floor under a viewpoint: its mean alpha, and how much of it is known, 0 to 1; (1, 0)
-    where nothing was measured."""
+    """Of the floor under a viewpoint: its mean alpha, and how much of it is known, 0 to 1; (1, 0) where nothing was
+    measured."""
     alpha, support = [], []
     for evidence in around:
         near = under(evidence, config)
@@ -171,11 +174,6 @@ def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, f
     if not alpha:
         return 1.0, 0.0
     return float(np.concatenate(alpha).mean() / 255), float(np.concatenate(support).mean())
-
-
-def standing_limit(config: MappingConfig) -> float:
-    """What the mean alpha of the floor under a viewpoint must stay below."""
-    return config.row_alpha if config.rule == "worst" else config.tau_alpha
 
 
 def under(evidence: Evidence, config: MappingConfig) -> NDArray[np.bool_]:
@@ -187,13 +185,15 @@ def under(evidence: Evidence, config: MappingConfig) -> NDArray[np.bool_]:
 
 
 def answers(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
-    """Whether stored evidence holds what a corridor of this length and heading needs under `config`."""
+    """Whether stored evidence holds what a corridor of this length and heading needs under `config`, of the first model
+    that is asked."""
     turn = abs((evidence.heading - heading + np.pi) % (2 * np.pi) - np.pi)
     return bool(
         abs(evidence.length - length) < 1e-6
         and turn < 1e-6
         and evidence.near + len(evidence.alpha) * evidence.depth >= length + config.half_width - 1e-9
         and evidence.width >= 2 * config.half_width - 1e-9
+        and not lacking(evidence, config)
     )
 
 

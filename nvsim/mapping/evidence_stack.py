@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.errors import InputError
 from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import FULL, OPEN, Criterion, corridor_of, standing_limit, under
+from nvsim.mapping.criteria import DISPUTED, OPEN, corridor_of, standing, under
+from nvsim.mapping.criterion import FULL, Criterion, unmeasured
+from nvsim.mapping.opinions import opinions
 
 _KEPT = 4  # widths of corridors whose sums are kept
 
@@ -22,7 +25,7 @@ _Kind = tuple[str, str, bool]  # plane, over, below: what a criterion takes from
 
 def words() -> tuple[Decision, ...]:
     """What the codes of `EvidenceStack.decide` say; the first is OPEN."""
-    return (OPEN, *dict.fromkeys(c.word for c in criteria.CRITERIA))
+    return (OPEN, *dict.fromkeys(c.word for c in criteria.CRITERIA), DISPUTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,8 @@ class _Sums:
 
 
 class _Group:
-    """Evidence of one cell size and width, rows padded to the longest; planes are (cells, n, R)."""
+    """Evidence of one cell size and width that holds the same planes, rows padded to the longest; planes are
+    (cells, n, R)."""
 
     def __init__(self, rows: list[int], evidence: Sequence[Evidence]) -> None:
         self.index = np.array(rows)
@@ -46,6 +50,8 @@ class _Group:
         self.rows = np.array([len(e.alpha) for e in evidence])
         self._planes: dict[str, NDArray[np.uint8]] = {}
         for plane in FULL:
+            if getattr(self.sample, plane) is None:
+                continue
             padded = np.zeros((count, longest, cells), np.uint8)
             for i, e in enumerate(evidence):
                 padded[i, : len(e.alpha)] = getattr(e, plane)
@@ -66,20 +72,23 @@ class _Group:
         codes, code = np.zeros(len(last), np.uint8), words().index
         for criterion in reversed(criteria.CRITERIA):  # the first that fails is written last
             if criterion.asked(config):
+                self._need(criterion)
                 cells = {"corridor": count, "row": sums.cells, "cell": 1}[criterion.over]
                 value = sums.of[_kind(criterion)][at] / cells / FULL[criterion.plane]
                 codes[~criterion.passes(value, criterion.limit(config))] = code(criterion.word)
         return codes
 
-    def beneath(self, config: MappingConfig) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-        """(n,) alpha * 255 and (n,) support, summed over the cells under the viewpoint, and how many cells that is."""
+    def beneath(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.int64], int]:
+        """(n,) the stored values of a plane, summed over the cells under the viewpoint, and how many cells that is."""
         rows, cells = np.nonzero(under(self.sample, config))
-        alpha = np.zeros(len(self.index), np.int64)
-        support = np.zeros(len(self.index), np.int64)
+        total = np.zeros(len(self.index), np.int64)
         for r, c in zip(rows, cells, strict=True):
-            alpha += self._planes["alpha"][c, :, r]
-            support += self._planes["support"][c, :, r]
-        return alpha, support, len(rows)
+            total += self._planes[plane][c, :, r]
+        return total, len(rows)
+
+    def _need(self, criterion: Criterion) -> None:
+        if criterion.plane not in self._planes:
+            raise InputError(unmeasured(criterion.family))
 
     def _summed(self, first: int, end: int) -> _Sums:
         found = self._sums.get((first, end))
@@ -112,33 +121,64 @@ class EvidenceStack:
     of `count` viewpoints."""
 
     def __init__(self, evidence: Sequence[Evidence], viewpoint: NDArray[np.int64], count: int) -> None:
+        asked = MappingConfig(second_opinion=True)
+        self._doubled = np.array([i for i, e in enumerate(evidence) if e.second is not None], np.int64)
+        self._first = _Opinion(evidence, viewpoint, count)
+        others = [opinions(evidence[i], asked)[1] for i in self._doubled]
+        self._second = _Opinion(others, viewpoint[self._doubled], count) if others else None
+
+    def decide(self, config: MappingConfig) -> NDArray[np.uint8]:
+        """(E,) indices into `words()`. Raises InputError where evidence lacks what a criterion asks for."""
+        codes = self._first.decide(config)
+        if self._second is None or not config.second_opinion:
+            return codes
+        first = codes[self._doubled]
+        differ = (first == 0) != (self._second.decide(config) == 0)
+        codes[self._doubled] = np.where(differ, words().index(DISPUTED), first)
+        return codes
+
+    def stands(self, config: MappingConfig) -> NDArray[np.bool_]:
+        """(count,) whether one can stand at each viewpoint, as criteria.can_stand says of its eight directions; true
+        where nothing was measured."""
+        stands = self._first.stands(config)
+        return stands if self._second is None or not config.second_opinion else stands & self._second.stands(config)
+
+
+class _Opinion:
+    """What one model showed of each corridor."""
+
+    def __init__(self, evidence: Sequence[Evidence], viewpoint: NDArray[np.int64], count: int) -> None:
         self._viewpoint, self._count = viewpoint, count
         self._size = len(evidence)
         self._turn = np.array([e.direction < DIRECTIONS and not e.joins for e in evidence], bool)
         members: dict[tuple[object, ...], list[int]] = {}
         for i, e in enumerate(evidence):
-            members.setdefault((e.alpha.shape[1], e.near, e.depth, e.width), []).append(i)
+            held = tuple(plane for plane in FULL if getattr(e, plane) is not None)
+            members.setdefault((e.alpha.shape[1], e.near, e.depth, e.width, held), []).append(i)
         self._groups = [_Group(rows, [evidence[i] for i in rows]) for rows in members.values()]
 
     def decide(self, config: MappingConfig) -> NDArray[np.uint8]:
-        """(E,) indices into `words()`."""
         codes = np.zeros(self._size, np.uint8)
         for group in self._groups:
             codes[group.index] = group.codes(config)
         return codes
 
     def stands(self, config: MappingConfig) -> NDArray[np.bool_]:
-        """(count,) whether one can stand at each viewpoint, as criteria.can_stand says of its eight directions; true
-        where nothing was measured."""
-        alpha, support, cells = (np.zeros(self._count) for _ in range(3))
+        support, cells = self._beneath("support", config)
+        free = support / np.maximum(cells, 1) >= config.support
+        for criterion in standing(config):
+            total, cells = self._beneath(criterion.plane, config)
+            mean = total / np.maximum(cells, 1) / FULL[criterion.plane]
+            free &= criterion.passes(mean, criterion.limit(config))
+        return np.asarray(free | (cells == 0))
+
+    def _beneath(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(count,) the sum of a plane over the cells under each viewpoint, and how many cells those are."""
+        totals, cells = np.zeros(self._count), np.zeros(self._count)
         for group in self._groups:
             turn = self._turn[group.index]
             where = self._viewpoint[group.index][turn]
-            total, supported, each = group.beneath(config)
-            alpha += np.bincount(where, total[turn], self._count)
-            support += np.bincount(where, supported[turn], self._count)
+            total, each = group.beneath(plane, config)
+            totals += np.bincount(where, total[turn], self._count)
             cells += np.bincount(where, np.full(len(where), each), self._count)
-        known = cells > 0
-        many = np.maximum(cells, 1)
-        free = (alpha / many / 255 < standing_limit(config)) & (support / many >= config.support)
-        return np.asarray(free | ~known)
+        return totals, cells

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.errors import InputError
 from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import OPEN, Criterion, Part, corridor_of
+from nvsim.mapping.criteria import OPEN, corridor_of, lacking, stricter
+from nvsim.mapping.criterion import Criterion, Part, unmeasured
+from nvsim.mapping.opinions import opinions
 
 
 @dataclass(frozen=True)
@@ -52,16 +55,21 @@ class Measure:
 
 @dataclass(frozen=True)
 class Explanation:
-    """decision  "open", or the first criterion that fails: "alpha", "normal", "unknown"
-    measures  in the order in which they are asked
+    """decision  "open", or the first criterion that fails: "alpha", "normal", "depth", "slice", "unknown"; "disputed"
+              where this fails in one of two models alone
+    measures  in the order in which they are asked, of all that was measured
     corridor  the rows and cells that the robot needs
     obstacle  metres to the first row that something stands in, None where nothing does
+    submap    whose model shows all this
+    other     what the model of another submap shows, None where none was asked
     """
 
     decision: Decision
     measures: tuple[Measure, ...]
     corridor: Part
     obstacle: float | None
+    submap: int = -1
+    other: Explanation | None = None
 
     @property
     def failed(self) -> Measure | None:
@@ -73,17 +81,40 @@ class Explanation:
         """The measure nearest to its limit, of those that the rule asks about."""
         return min((m for m in self.measures if m.decides), key=lambda m: abs(m.slack))
 
+    @property
+    def disagreement(self) -> str:
+        """Which model shows what, in words that end a sentence; "" where they agree, or one alone was asked."""
+        if self.other is None or (self.failed is None) == (self.other.failed is None):
+            return ""
+        return f"submap {self.submap} shows it so, submap {self.other.submap} shows the corridor free"
+
 
 def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
-    """The decision of `criteria.decide`, with its reasons."""
+    """The decision of `criteria.decide`, with its reasons: those of the model that speaks against the corridor, or
+    whose values are nearest to their limits. Raises InputError where the evidence lacks what a criterion asks for."""
+    several = [_explained(one, config) for one in opinions(evidence, config)]
+    if len(several) == 1:
+        return several[0]
+    decision = stricter([one.decision for one in several])
+    first, second = sorted(
+        several, key=lambda one: (one.failed is None, one.tightest.slack if one.failed is None else 0)
+    )
+    return replace(first, decision=decision, other=second)
+
+
+def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
+    for family in lacking(evidence, config):
+        raise InputError(unmeasured(family))
     corridor = corridor_of(evidence, config)
     measures = []
     for criterion in criteria.CRITERIA:
-        value, part = criterion.measure(evidence, corridor)
-        measures.append(Measure(criterion, value, criterion.limit(config), criterion.asked(config), part))
+        if criterion.measured(evidence):
+            value, part = criterion.measure(evidence, corridor)
+            measures.append(Measure(criterion, value, criterion.limit(config), criterion.asked(config), part))
     failed = next((m for m in measures if m.decides and not m.passes), None)
     word = OPEN if failed is None else failed.word
-    return Explanation(word, tuple(measures), corridor, _obstacle(evidence, evidence.alpha[corridor], config))
+    obstacle = _obstacle(evidence, evidence.alpha[corridor], config)
+    return Explanation(word, tuple(measures), corridor, obstacle, evidence.submap)
 
 
 def _obstacle(evidence: Evidence, alpha: NDArray[np.uint8], config: MappingConfig) -> float | None:

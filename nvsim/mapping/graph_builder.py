@@ -57,6 +57,10 @@ class GraphBuilder:
         self._joined[a].discard(b)
         self._joined[b].discard(a)
 
+    def edges(self) -> list[tuple[str, str]]:
+        """The keys of all edges, in the order they were found."""
+        return list(self._edges)
+
     def joined(self, id: str) -> list[str]:
         """Ids that have an edge with `id`, sorted."""
         return sorted(self._joined[id])

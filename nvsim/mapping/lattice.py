@@ -1,12 +1,17 @@
 """Where steps lead, independent of the way one came: a place is a start and how often each direction was taken.
 
 Adding steps one by one would give places that differ in the last bit from way to way, and evidence that is almost, but
-not quite, that of another build.
+not quite, that of another build. Each place lies a little beside its point of the lattice, drawn from its counts, so
+that no two ways are of exactly one length.
 """
 
 from __future__ import annotations
 
+import hashlib
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, ahead, headings
@@ -18,6 +23,7 @@ class Lattice:
     """Knows, for the id of every viewpoint, the start it descends from and its counts of steps along four axes."""
 
     def __init__(self, config: MappingConfig) -> None:
+        self._jitter = config.jitter
         self._steps = [ahead(h, config.tau_dist) for h in headings(config)[:_AXES]]
         self._at: dict[str, tuple[tuple[float, float], tuple[int, ...]]] = {}
 
@@ -35,7 +41,16 @@ class Lattice:
         start, counts = self._at[id]
         moved = self._moved(counts, direction)
         offset = sum((n * step for n, step in zip(moved, self._steps, strict=True)), np.zeros(2))
+        offset += self._beside(start, moved)
         return float(start[0] + offset[0]), float(start[1] + offset[1])
+
+    def _beside(self, start: tuple[float, float], counts: tuple[int, ...]) -> NDArray[np.float64]:
+        """(2,) metres, uniform in a disc of the radius `jitter`; the start itself stays where it is."""
+        if not self._jitter or not any(counts):
+            return np.zeros(2)
+        drawn = hashlib.blake2b(repr((round(start[0], 3), round(start[1], 3), counts)).encode(), digest_size=8).digest()
+        square, turn = (int.from_bytes(part, "big") / 2**32 for part in (drawn[:4], drawn[4:]))
+        return ahead(2 * math.pi * turn, self._jitter * math.sqrt(square))
 
     def _moved(self, counts: tuple[int, ...], direction: int) -> tuple[int, ...]:
         sign = 1 if direction < _AXES else -1

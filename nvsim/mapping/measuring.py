@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
 from nvsim.mapping.config import MappingConfig
@@ -17,18 +19,23 @@ from nvsim.mapping.corridor import (
     SupportAt,
     look_down,
     measure,
+    nothing_stands,
     view_of,
 )
-from nvsim.mapping.criteria import answers
+from nvsim.mapping.criteria import OPEN, answers, decide
 from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.view_source import ViewSource
+from nvsim.mapping.opinions import joined
+from nvsim.mapping.view_source import Ensemble, ViewSource
+
+if TYPE_CHECKING:
+    from nvsim.mapping.slice_mass import Slice
 
 _SAME_FLOOR = 0.5  # metres
 
 
 class Measurements:
     """rendered_viewpoints  viewpoints that a whole turn was rendered at
-    rendered_views       single views, those of the turns included
+    rendered_views       single views, those of the turns and of second opinions included
     """
 
     def __init__(
@@ -49,7 +56,9 @@ class Measurements:
                 self._joins[evidence.viewpoint, evidence.joins] = evidence
             else:
                 self._steps[evidence.key] = evidence
-        self._views: tuple[str, dict[int, FloorView]] = ("", {})
+        self._views: tuple[str, list[dict[int, FloorView]]] = ("", [])
+        self._ensemble = source if isinstance(source, Ensemble) else None
+        self._slices: dict[int, Slice] = {}
         self.rendered_viewpoints = 0
         self.rendered_views = 0
 
@@ -58,7 +67,8 @@ class Measurements:
         from is rendered along."""
         found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
-        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c)]
+        another = self._another(viewpoint)
+        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, another)]
         if len(known) == DIRECTIONS:
             return known
         wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
@@ -66,35 +76,49 @@ class Measurements:
             if other.id != viewpoint.id:
                 towards = _corridor(viewpoint, other.position[:2])
                 wanted[view_of(towards, self._config)].append(towards)
-        views = look_down(self._source, np.array(viewpoint.position), wanted, self._floor_at, self._config)
+        views = self._look_down(viewpoint, wanted, another)
         self._views = (viewpoint.id, views)
         self.rendered_viewpoints += 1
-        self.rendered_views += DIRECTIONS
         measured = []
         for k, corridor in enumerate(corridors):
-            evidence = measure(views[k], viewpoint.id, k, corridor, self._floor_at, self._support)
+            evidence = self._measure([view[k] for view in views], viewpoint, k, corridor)
             self._steps[evidence.key] = evidence
             measured.append(evidence)
         return measured
 
-    def between(self, viewpoint: Viewpoint, other: Viewpoint) -> Evidence:
-        """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number."""
+    def between(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Evidence:
+        """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number.
+        Where a view has to be rendered for it, the corridors to those of `also` that it shows are measured as well."""
         corridor = _corridor(viewpoint, other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
-        if found is not None and self._holds(found, corridor):
+        another = self._another(viewpoint)
+        if found is not None and self._holds(found, corridor, another):
             return found
         k = view_of(corridor, self._config)
         owner, views = self._views
-        view = views[k] if owner == viewpoint.id else None
-        if view is None or not view.shows(corridor, self._floor_at):
-            place = np.array(viewpoint.position)
-            view = look_down(self._source, place, {k: [corridor]}, self._floor_at, self._config)[k]
-            self.rendered_views += 1
-        evidence = measure(view, viewpoint.id, -1, corridor, self._floor_at, self._support, other.id)
-        if abs(corridor.end(self._floor_at) - float(self._floor_at(np.array(other.position)))) > _SAME_FLOOR:
-            evidence = replace(evidence, support=np.zeros_like(evidence.support))  # it ends beneath or over the other
-        self._joins[viewpoint.id, other.id] = evidence
-        return evidence
+        wanted = {other: corridor}
+        if owner != viewpoint.id or not views[0][k].shows(corridor, self._floor_at):
+            for third in also:
+                towards = _corridor(viewpoint, third.position[:2])
+                if third.id not in (viewpoint.id, other.id) and view_of(towards, self._config) == k:
+                    wanted[third] = towards
+            views = self._look_down(viewpoint, {k: list(wanted.values())}, another)
+        for end, towards in wanted.items():
+            evidence = self._measure([view[k] for view in views], viewpoint, -1, towards, end.id)
+            if not self._reaches(towards, end):
+                evidence = replace(evidence, support=np.zeros_like(evidence.support))
+            self._joins[viewpoint.id, end.id] = evidence
+        return self._joins[viewpoint.id, other.id]
+
+    def knows_floor(self, viewpoint: Viewpoint, other: Viewpoint) -> bool:
+        """Whether the corridor would pass if nothing stood in it, which needs no rendering."""
+        corridor = _corridor(viewpoint, other.position[:2])
+        empty = nothing_stands(corridor, viewpoint.id, self._floor_at, self._support)
+        return self._reaches(corridor, other) and decide(empty, self._config) == OPEN
+
+    def _reaches(self, corridor: Corridor, other: Viewpoint) -> bool:
+        """Whether a corridor to the place of a viewpoint ends at its floor, and not beneath or over it."""
+        return abs(corridor.end(self._floor_at) - float(self._floor_at(np.array(other.position)))) <= _SAME_FLOOR
 
     def everything(self) -> tuple[Evidence, ...]:
         """All evidence measured or remembered so far; corridors to other viewpoints are numbered from 8."""
@@ -108,8 +132,39 @@ class Measurements:
         """World x, y, z of the camera that has gone from a viewpoint to `target` (x, y), as high above the floor."""
         return *target, _corridor(viewpoint, target).end(self._floor_at) + viewpoint.height
 
-    def _holds(self, evidence: Evidence, corridor: Corridor) -> bool:
-        return answers(evidence, corridor.length, corridor.heading, self._config)
+    def _holds(self, evidence: Evidence, corridor: Corridor, another: int | None) -> bool:
+        heard = another is None or evidence.second is not None
+        return heard and answers(evidence, corridor.length, corridor.heading, self._config)
+
+    def _another(self, viewpoint: Viewpoint) -> int | None:
+        """The submap whose opinion is asked beside that of the one that renders the viewpoint."""
+        if self._ensemble is None or not self._config.second_opinion:
+            return None
+        return self._ensemble.another(np.array(viewpoint.position))
+
+    def _look_down(
+        self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]], another: int | None
+    ) -> list[dict[int, FloorView]]:
+        """The views of each model that is asked."""
+        place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
+        self.rendered_views += len(models) * len(wanted)
+        return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
+
+    def _measure(
+        self, views: Sequence[FloorView], viewpoint: Viewpoint, k: int, corridor: Corridor, joins: str = ""
+    ) -> Evidence:
+        """What each model shows of a corridor, the first with the other's opinion."""
+        found = [measure(view, viewpoint.id, k, corridor, self._floor_at, self._support, joins) for view in views]
+        if "slice" in self._config.criteria and self._ensemble is not None:
+            found = [replace(e, mass=self._mass(self._ensemble, e.submap, viewpoint, corridor)) for e in found]
+        return found[0] if len(found) == 1 else joined(*found)
+
+    def _mass(self, ensemble: Ensemble, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.uint8]:
+        from nvsim.mapping.slice_mass import Slice
+
+        if submap not in self._slices:
+            self._slices[submap] = Slice(ensemble.gaussians(submap))
+        return self._slices[submap].mass(corridor, self._floor_at, viewpoint.height)
 
 
 def _corridor(viewpoint: Viewpoint, target: tuple[float, float]) -> Corridor:

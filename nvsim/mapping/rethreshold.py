@@ -1,7 +1,8 @@
 """Which edges the viewpoints of a graph have under other thresholds, from the stored evidence alone and fast enough to
 follow a slider.
 
-Only corridors between viewpoints that exist can be decided so. Where a step now leads to new ground, `reapply` renders.
+Only corridors between viewpoints that exist can be decided so. Where a step now leads to new ground, a build that takes
+the graph as `previous` renders.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.touched import Touched, remember
-from nvsim.graph.types import Decision, Edge, EdgeOrigin, Evidence, NavGraph, edge
+from nvsim.graph.types import Decision, Edge, EdgeOrigin, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN
 from nvsim.mapping.evidence_stack import EvidenceStack, words
@@ -68,7 +69,8 @@ class Rethresholder:
         self._far = np.zeros(count) if walk is None or not len(walk) else _distances(xy, np.asarray(walk)[:, :2])
         self._pair(count)
         self._match_edges(row)
-        stored = np.array([e.decision == "open" for e in self._evidence], bool)
+        # What settling leaves out stays out: another way leads there.
+        stored = np.array([e.decision in ("open", "spare") for e in self._evidence], bool)
         self._stored = _either(self._forward, stored) | _either(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
         self._stopped = np.array([e.decision in words()[1:] and not e.joins for e in self._evidence], bool)
@@ -132,10 +134,10 @@ class Rethresholder:
             is_open = (there | (self._forward < 0)) & (back | (self._backward < 0))
         else:
             is_open = there | back
-        # As in the search: the paper asks about the floor of starts alone.
-        may = self._stack.stands(config) | ~self._machine
+        # As in the search: under the rule of the means the floor of starts alone is asked about.
+        may = self._stack.stands(config) | ~self._machine | (not config.standing)
         may |= ~self._start if config.rule == "mean" else False
-        may &= (self._far <= config.max_distance) | ~self._machine | self._start
+        may &= (self._far <= (config.max_distance or np.inf)) | ~self._machine | self._start
         is_open &= may[self._a] & may[self._b]
         appear = is_open & ~self._present & ~self._stored
         refused = ~is_open & self._present
@@ -171,7 +173,7 @@ class Rethresholder:
             edges[made.key] = made
         evidence, changed = dict(self.graph.evidence), []
         for i, e in enumerate(self._evidence):
-            word = self._word(e, int(redecision.codes[i]), bool(redecision.back_closed[i]))
+            word = self._word(i, int(redecision.codes[i]), bool(redecision.back_closed[i]))
             if word != e.decision:
                 evidence[e.key] = replace(e, decision=word)
                 changed.append(e.key)
@@ -181,12 +183,18 @@ class Rethresholder:
         remember(after, self.graph, Touched((), touched, tuple(changed)))
         return after
 
-    def _word(self, e: Evidence, code: int, closed: bool) -> Decision:
+    def _word(self, i: int, code: int, closed: bool) -> Decision:
+        """Of evidence `i`. What settling, or the search, found besides the thresholds stays as it was: the evidence
+        holds no answer to that."""
+        was = self._evidence[i].decision
+        if was in ("spare", "served"):
+            return was
         if code != _OPEN:
             return words()[code]
         if closed:
-            return "return" if e.decision in words() else e.decision
-        return e.decision if e.decision in ("distance", "limit", "merge") else OPEN
+            return "return" if was in words() else was
+        refused = was == "return" and self._lead[i] < 0  # nobody can stand there
+        return OPEN if was in (*words(), "return") and not refused else was
 
     def _origins(self) -> dict[tuple[int, int], EdgeOrigin]:
         result: dict[tuple[int, int], EdgeOrigin] = {}

@@ -9,14 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
-from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import DIRECTIONS, HeightAt
-from nvsim.mapping.criteria import OPEN, can_stand, decide, footing
-from nvsim.mapping.graph_builder import SAME, GraphBuilder, apart
-from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.walk import Walk
+from nvsim.graph.types import Decision, Evidence, Viewpoint
+from nvsim.mapping.corridor import DIRECTIONS
+from nvsim.mapping.criteria import OPEN, can_stand, footing
+from nvsim.mapping.graph_builder import SAME, apart
+from nvsim.mapping.survey import Survey
 
 _CROWDED = 0.5  # share of the merge radius within which no second viewpoint is placed, whatever stands between
 _LINKS = 6  # viewpoints that a new start is joined to
@@ -26,20 +23,11 @@ class Search:
     """`draft` is what was found; `expanded` the ids whose eight directions were decided; `limited` whether the search
     stopped at the cap; `refusals` the `footing` of starts where nobody can stand."""
 
-    def __init__(
-        self,
-        draft: GraphBuilder,
-        lattice: Lattice,
-        measurements: Measurements,
-        walk: Walk,
-        floor_at: HeightAt,
-        config: MappingConfig,
-    ) -> None:
-        self._lattice, self._measurements, self._walk = lattice, measurements, walk
-        self._floor_at, self._config = floor_at, config
+    def __init__(self, survey: Survey) -> None:
+        self._survey, self._lattice, self._walk, self._config = survey, survey.lattice, survey.walk, survey.config
         self._queue: deque[str] = deque()
         self._refused: set[str] = set()
-        self.draft = draft
+        self.draft = survey.draft
         self.expanded: set[str] = set()
         self.limited = False
         self.refusals: list[tuple[float, float]] = []
@@ -55,10 +43,10 @@ class Search:
         id = self.draft.id_at(xy)
         if id in self.draft.viewpoints or id in self._refused or self._is_full():
             return False
-        viewpoint = self._viewpoint(xy, "start", float(position[2]))
+        viewpoint = self._survey.viewpoint(xy, "start", float(position[2]))
         self._lattice.begin(id, viewpoint.position[:2])
-        around = self._around(viewpoint)
-        if not can_stand(around, self._config):
+        around = self._survey.around(viewpoint)
+        if self._config.standing and not can_stand(around, self._config):
             self._refused.add(id)
             self.refusals.append(footing(around, self._config))
             return False
@@ -82,14 +70,13 @@ class Search:
     def _arrive(self, viewpoint: Viewpoint) -> bool:
         """Looks around from a viewpoint that steps led to: its floor and the corridors back must be free too."""
         around = self._look_around(viewpoint)
-        # The paper asks neither about the floor at the far end nor about the way back.
-        stands = self._config.rule == "mean" or can_stand(around, self._config)
+        stands = self._config.rule == "mean" or not self._config.standing or can_stand(around, self._config)
         for id in self.draft.joined(viewpoint.id):
             other = self.draft.viewpoints[id]
-            back = OPEN if not self._config.both_ways else self._way(viewpoint, other)
+            back = OPEN if not self._config.both_ways else self._survey.way(viewpoint, other)
             if not stands or back != OPEN:
                 self.draft.cut(viewpoint.id, id)
-                self._withdraw(id, viewpoint)
+                self._survey.withdraw(id, viewpoint)
         if self.draft.joined(viewpoint.id):
             return True
         self.draft.remove(viewpoint.id)
@@ -97,31 +84,26 @@ class Search:
         return False
 
     def _look_around(self, viewpoint: Viewpoint) -> list[Evidence]:
-        around = self._around(viewpoint)
-        self.draft.put(replace(viewpoint, submap=around[0].submap))
-        for evidence in around:
-            self._keep(replace(evidence, decision=decide(evidence, self._config)))
+        around = self._survey.around(viewpoint)
+        self._survey.take(viewpoint, around)
         self.expanded.add(viewpoint.id)
         return around
-
-    def _around(self, viewpoint: Viewpoint) -> list[Evidence]:
-        reach = (
-            self._config.tau_dist + self._config.merge_radius
-        )  # that far the viewpoints are that steps may merge with
-        return self._measurements.around(viewpoint, self.draft.near(np.array(viewpoint.position[:2]), reach))
 
     def _step_out(self, viewpoint: Viewpoint) -> None:
         for k in range(DIRECTIONS):
             evidence = self.draft.evidence[viewpoint.id][k]
             if evidence.decision == OPEN:
-                self._keep(replace(evidence, decision=self._step(viewpoint, evidence)))
+                self._survey.keep(replace(evidence, decision=self._step(viewpoint, evidence)))
 
     def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> Decision:
         """Where an open corridor leads: to an existing viewpoint, to a new one, or nowhere for the reason returned."""
         target = np.array(evidence.target)
-        if self._walk.distance(target) > self._config.max_distance:
+        if self._config.max_distance and self._walk.distance(target) > self._config.max_distance:
             return "distance"
         around = [v for v in self.draft.near(target, self._config.merge_radius) if v.id != viewpoint.id]
+        if around and not self._config.checked_merges:
+            self.draft.join(viewpoint.id, around[0].id, "step" if apart(around[0], target) < SAME else "merge")
+            return OPEN
         if around and apart(around[0], target) < SAME:
             return self._join(viewpoint, around[0])
         if any(self._join(viewpoint, other) == OPEN for other in around):
@@ -133,7 +115,7 @@ class Search:
             return "return"
         if self._is_full():
             return "limit"
-        self.draft.put(self._viewpoint(target, "step", self._walk.height(target)))
+        self.draft.put(self._survey.viewpoint(target, "step", self._walk.height(target)))
         self.draft.join(viewpoint.id, id, "step")
         self._lattice.take(id, viewpoint.id, evidence.direction)
         self._queue.append(id)
@@ -144,40 +126,15 @@ class Search:
         the reason."""
         if self.draft.are_joined(viewpoint.id, other.id):
             return OPEN
-        decision = self._way(viewpoint, other)
+        decision = self._survey.way(viewpoint, other)
         if decision != OPEN:
             return decision
-        if self._config.both_ways and other.id in self.expanded and self._way(other, viewpoint) != OPEN:
-            self._withdraw(viewpoint.id, other)
+        if self._config.both_ways and other.id in self.expanded and self._survey.way(other, viewpoint) != OPEN:
+            self._survey.withdraw(viewpoint.id, other)
             return "return"
         step = self.draft.step_towards(viewpoint, other) is not None
         self.draft.join(viewpoint.id, other.id, "step" if step else "merge")
         return OPEN
-
-    def _way(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
-        """The decision about the corridor from one viewpoint to another; its evidence is kept."""
-        step = self.draft.step_towards(viewpoint, other)
-        if step is not None:
-            return decide(step, self._config)
-        found = self._measurements.between(viewpoint, other)
-        decision = decide(found, self._config)
-        direction = self.draft.number_towards(viewpoint.id, other.id)
-        self._keep(replace(found, direction=direction, decision=decision))
-        return decision
-
-    def _withdraw(self, id: str, other: Viewpoint) -> None:
-        """Says in the evidence from `id` that the corridor back from `other` did not pass."""
-        for evidence in list(self.draft.evidence[id].values()):
-            leads = evidence.joins == other.id or apart(other, evidence.target) < SAME
-            if leads and evidence.decision == OPEN:
-                self._keep(replace(evidence, decision="return"))
-
-    def _keep(self, evidence: Evidence) -> None:
-        self.draft.evidence[evidence.viewpoint][evidence.direction] = evidence
-
-    def _viewpoint(self, xy: NDArray[np.floating], origin: ViewpointOrigin, z: float) -> Viewpoint:
-        floor = float(self._floor_at(np.asarray(xy, np.float64)))
-        return Viewpoint(self.draft.id_at(xy), (float(xy[0]), float(xy[1]), z), z - floor, -1, True, origin)
 
     def _is_full(self) -> bool:
         self.limited = self.limited or len(self.draft.viewpoints) >= self._config.max_viewpoints

@@ -8,11 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import DECISIONS, OPEN, standing_limit
+from nvsim.mapping.criteria import DECISIONS, OPEN, standing
 
 _FEW = 3  # viewpoints
 _MOST_UNCOVERED = 0.3  # share of the trajectory
+
+
+class NowhereToStand(InputError):
+    """A build found no place for a viewpoint: there is no map."""
 
 
 def too_little(report: Mapping[str, Any], uncovered: NDArray[np.floating], places: int) -> str:
@@ -39,14 +44,17 @@ def too_little(report: Mapping[str, Any], uncovered: NDArray[np.floating], place
 
 def nowhere_to_stand(refusals: list[tuple[float, float]], config: MappingConfig) -> str:
     """The sentence where there is no viewpoint at all, from the `footing` of all places that were tried."""
-    limit = standing_limit(config)
-    blocked = [alpha for alpha, _ in refusals if alpha >= limit]
+    asked = standing(config)
+    limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))
+    blocked = [alpha for alpha, known in refusals if alpha >= limit or known >= config.support]
     tried = f"Nobody can stand anywhere: {_counted(len(refusals), 'place')} on the trajectory and beside it"
     if 2 * len(blocked) < len(refusals) or not refusals:
         return f"{tried} have too little known floor under them; {DECISIONS['unknown'].remedy}."
-    why = (
-        f"{len(blocked)} have something on the floor (mean alpha {min(blocked):.2f} at least, below {limit:g} is free)"
-    )
+    filled = [alpha for alpha in blocked if alpha >= limit]
+    if not filled:
+        words = DECISIONS[asked[-1].word]
+        return f"{tried} were tried, of {len(blocked)} known floor, and {words.clause}; {words.remedy}."
+    why = f"{len(filled)} have something on the floor (mean alpha {min(filled):.2f} at least, below {limit:g} is free)"
     return f"{tried} were tried and {why}; look at the floor masks and heights there, and {DECISIONS['alpha'].remedy}."
 
 

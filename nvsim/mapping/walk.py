@@ -42,10 +42,7 @@ class Walk:
         self.joined = ~np.array(broken, bool)
         self._low = self.places[:, :2].min(axis=0) - _REACH
         self._free = [self._clearances(float(level)) for level in self._storeys.levels]
-        index = np.floor((self.places[:, :2] - self._low) / _CELL).astype(int)
-        on = self._storeys.nearest(self.places[:, 2])
-        clear = np.stack([free[index[:, 1], index[:, 0]] for free in self._free])
-        self.clearance = np.minimum(clear[on, np.arange(len(on))], _REACH)
+        self.clearance = self.clearance_at(self.places)
 
     def storey(self, z: float) -> int:
         """The storey of a camera at world z, from 0 for the lowest; 0 where there is one."""
@@ -74,22 +71,35 @@ class Walk:
         share = np.linspace(0.0, 1.0, count)[:, None]
         return bool(np.all(self._support(a + share * (b - a))))
 
-    def beside(self, clearance: float, apart: float) -> NDArray[np.float64]:
-        """(K, 3) places on known floor that no camera passed, within 3 m of one and in its height: those with the most
-        clearance first, none with less than `clearance`, metres, and none nearer than `apart` to one before it."""
-        found = []
-        for level, free in zip(self._storeys.levels, self._free, strict=True):
-            row, column = np.nonzero(free >= clearance)
-            xy = self._low + (np.stack([column, row], axis=1) + 0.5) * _CELL
-            distance, nearest = self._nearest(np.column_stack([xy, np.full(len(xy), level)]))
-            close = np.flatnonzero(distance < _REACH)
-            order = close[np.argsort(-np.round(free[row[close], column[close]], 6), kind="stable")]
-            chosen: list[int] = []
-            for i in order:
-                if all(_apart(xy[i], xy[k]) >= apart for k in chosen):
-                    chosen.append(int(i))
-            found.append(np.column_stack([xy[chosen], self._positions[nearest[chosen], 2]]))
-        return np.concatenate(found)
+    def beside(self, clearance: float, spacing: float) -> NDArray[np.float64]:
+        """(K, 3) places on known floor within 3 m of a camera and in its height, the one with the most clearance of
+        every square `spacing` metres wide: those with the most first, none with less than `clearance`, metres; one
+        storey after the other."""
+        return np.concatenate([self._beside(storey, clearance, spacing) for storey in range(len(self._free))])
+
+    def _beside(self, storey: int, clearance: float, spacing: float) -> NDArray[np.float64]:
+        row, column = np.nonzero(self._free[storey] >= clearance)
+        xy = self._low + (np.stack([column, row], axis=1) + 0.5) * _CELL
+        distance, nearest = self._nearest(np.column_stack([xy, np.full(len(xy), self._storeys.levels[storey])]))
+        free = np.round(self._free[storey][row, column], 6)
+        order = np.lexsort((column, row, -free))
+        order = order[distance[order] < _REACH]
+        square = np.floor(xy[order] / spacing).astype(np.int64)
+        order = order[np.sort(np.unique(square, axis=0, return_index=True)[1])]
+        return np.column_stack([xy[order], self._positions[nearest[order], 2]])
+
+    def clearance_at(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(N,) metres from (N, 2) or (N, 3) to the nearest floor that nothing supports, on the storey that z is near,
+        at most 3; 0 far from the cameras."""
+        places = np.asarray(places, np.float64)
+        on = self._storeys.nearest(places[:, 2]) if places.shape[1] > 2 else np.zeros(len(places), np.int64)
+        index = np.floor((places[:, :2] - self._low) / _CELL).astype(np.int64)[:, ::-1]
+        inside = ((index >= 0) & (index < self._free[0].shape)).all(axis=1)
+        found = np.zeros(len(index))
+        for storey, free in enumerate(self._free):
+            here = inside & (on == storey)
+            found[here] = free[index[here, 0], index[here, 1]]
+        return np.minimum(found, _REACH)
 
     def _clearances(self, level: float) -> NDArray[np.float64]:
         """(rows, columns) metres from the cells around the places to the nearest floor that nothing supports, on the

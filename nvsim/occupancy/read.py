@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nvsim.errors import InputError
-from nvsim.occupancy.types import OccupancyMap
+
+if TYPE_CHECKING:
+    from nvsim.occupancy.heights import Heights
+    from nvsim.occupancy.types import OccupancyMap
+
+ROS, OCTOMAP = (".yaml", ".yml"), (".bt", ".ot")
+"""Suffixes of the files that can be read."""
+WORDS = "a ROS map .yaml or an OctoMap .bt or .ot"
 
 
-def read_map(path: Path) -> OccupancyMap:
-    """A ROS map (.yaml, .yml) or an OctoMap (.bt, cut where a robot's body is). Raises InputError with the reason."""
+def read_map(path: Path, heights: Heights | None = None) -> OccupancyMap:
+    """A ROS map, or an OctoMap cut between `heights` over its floor. Raises InputError with the reason."""
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix in (".yaml", ".yml"):
+    if suffix in ROS:
         from nvsim.occupancy.ros import read_ros_map
 
         return read_ros_map(path)
-    if suffix == ".bt":
+    if suffix in OCTOMAP:
         from nvsim.occupancy.octomap import read_octomap
 
-        return read_octomap(path)
+        return read_octomap(path, heights)
     if not path.exists():
-        raise InputError(f"The map {path} does not exist; name a ROS map .yaml or an OctoMap .bt.")
-    hint = "its .yaml file" if suffix in (".pgm", ".png") else "a ROS map .yaml or an OctoMap .bt"
+        raise InputError(f"The map {path} does not exist; name {WORDS}.")
+    hint = "its .yaml file" if suffix in (".pgm", ".png") else WORDS
     raise InputError(f"{path} is not a map that can be read; name {hint}.")

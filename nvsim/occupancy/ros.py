@@ -6,7 +6,6 @@ Format: wiki.ros.org/map_server, section 2 (map format). Free is written as 254,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,37 +16,41 @@ from nvsim.files import atomic
 from nvsim.files.decoding import decoded
 from nvsim.files.reading import reading
 from nvsim.files.regular import read_bytes
+from nvsim.occupancy.provenance import Provenance, provenance_in
+from nvsim.occupancy.ros_description import (
+    FREE_THRESHOLD,
+    OCCUPIED_THRESHOLD,
+    description_text,
+    parse_description,
+    quoted,
+)
+from nvsim.occupancy.turning import turned
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 _GREY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
-# 0.196 keeps grey 205, whose occupancy is 0.19608, unknown.
-_OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
-_LONGEST = 1_000_000  # bytes of a YAML file
-_FINEST, _COARSEST, _FARTHEST = 1e-4, 1e3, 1e7  # metres
-
-
-@dataclass(frozen=True)
-class _Description:
-    image: str
-    resolution: float
-    origin: tuple[float, float, float]
-    negate: bool
-    occupied: float
-    free: float
-    raw: bool
 
 
 def read_ros_map(yaml_path: Path) -> OccupancyMap:
-    """The map of `yaml_path` and the image that it names (PGM, PNG, ...).
+    """The map of `yaml_path` and the image that it names (PGM, PNG, ...). One whose origin is turned is brought upright
+    as `turned` does it.
 
-    Raises InputError when a file is missing or unreadable, a key is missing or not a number, or the map is turned.
+    Raises InputError when a file is missing or unreadable, or a key is missing or not a number.
     """
     with reading(yaml_path, "a ROS map", "export the map again"):
         return _read(yaml_path)
 
 
+def read_provenance(yaml_path: Path) -> Provenance | None:
+    """What the map says that it was made from; None where it says nothing, and for a file that is no YAML file. Raises
+    InputError when the file cannot be read."""
+    if yaml_path.suffix.lower() not in (".yaml", ".yml"):
+        return None
+    with reading(yaml_path, "a ROS map", "export the map again"):
+        return provenance_in(yaml_path, description_text(yaml_path))
+
+
 def _read(yaml_path: Path) -> OccupancyMap:
-    description = _parse(yaml_path)
+    description = parse_description(yaml_path, description_text(yaml_path))
     image_path = yaml_path.parent / description.image
     picture = _read_picture(image_path, yaml_path)
     # Every grey is judged once; a map has far more cells than greys.
@@ -60,11 +63,16 @@ def _read(yaml_path: Path) -> OccupancyMap:
         occupancy = grey / 255.0 if description.negate else (255.0 - grey) / 255.0
         states[occupancy > description.occupied] = OCCUPIED
         states[occupancy < description.free] = FREE
-    return OccupancyMap(states[picture[::-1]], description.resolution, description.origin[:2])
+    x, y, yaw = description.origin
+    if yaw == 0:
+        return OccupancyMap(states[picture[::-1]], description.resolution, (x, y))
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    return turned(OccupancyMap(states[picture[::-1]], description.resolution, (0.0, 0.0)), turn, (x, y))
 
 
-def write_ros_map(occupancy: OccupancyMap, yaml_path: Path) -> Path:
-    """Writes `yaml_path` and beside it a PGM of the same name; returns the path of the image.
+def write_ros_map(occupancy: OccupancyMap, yaml_path: Path, provenance: Provenance | None = None) -> Path:
+    """Writes `yaml_path`, with a remark of its `provenance`, and beside it a PGM of the same name; returns the path of
+    the image. Both files are on disk before either takes its place.
 
     Raises InputError when the disk refuses.
     """
@@ -74,13 +82,17 @@ def write_ros_map(occupancy: OccupancyMap, yaml_path: Path) -> Path:
         table[state] = value
     rows, columns = occupancy.cells.shape
     header = f"P5\n{columns} {rows}\n255\n".encode()
-    atomic.write_bytes(image_path, header + table[occupancy.cells[::-1]].tobytes())
     x, y = occupancy.origin
-    atomic.write_text(
-        yaml_path,
-        f"image: {image_path.name}\nresolution: {occupancy.resolution!r}\norigin: [{float(x)!r}, {float(y)!r}, 0.0]\n"
-        f"negate: 0\noccupied_thresh: {_OCCUPIED_THRESHOLD}\nfree_thresh: {_FREE_THRESHOLD}\n",
+    remark = "" if provenance is None else f"{provenance.line()}\n"
+    text = (
+        f"{remark}image: {quoted(image_path.name)}\nresolution: {occupancy.resolution!r}\n"
+        f"origin: [{float(x)!r}, {float(y)!r}, 0.0]\n"
+        f"negate: 0\noccupied_thresh: {OCCUPIED_THRESHOLD}\nfree_thresh: {FREE_THRESHOLD}\nmode: trinary\n"
     )
+    words = atomic.encoded(yaml_path, text)
+    with atomic.replacing(yaml_path) as description, atomic.replacing(image_path) as image:
+        image.write_bytes(header + table[occupancy.cells[::-1]].tobytes())
+        description.write_bytes(words)
     return image_path
 
 
@@ -102,85 +114,3 @@ def _read_picture(path: Path, named_by: Path) -> NDArray[np.uint8 | np.uint16]:
         total = picture[..., :3].astype(np.uint32).sum(axis=-1)
         picture = (total // min(3, picture.shape[2])).astype(picture.dtype)
     return picture
-
-
-def _parse(path: Path) -> _Description:
-    """map_server's YAML is a flat mapping; its only list, the origin, may be in brackets or in dashes."""
-    try:
-        text = read_bytes(path, _LONGEST).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"Cannot read the map {path}: it is not text; name the .yaml file of a ROS map.") from error
-    values: dict[str, tuple[int, str]] = {}
-    items: list[str] = []
-    key = ""
-    for number, raw in enumerate(text.splitlines(), 1):
-        content = raw.split("#", 1)[0].strip()
-        if not content or content in ("---", "..."):
-            continue
-        if content.startswith("-") and key == "origin" and ":" not in content:
-            items.append(content[1:].strip())
-            continue
-        name, colon, value = content.partition(":")
-        if not colon:
-            raise InputError(f"{path}, line {number}: expected 'key: value', found {content[:60]!r}.")
-        key = name.strip()
-        values[key] = (number, value.strip().strip("'\""))
-    if items and "origin" in values:
-        values["origin"] = (values["origin"][0], "[" + ", ".join(items) + "]")
-
-    def number_of(name: str, default: float | None = None) -> float:
-        if name not in values:
-            if default is None:
-                raise InputError(f"{path} has no line '{name}:'; add it (see the ROS map_server format).")
-            return default
-        line, value = values[name]
-        return _number(value, f"{path}, line {line}: {name}")
-
-    for name in ("image", "origin"):
-        if name not in values:
-            raise InputError(f"{path} has no line '{name}:'; add it (see the ROS map_server format).")
-    if not values["image"][1] or not values["image"][1].isprintable() or len(values["image"][1]) > 500:
-        raise InputError(
-            f"{path}, line {values['image'][0]}: image names no file; write the name of the map's image there."
-        )
-    line, value = values["origin"]
-    parts = [p for p in value.strip("[]").split(",") if p.strip()]
-    where = f"{path}, line {line}: origin"
-    if len(parts) not in (2, 3):
-        raise InputError(f"{where} is {value[:60]!r}; it must be [x, y, yaw].")
-    x, y, yaw = (*(_number(p.strip(), where) for p in parts), 0.0)[:3]
-    if abs(math.remainder(yaw, 2 * math.pi)) > 1e-4:
-        raise InputError(f"{where} turns the map by {yaw} rad; turn the image instead and write yaw 0.")
-    if max(abs(x), abs(y)) > _FARTHEST:
-        raise InputError(f"{where} is {value[:60]!r}, more than {_FARTHEST:.0e} m away; write it in metres.")
-    resolution = number_of("resolution")
-    if not _FINEST <= resolution <= _COARSEST:
-        raise InputError(
-            f"{path}, line {values['resolution'][0]}: resolution is {resolution}; it must be positive, in metres per "
-            "cell."
-        )
-    mode = values.get("mode", (0, "trinary"))
-    if mode[1] not in ("trinary", "scale", "raw"):
-        raise InputError(f"{path}, line {mode[0]}: mode {mode[1][:60]!r} is unknown; write trinary, scale or raw.")
-    negate = values.get("negate", (0, "0"))
-    if negate[1].lower() not in ("0", "1", "true", "false"):
-        raise InputError(f"{path}, line {negate[0]}: negate is {negate[1][:60]!r}; write 0 or 1.")
-    return _Description(
-        values["image"][1],
-        resolution,
-        (x, y, yaw),
-        negate[1].lower() in ("1", "true"),
-        number_of("occupied_thresh", _OCCUPIED_THRESHOLD),
-        number_of("free_thresh", _FREE_THRESHOLD),
-        mode[1] == "raw",
-    )
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{where} is {text[:60]!r}; it must be a number.")
-    return value

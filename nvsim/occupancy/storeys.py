@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.regular import read_json
+from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.types import OccupancyMap
 
@@ -94,9 +95,16 @@ def write_storeys(maps: StoreyMaps, folder: Path) -> Path:
     return folder / NAME
 
 
-def read_storeys(path: Path) -> StoreyMaps:
-    """The maps that `path` names: a folder with `storeys.json`, or that file. Raises InputError with the reason."""
-    from nvsim.occupancy.read import read_map
+def is_storeys(path: Path) -> bool:
+    """Whether `read_storeys` reads it: a folder, or a .json file."""
+    return path.is_dir() or path.suffix.lower() == ".json"
+
+
+def read_storeys(path: Path, heights: Heights | None = None) -> StoreyMaps:
+    """The maps that `path` names: a folder with `storeys.json`, or that file. An OctoMap, which may be that of all
+    storeys, is cut between `heights` over the floor of the storey. Raises InputError with the reason."""
+    from nvsim.occupancy.octomap import read_octomap
+    from nvsim.occupancy.read import OCTOMAP, read_map
 
     path = Path(path)
     path = path / NAME if path.is_dir() else path
@@ -108,9 +116,12 @@ def read_storeys(path: Path) -> StoreyMaps:
     if any(b - a < 0.5 for a, b in zip(floors, floors[1:])):
         raise InputError(f"{path}: the floors {floors} do not rise by 0.5 m or more; name the lowest storey first.")
     stairs = tuple(_stair(path, n, row, len(rows)) for n, row in enumerate(_rows(path, data, "stairs")))
-    return StoreyMaps(
-        tuple(StoreyMap(floor, read_map(path.parent / row["map"])) for floor, row in zip(floors, rows)), stairs
-    )
+    maps = []
+    for floor, row in zip(floors, rows):
+        file = path.parent / row["map"]
+        cut = file.suffix.lower() in OCTOMAP
+        maps.append(StoreyMap(floor, read_octomap(file, heights, floor) if cut else read_map(file)))
+    return StoreyMaps(tuple(maps), stairs)
 
 
 def _rows(path: Path, data: object, name: str) -> list[dict[str, Any]]:

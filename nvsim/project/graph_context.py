@@ -17,11 +17,19 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
     """What is known beside this map, or beside none. Floor heights are asked of the project only where a floor was
     estimated; of panoramas there are none where the submap is not trained."""
     from nvsim.mapping.edge_doubts import against
+    from nvsim.mapping.unmeasured import closed
     from nvsim.project.floor_heights import floor_beneath
     from nvsim.project.thresholds import thresholds_of
 
-    evidence, floor = against(thresholds_of(project)), floor_beneath(project)
-    return Context(limits or Limits(), occupancy, evidence, floor, untrained=untrained(project))
+    thresholds = thresholds_of(project)
+    return Context(
+        limits or Limits(),
+        occupancy,
+        against(thresholds),
+        closed(thresholds),
+        floor=floor_beneath(project),
+        untrained=untrained(project),
+    )
 
 
 def untrained(project: Project) -> frozenset[int]:

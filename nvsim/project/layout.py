@@ -66,6 +66,11 @@ class Layout:
         return self.in_use("depth")
 
     @property
+    def occupancy(self) -> Path:
+        """The occupancy map that was built of what the capture has."""
+        return self.root / "occupancy" / "map.yaml"
+
+    @property
     def masks(self) -> Path:
         return self.in_use("masks")
 
@@ -107,6 +112,11 @@ class Layout:
     def jobs(self) -> Path:
         """A folder for each job that was ordered, see `joblist`."""
         return self.logs / "jobs"
+
+    @property
+    def measured_map(self) -> Path:
+        """All evidence that the last map was built from, also of places that its graph does not have."""
+        return self.checkpoints / "map.measured"
 
     @property
     def partial_map(self) -> Path:

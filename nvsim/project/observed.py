@@ -9,6 +9,7 @@ import numpy as np
 
 from nvsim.capture.types import Capture
 from nvsim.geometry.cells import grid_size
+from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.perception.support import FloorSupport
 from nvsim.project.floor_heights import floor_of
@@ -16,7 +17,6 @@ from nvsim.project.floor_heights import floor_of
 if TYPE_CHECKING:
     from nvsim.project.project import Project
 
-_LOW, _HIGH = 0.10, 1.5  # metres above the floor within which a point is an obstacle
 _POINTS_PER_CELL = 2
 _MOST_CELLS = 12_000_000
 _COARSEST = 0.2  # metres
@@ -41,7 +41,8 @@ def observed_occupancy(
     inside = ((points[:, :2] >= low) & (points[:, :2] < high)).all(axis=1)
     points = points[inside]
     above = points[:, 2] - floor.height_at(points[:, :2])
-    index = empty.index(points[(above > _LOW) & (above < _HIGH), :2])
+    band = Heights()
+    index = empty.index(points[(above > band.from_height) & (above < band.to_height), :2])
     counts = np.bincount(index[:, 0] * columns + index[:, 1], minlength=rows * columns).reshape(rows, columns)
     labels, sizes = cv2.connectedComponentsWithStats((counts >= _POINTS_PER_CELL).astype(np.uint8), connectivity=8)[1:3]
     solid = sizes[:, cv2.CC_STAT_AREA] >= _SMALLEST

@@ -11,6 +11,7 @@ from typing import Literal
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, opened
+from nvsim.occupancy.read import OCTOMAP, ROS
 from nvsim.project.layout import Layout
 
 PathKind = Literal[
@@ -28,7 +29,6 @@ _SENTENCES: dict[PathKind, str] = {
     "unreadable": "cannot be looked at: it is a pipe or a device, or may not be read; check the path.",
     "unknown": "is neither a project, a graph, a splat file, a capture nor an occupancy map; check the path.",
 }
-_MAPS = (".yaml", ".yml", ".bt")
 _MOST_ENTRIES = 100_000  # of a folder that are looked at
 _HEAD = 4096  # bytes of a file
 
@@ -101,7 +101,7 @@ def _file_kind(path: Path) -> PathKind:
         return "splats"
     if path.name.endswith(SUFFIX):
         return "graph"
-    if path.suffix.lower() in _MAPS:
+    if path.suffix.lower() in (*ROS, *OCTOMAP):
         return "occupancy map"
     try:
         if path.suffix.lower() == ".json":

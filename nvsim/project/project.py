@@ -293,12 +293,17 @@ class Project:
     def may_have_occupancy(self) -> bool:
         """Whether there are the files that `occupancy` is made of."""
         truth = self.layout.true_map
-        return self.layout.support.is_file() if truth is None else truth.is_file()
+        if truth is not None:
+            return truth.is_file()
+        return self.layout.occupancy.is_file() or self.layout.support.is_file()
 
     def occupancy(self) -> OccupancyMap | None:
-        """The map that a user may compare the graph with: the truth of the built-in building, else what the cloud
-        and the floor masks say; None of several storeys, which one map cannot show."""
-        truth = self.layout.true_map
+        """The map that a user may compare the graph with: the truth of the built-in building, else the one that was
+        built of the capture, else what the cloud and the floor masks say; None of several storeys, which one map cannot
+        show."""
+        from nvsim.project.built_map import true_map
+
+        truth = true_map(self)
         if truth is not None:
             from nvsim.occupancy.read import read_map
 

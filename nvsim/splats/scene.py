@@ -58,6 +58,8 @@ class SceneModel:
         self._moved = moved
         self._positions = np.concatenate([s.positions for s in self._submaps])
         self._firsts = np.cumsum([0, *(len(s.positions) for s in self._submaps[:-1])])
+        self._frames = np.concatenate([s.core for s in self._submaps]).astype(np.int64)
+        self._trained = [np.asarray(s.frames, np.int64) for s in self._submaps]
         self._asking = threading.Lock()  # held by the one thread that loads what was asked for
         self._changed = threading.Condition()  # guards all that follows
         self._loaded: OrderedDict[int, SubmapModel] = OrderedDict()
@@ -86,6 +88,17 @@ class SceneModel:
         """Index of the submap, among those with a model, with the core camera nearest to `position` (3,) (paper
         Algorithm 1, line 4)."""
         return self._submaps[int(np.argmin(self._distances(position)))].index
+
+    def second(self, position: NDArray[np.floating]) -> int | None:
+        """Besides `nearest`, the submap with the nearest core camera among those that were trained on the frame nearest
+        to `position` (3,) as well: where the overlap of two submaps lies. None where there is none."""
+        if len(self._submaps) == 1:
+            return None
+        frame = self._frames[int(np.argmin(np.sum((self._positions - position) ** 2, axis=1)))]
+        for i in np.argsort(self._distances(position), kind="stable")[1:]:
+            if frame in self._trained[i]:
+                return self._submaps[i].index
+        return None
 
     def model_at(self, position: NDArray[np.floating]) -> tuple[int, SubmapModel]:
         """Index and model of `nearest`. Raises InputError when its files cannot be read."""

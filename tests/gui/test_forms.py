@@ -23,7 +23,8 @@ from nvsim.training.config import TrainingConfig, preset
 PROJECT = Path("house.nvsim")
 VERBS = (
     "submaps", "depth", "floors", "train", "map", "evaluate views", "evaluate floor", "evaluate depth",
-    "evaluate graph", "evaluate ablation", "export r2r", "export splats",
+    "evaluate graph", "evaluate calibration", "evaluate ablation", "evaluate validity-table",
+    "export r2r", "export splats",
 )  # fmt: skip
 
 
@@ -33,6 +34,8 @@ def other(field: Field) -> Any:
         return not field.default
     if field.kind == "choice":
         return next(c for c in field.choices if c != field.default)
+    if field.kind == "several" and len(field.default or ()) > 1:
+        return tuple(field.default[1:])
     if field.kind == "several":
         return tuple(field.choices[:1]) if field.choices else ((2, 1) if field.item is int else ("nvsim",))
     if field.kind == "count":

@@ -30,7 +30,7 @@ def tried(part: ThresholdPart, qtbot: QtBot) -> None:
 
 
 def test_every_threshold_has_a_slider_or_a_reason_to_have_none() -> None:
-    named = {t.field for t in thresholds()} | set(FIXED) | {"rule", "both_ways"}
+    named = {t.field for t in thresholds()} | set(FIXED) | {"rule", "both_ways", "criteria"}
     assert named == set(vars(MappingConfig()))
     for threshold in thresholds():
         for config in (MappingConfig(), MappingConfig.paper()):
@@ -127,6 +127,36 @@ def test_building_again_orders_the_job_with_what_is_tried(
     ((verb, arguments, project, _),) = ordered
     assert verb == "map" and project == tmp_path and "--reapply" in arguments
     assert arguments[arguments.index("--row-alpha") + 1] == "0.35"
+
+
+def test_a_criterion_is_chosen_by_name_and_what_was_not_measured_waits_for_a_build(
+    part: ThresholdPart, document: Document, tmp_path, monkeypatch, qtbot: QtBot
+) -> None:
+    panel, trial = part.panel, part.trial
+    shown = lambda: {name for name, row in panel.rows.items() if not row.isHidden()}  # noqa: E731
+    assert {"tau_alpha", "row_normal", "support"} < shown() and not {"tau_depth", "cell_slice"} & shown()
+    document.select(viewpoint=document.graph_arrays.ids[7])
+    panel.families["normal"].click()
+    tried(part, qtbot)
+    assert trial.config.criteria == ("alpha",) and "row_normal" not in shown()
+    panel.families["alpha"].click()
+    assert trial.config.criteria == ("alpha",) and panel.families["alpha"].isChecked(), "something must decide"
+    panel.families["slice"].click()
+    qtbot.waitUntil(lambda: bool(trial.refusal), timeout=10_000)
+    assert "cell_slice" in shown() and trial.outcome is None and not panel.apply.isEnabled()
+    assert "not measured" in panel.outcome.text() and "'slice'" in panel.notes.text()
+    inspector = next(p for p in part.workspace.window.findChildren(InspectorPart))
+    assert inspector.inspection.config == trial.project_config and inspector.inspection.directions
+    document.set_contents(replace(document.contents, path=tmp_path))
+    ordered: list = []
+    monkeypatch.setattr(part.workspace.jobs, "start", lambda *a: ordered.append(a))
+    panel.build.click()
+    ((_, arguments, _, _),) = ordered
+    at = arguments.index("--criteria")
+    assert arguments[at + 1 : at + 3] == ["alpha", "slice"]
+    panel.reset.click()
+    tried(part, qtbot)
+    assert not trial.refusal and not trial.differs
 
 
 def test_closing_while_the_evidence_is_summed_up_leaves_nothing(part: ThresholdPart, settings: QSettings) -> None:

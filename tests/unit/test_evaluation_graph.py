@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from columns import fill, room
+from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.evaluation.graph import evaluate_graph
+from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.picture import draw_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import OCCUPIED, UNKNOWN
@@ -34,6 +36,8 @@ def test_validity_counts_what_stands_on_and_runs_over_free_cells() -> None:
     assert figures["edge_validity"] == pytest.approx(3 / 6), "ab, ac, ag"
     assert figures["edge_validity_robot"] == pytest.approx(2 / 6, abs=1e-5)
     assert figures["components"] == 1 and figures["largest_component"] == 1
+    assert (figures["valid_nodes"], figures["valid_edges_robot"]) == (5, 2)
+    assert (figures["edge_validity_low"], figures["edge_validity_high"]) == pytest.approx(wilson(3, 6), abs=1e-5)
 
 
 def test_coverage_is_the_seen_share_of_what_the_walk_reaches() -> None:
@@ -46,6 +50,19 @@ def test_coverage_is_the_seen_share_of_what_the_walk_reaches() -> None:
     behind = evaluate_graph(graph({"a": (9, 2)}), occupancy, WALK)
     assert behind["coverage"] == 0 and behind["node_validity"] == 1
     assert evaluate_graph(graph({"a": (6, 2)}), occupancy, WALK)["coverage"] == 0, "an invalid viewpoint covers nothing"
+
+
+def test_coverage_of_what_was_seen_leaves_out_what_no_image_shows() -> None:
+    def left_half(xy: NDArray[np.floating]) -> NDArray[np.bool_]:
+        return np.asarray(xy[..., 0] < 3)
+
+    places = graph({"a": (1.5, 2)})
+    figures = evaluate_graph(places, room(6, 4), WALK, seen=left_half)
+    assert figures["seen_m2"] == pytest.approx(3 * 4, rel=0.02)
+    # A disc of 2.5 m around the middle of a room 3 x 4 m reaches into its corners.
+    assert figures["coverage_seen"] == 1 and figures["coverage"] < 0.75
+    assert evaluate_graph(places, room(6, 4), WALK, seen=lambda xy: ~left_half(xy))["coverage_seen"] < 0.4
+    assert "coverage_seen" not in evaluate_graph(places, room(6, 4), WALK)
 
 
 def test_excluded_viewpoints_do_not_count_and_components_do() -> None:

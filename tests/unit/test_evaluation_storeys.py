@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from columns import fill, room
+from octomap_samples import binary_tree
 
 from nvsim.building import BuildingConfig
 from nvsim.building.scene import make_scene
@@ -19,8 +20,11 @@ from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 from nvsim.evaluation.graph import evaluate_graph, judge
 from nvsim.evaluation.picture import draw_graph
-from nvsim.evaluation.truth import maps_in_aligned_frame
+from nvsim.evaluation.truth import maps_in_aligned_frame, true_maps
+from nvsim.evaluation.truth import true_occupancy as aligned_truth
 from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.octomap import read_octomap
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps, read_storeys, write_storeys
 from nvsim.occupancy.types import OCCUPIED, UNKNOWN
 
@@ -148,6 +152,42 @@ def test_storeys_are_read_as_they_were_written(tmp_path: Path) -> None:
         assert found.stairs == maps.stairs and [s.floor for s in found.storeys] == [0.0, 3.0]
         for a, b in zip(found.storeys, maps.storeys, strict=True):
             assert np.array_equal(a.occupancy.cells, b.occupancy.cells) and a.occupancy.origin == b.occupancy.origin
+
+
+def test_one_octomap_is_cut_over_the_floor_of_each_storey(tmp_path: Path) -> None:
+    (tmp_path / "house.bt").write_bytes(binary_tree())
+    rows = [{"floor": floor, "map": "house.bt"} for floor in (-1.0, 0.25)]
+    (tmp_path / "storeys.json").write_text(json.dumps({"storeys": rows}))
+    heights = Heights(0.1, 0.9)
+    for storey, row in zip(read_storeys(tmp_path, heights).storeys, rows, strict=True):
+        expected = read_octomap(tmp_path / "house.bt", heights, row["floor"])  # type: ignore[arg-type]
+        assert np.array_equal(storey.occupancy.cells, expected.cells)
+
+
+def test_what_judges_by_one_map_refuses_several(tmp_path: Path) -> None:
+    write_storeys(two_storeys(), tmp_path)
+    project = SimpleNamespace(
+        need_capture=lambda: SimpleNamespace(alignment=Alignment.identity()), layout=SimpleNamespace(root=tmp_path)
+    )
+    assert isinstance(true_maps(project, tmp_path, "aligned"), StoreyMaps)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="several storeys"):
+        aligned_truth(project, tmp_path, "aligned")  # type: ignore[arg-type]
+
+
+def test_coverage_of_what_was_seen_asks_for_floor_on_each_storey() -> None:
+    maps = two_storeys()
+
+    def upstairs(points: np.ndarray) -> np.ndarray:
+        return points[..., 2] > 1.5
+
+    everywhere = {f"{k}{x}{y}": (x + 0.5, y + 0.5, 3.0 * k) for k in (0, 1) for x in range(12) for y in range(4)}
+    figures = evaluate_graph(graph(everywhere), maps, WALK, seen=upstairs)
+    above = float((maps.storeys[1].occupancy.cells == 0).sum()) * 0.05**2
+    assert figures["seen_m2"] == pytest.approx(above, abs=0.1) and figures["coverage_seen"] == pytest.approx(
+        1, abs=0.01
+    )
+    lower = evaluate_graph(graph({"a": (2, 3, 0)}), maps, WALK, seen=upstairs)
+    assert lower["coverage_seen"] == 0 and lower["coverage"] > 0
 
 
 def test_a_wrong_list_of_storeys_is_refused_in_a_sentence(tmp_path: Path) -> None:

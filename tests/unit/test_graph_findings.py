@@ -75,16 +75,43 @@ def test_excluded_viewpoints_and_their_edges_are_let_be() -> None:
     assert keys(far) == set()
 
 
+# b and d stand 1 m apart, and the way between them leads past c.
+AROUND = graph_of(
+    {"a": (-2, 0, 1.5), "b": (0, 0, 1.5), "c": (2, 0.5, 1.5), "d": (0, 1, 1.5)}, [("a", "b"), ("b", "c"), ("c", "d")]
+)
+
+
+def test_near_viewpoints_that_a_long_way_joins_are_named() -> None:
+    assert keys(AROUND) == {"detour/b/d"}
+    assert keys(edits.move_viewpoint(AROUND, "c", (1.0, 0.5, 1.5))) == set(), "the way is short now"
+    assert keys(edits.move_viewpoint(AROUND, "d", (0.5, 1.5, 1.5))) == set(), "they are not near"
+    upstairs = replace(AROUND, viewpoints={**AROUND.viewpoints, "d": replace(AROUND.viewpoints["d"], height=0.7)})
+    assert keys(upstairs) == set(), "d stands on a table"
+    assert keys(AROUND, Context(Limits(detour=5.0))) == set()
+    apart = edits.remove_edge(AROUND, "b", "c")
+    assert keys(apart) == {"detour/b/d", "island/c"}, "no way at all is a long one"
+
+
+def test_what_is_known_to_be_closed_between_near_viewpoints_silences_it() -> None:
+    cells = np.zeros((40, 60), np.uint8)
+    cells[15, 8:12] = 1  # at y = 0.5
+    assert keys(AROUND, Context(occupancy=OccupancyMap(cells, 0.1, (-1.0, -1.0)))) == set()
+    assert keys(AROUND, Context(closed=lambda graph, key: key == ("b", "d"))) == set()
+    assert keys(AROUND, Context(closed=lambda graph, key: key == ("b", "c"))) == {"detour/b/d"}
+    assert keys(AROUND, Context(visible=lambda a, b: np.zeros(len(a), bool))) == set()
+
+
 def apply(graph: NavGraph, fix_of: Finding) -> NavGraph:
     fix = fix_of.fixes[0]
     return operations.apply(graph, fix.operation, fix.arguments)
 
 
-@pytest.mark.parametrize("kind", ["short", "long", "steep", "duplicate", "island", "isolated"])
+@pytest.mark.parametrize("kind", ["short", "long", "steep", "duplicate", "detour", "island", "isolated"])
 def test_the_first_fix_mends_the_finding(kind: str) -> None:
     graph = {
         "short": graph_of({"a": (0, 0, 1), "b": (0.1, 0, 1), "c": (2, 0, 1)}, [("a", "b"), ("b", "c")]),
         "duplicate": graph_of({"a": (0, 0, 1), "b": (0.1, 0, 1), "c": (2, 0, 1)}, [("a", "c"), ("b", "c")]),
+        "detour": AROUND,
         "long": graph_of({"a": (0, 0, 1), "b": (6, 0, 1)}, [("a", "b")]),
         "steep": graph_of({"a": (0, 0, 1), "b": (1, 0, 2), "c": (2, 0, 1)}, [("a", "b"), ("b", "c"), ("a", "c")]),
         "island": graph_of({n: (i * 2.0, 0, 1) for i, n in enumerate("abcd")}, [("a", "b"), ("c", "d")]),
@@ -137,7 +164,12 @@ STEPS = st.lists(
 def test_following_edits_finds_what_a_fresh_look_finds(steps: list[tuple]) -> None:
     cells = np.zeros((80, 80), np.uint8)
     cells[30:33, 10:50] = 1
-    context = Context(Limits(long=3.0), OccupancyMap(cells, 0.1, (-0.5, -0.5)), images=frozenset(NAMES[:9]))
+    context = Context(
+        Limits(long=3.0),
+        OccupancyMap(cells, 0.1, (-0.5, -0.5)),
+        closed=lambda graph, key: key[0] == "v3",
+        images=frozenset(NAMES[:9]),
+    )
     graph = NavGraph("scan")
     validator, history = Validator(graph, context), [graph]
     for name, *arguments in [*steps, ("undo",), ("undo",), ("undo",)]:
@@ -166,6 +198,42 @@ def test_evidence_measured_anew_is_looked_at_again() -> None:
     found = Evidence("a", 2, 0.0, 2.0, cells, cells, np.ones(shape, bool), 0.0, 1.0, 0.6, 0, (2.0, 0.0), "b")
     came, went = validator.update(replace(LINE, evidence={found.key: found}))
     assert (came, went) == ({"evidence/a/b"}, set())
+
+
+def test_a_corridor_measured_anew_silences_a_detour() -> None:
+    validator = Validator(AROUND, Context(closed=lambda graph, key: bool(graph.evidence)))
+    cells = np.zeros((2, 2), np.uint8)
+    found = Evidence("b", 2, 0.0, 2.0, cells, cells, cells == 0, 0.0, 1.0, 0.6, 0, (0.0, 2.0))
+    assert validator.update(replace(AROUND, evidence={found.key: found})) == (set(), {"detour/b/d"})
+    assert validator.update(AROUND) == ({"detour/b/d"}, set())
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_detours_are_followed_through_a_dense_graph(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    names = [f"v{i}" for i in range(40)]
+    places = {n: (*rng.uniform(0, 6, 2).tolist(), 1.5) for n in names}
+    near = [(a, b) for a in names for b in names if a < b and math.dist(places[a], places[b]) < 2]
+    graph = graph_of(places, [pair for pair in near if rng.random() < 0.3])
+    validator, seen = Validator(graph), 0
+    for _ in range(12):
+        name = names[rng.integers(40)]
+        match rng.integers(4):
+            case 0:
+                graph = edits.move_viewpoint(graph, name, (*rng.uniform(0, 6, 2).tolist(), 1.5))
+            case 1:
+                graph = edits.set_included(graph, [name], not graph.viewpoints[name].included)
+            case 2 if graph.edges:
+                graph = edits.remove_edge(graph, *list(graph.edges)[rng.integers(len(graph.edges))])
+            case _:
+                free = [pair for pair in near if pair not in graph.edges]
+                graph = edits.add_edge(graph, *free[rng.integers(len(free))])
+        validator.update(graph)
+        fresh = {f.key: f for f in check_graph(graph)}
+        assert dict(validator.findings) == fresh
+        seen += sum(f.kind == "detour" for f in fresh.values())
+    assert seen
 
 
 def test_a_sight_line_meets_what_fine_samples_meet() -> None:

@@ -75,7 +75,7 @@ def test_written_map_reads_back(
     [
         (YAML.replace("resolution: 0.1", "resolution: fine"), "line 2.*number"),
         (YAML.replace("resolution: 0.1", "resolution: 0"), "positive"),
-        (YAML.replace("origin: [-1.0, 2.0, 0.0]", "origin: [0, 0, 1.57]"), "turns the map"),
+        (YAML.replace("origin: [-1.0, 2.0, 0.0]", "origin: [0, 0, left]"), "number"),
         (YAML.replace("origin: [-1.0, 2.0, 0.0]", "origin: [0]"), r"\[x, y, yaw\]"),
         (YAML.replace("image: map.pgm\n", ""), "no line 'image:'"),
         (YAML.replace("map.pgm", "other.pgm"), "other.pgm"),

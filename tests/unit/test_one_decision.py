@@ -13,13 +13,15 @@ from hypothesis import strategies as st
 from app.state.directions import compass, directions
 from app.state.graph_arrays import GraphArrays
 from app.thresholds.table import thresholds
-from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
+from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
-from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, decide
+from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, can_stand, decide
 from nvsim.mapping.edge_doubts import against, margin
 from nvsim.mapping.evidence_stack import EvidenceStack, words
 from nvsim.mapping.explain import explain
+from nvsim.mapping.families import FAMILIES
+from nvsim.mapping.opinions import opinions
 
 CORRIDOR = Corridor((0.0, 0.0), (0.0, 2.5))
 A, B = "a" * 32, "b" * 32
@@ -31,10 +33,16 @@ def evidences(draw: st.DrawFn) -> Evidence:
     """Anything between an empty and a filled corridor, with values at the limits among them."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     shape = (CORRIDOR.rows, CELLS)
-    alpha, up = ((draw(shares) * rng.random(shape) * 255).astype(np.uint8) for _ in range(2))
+
+    def planes() -> dict[str, np.ndarray]:
+        found = {name: (draw(shares) * rng.random(shape) * 255).astype(np.uint8) for name in ("alpha", "up", "reach")}
+        mass = (draw(shares) * rng.random(shape) * 255).astype(np.uint8)
+        return {"alpha": found["alpha"], "up": 255 - found["up"], "reach": 255 - found["reach"], "mass": mass}
+
     return Evidence(
-        A, 0, CORRIDOR.heading, CORRIDOR.length, alpha, 255 - up, rng.random(shape) >= draw(shares) * 0.5,
-        NEAR, DEPTH, WIDTH, 0, CORRIDOR.target,
+        A, 0, CORRIDOR.heading, CORRIDOR.length, support=rng.random(shape) >= draw(shares) * 0.5, near=NEAR,
+        depth=DEPTH, width=WIDTH, submap=0, target=CORRIDOR.target, **planes(),
+        second=SecondOpinion(1, **planes()) if draw(st.booleans()) else None,
     )  # fmt: skip
 
 
@@ -42,7 +50,11 @@ def evidences(draw: st.DrawFn) -> Evidence:
 def configs(draw: st.DrawFn) -> MappingConfig:
     limits = {c.field: draw(st.sampled_from([0.0, 51 / 255, 0.5, 204 / 255, 1.0]) | shares) for c in CRITERIA}
     rule = draw(st.sampled_from(["mean", "worst"]))
-    return MappingConfig(rule=rule, robot_radius=draw(st.sampled_from([0.0, 0.1, 0.25, 0.4])), **limits)
+    criteria = draw(st.lists(st.sampled_from(FAMILIES), min_size=1))
+    radius = draw(st.sampled_from([0.0, 0.1, 0.25, 0.4]))
+    return MappingConfig(
+        rule=rule, criteria=tuple(criteria), second_opinion=draw(st.booleans()), robot_radius=radius, **limits
+    )
 
 
 def graph_with(evidence: Evidence) -> NavGraph:
@@ -59,6 +71,7 @@ def test_builder_stack_explanation_inspector_details_and_findings_say_the_same(
     decision = decide(evidence, config)
     stack = EvidenceStack([evidence], np.zeros(1, np.int64), 1)
     assert words()[int(stack.decide(config)[0])] == decision
+    assert stack.stands(config).tolist() == [can_stand([evidence], config)]
     found = explain(evidence, config)
     assert found.decision == decision
     graph = graph_with(evidence)
@@ -73,9 +86,12 @@ def test_builder_stack_explanation_inspector_details_and_findings_say_the_same(
 
 @given(evidences(), configs())
 def test_the_value_shown_is_the_one_that_was_asked_about(evidence: Evidence, config: MappingConfig) -> None:
-    for measure in explain(evidence, config).measures:
+    found = explain(evidence, config)
+    told = {one.submap: one for one in opinions(evidence, config)}
+    assert set(told) == {one.submap for one in (found, found.other) if one is not None}
+    for shown, measure in [(one.submap, m) for one in (found, found.other) if one is not None for m in one.measures]:
         rows, cells = measure.part
-        plane = getattr(evidence, measure.criterion.plane)[rows, cells]
+        plane = getattr(told[shown], measure.criterion.plane)[rows, cells]
         assert measure.value == pytest.approx(plane.mean() / (1 if plane.dtype == bool else 255))
         held = {"<": measure.value < measure.limit, "≤": measure.value <= measure.limit,
                 ">": measure.value > measure.limit, "≥": measure.value >= measure.limit}  # fmt: skip

@@ -17,6 +17,7 @@ from nvsim.splats import scene as scene_module
 from nvsim.splats.files import load_model, memory_needed, save_model
 from nvsim.splats.scene import SceneModel, memory_of
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
+from nvsim.submaps.split import SubmapConfig, split
 from nvsim.submaps.types import Submap
 
 
@@ -59,6 +60,22 @@ def test_a_submap_without_a_model_leaves_its_place_to_the_next(folders):
         SceneModel(SUBMAPS, [None, None, None])
     with pytest.raises(ValueError, match="3 submaps but 1 folders"):
         SceneModel(SUBMAPS, folders[:1])
+
+
+def test_another_submap_is_asked_where_it_was_trained_on_the_nearest_frame(tmp_path):
+    rng = np.random.default_rng(3)
+    positions = np.cumsum(rng.normal(0, 0.4, (120, 3)), axis=0) * [1, 1, 0.1]
+    submaps = split(positions, SubmapConfig(count=4, overlap=1.0))
+    scene = SceneModel(submaps, [tmp_path] * 4)
+    answers = []
+    for place in positions[rng.integers(0, 120, 60)] + rng.normal(0, 0.3, (60, 3)):
+        frame = int(np.argmin(np.linalg.norm(positions - place, axis=1)))
+        trained = [s for s in submaps if frame in s.frames and frame not in s.core]
+        near = sorted(trained, key=lambda s: np.linalg.norm(s.positions - place, axis=1).min())
+        answers.append(scene.second(place))
+        assert answers[-1] == (near[0].index if near else None)
+    assert None in answers and len(set(answers)) > 2
+    assert SceneModel(SUBMAPS[:1], [tmp_path]).second(np.zeros(3)) is None
 
 
 def test_models_load_when_asked_for_and_the_least_recently_used_goes(folders):

@@ -57,7 +57,9 @@ def run(arguments: Arguments) -> int:
         pipeline.run(project, capture, CaptureConfig(), arguments.config, listen, arguments.depth)
         built, layout = project.need_capture(), project.layout
         truth = maps_in_aligned_frame(layout.true_map or layout.ground_truth, built, "aligned")
-        figures = evaluate_graph(project.need_graph(), truth, built.positions)
+        support = project.support()
+        seen = None if support is None else support.at
+        figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
         project.set_result("graph", figures)
     if not arguments.json:
         show.figures(figures, False, "the graph against the building's true map")

@@ -1,22 +1,24 @@
-"""Validity and coverage of the navigation graph against an occupancy map."""
+"""Validity, coverage and structure of the navigation graph against an occupancy map."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from nvsim.cli import show
-from nvsim.cli.arguments import ProjectArguments
-from nvsim.errors import InputError
+from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.occupancy.heights import Heights
 from nvsim.project.project import Project
 
 
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml, an OctoMap .bt, or a storeys.json (or its folder), which names a map for each storey; the truth
-    of the built-in building when left out."""
+    """A ROS map.yaml, an OctoMap .bt or .ot, or a storeys.json (or its folder), which names a map for each storey; the
+    built-in building's truth, or else the map that was built in the project, when left out. One that was made of the
+    depth of this project's own models is refused."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
     robot_radius: float = 0.25
@@ -27,22 +29,35 @@ class Arguments(ProjectArguments):
 
 def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
+    from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
-    from nvsim.evaluation.truth import maps_in_aligned_frame
+    from nvsim.evaluation.truth import true_maps
+    from nvsim.project.built_map import true_map
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
         walk = capture.positions
-        truth = arguments.occupancy or project.layout.true_map
-        if truth is None:
-            if arguments.picture is None:
-                raise InputError(f"{project.layout.root} has no true map; name one with --occupancy MAP.")
+        truth = arguments.occupancy or true_map(project)
+        if truth is None and arguments.picture is not None:
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
-        occupancy = maps_in_aligned_frame(truth, capture, arguments.map_frame)
-        result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius)
+        occupancy = true_maps(project, truth, arguments.map_frame, arguments.heights)
+        support = project.support()
+        seen = None if support is None else support.at
+        result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)
         if arguments.picture is not None:
             draw_graph(graph, occupancy, walk, arguments.picture)
-    show.figures(result, arguments.json, "navigation graph")
+    if arguments.json:
+        show.figures(result, True)
+        return 0
+    rows = []
+    for name, value in result.items():
+        if f"{name}_low" in result:
+            value = f"{value:.4g} ({result[f'{name}_low']:.4g} to {result[f'{name}_high']:.4g})"
+        if not name.endswith(("_low", "_high")):
+            rows.append((name, value, MATTERPORT.get(name, "-")))
+    show.table(("figure", "this graph", "Matterport"), rows, "navigation graph")
+    print("In brackets: 95 % intervals (Wilson).")
+    print(f"Matterport: {SOURCE}; its near pairs see each other, for want of a map.")
     return 0

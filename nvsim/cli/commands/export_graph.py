@@ -3,13 +3,14 @@ connectivity. What agents would choke on is not written as R2R, unless with --fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from nvsim.cli.arguments import Positional
+from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
 from nvsim.errors import InputError
+from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
     from nvsim.cli.graph_source import Source
@@ -29,7 +30,8 @@ class Arguments:
     """The folder to write to, one file per scan, named after it; or, where there is one scan, a file whose suffix says
     the format: .graphml, .geojson, .svg or .png."""
     occupancy: Path | None = None
-    """Drawn under images: a ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
+    """Drawn under images: a ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     longest_side: int = 1600
     """Pixels of an image's longer side."""
     latitude: float | None = None
@@ -50,10 +52,13 @@ def run(arguments: Arguments) -> int:
 
     named = _FILES.get(arguments.out.suffix.lower())
     if named is not None:
-        source = one_source(arguments.graph, arguments.occupancy)
+        source = one_source(arguments.graph, arguments.occupancy, arguments.heights)
         written = [_write(source, replace(arguments, format=named), arguments.out)]
     else:
-        written = [_write(source, arguments) for source in sources(arguments.graph, occupancy=arguments.occupancy)]
+        written = [
+            _write(source, arguments)
+            for source in sources(arguments.graph, None, arguments.occupancy, arguments.heights)
+        ]
     for path in written:
         print(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
     return 0

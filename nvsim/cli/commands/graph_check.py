@@ -10,6 +10,7 @@ from typing import Any
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
 from nvsim.graph.findings import Limits
+from nvsim.occupancy.heights import Heights
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,8 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, an R2R connectivity file, or a folder of them with scans.txt."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     ignored: bool = False
     """Show what a user chose to ignore as well."""
     json: bool = False
@@ -31,7 +33,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.graph.findings import check_graph
 
     report: list[dict[str, Any]] = []
-    for source in sources(arguments.graph, arguments.limits, arguments.occupancy):
+    for source in sources(arguments.graph, arguments.limits, arguments.occupancy, arguments.heights):
         found = check_graph(source.graph, source.context)
         hidden = [f for f in found if f.key in source.graph.ignored]
         shown = found if arguments.ignored else [f for f in found if f.key not in source.graph.ignored]

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from nvsim.cli.arguments import Positional
+from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
 from nvsim.errors import InputError
+from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
     from nvsim.cli.graph_target import GraphTarget
@@ -36,7 +37,8 @@ class Arguments:
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
     """Arguments of the edit, values as JSON: distance=3 even=true position=[1,2,1.5] ids='["a"]'."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     dry_run: bool = False
     """Say what would happen and change nothing."""
     out: Path | None = None
@@ -49,7 +51,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli.graph_target import GraphTarget, refused_as_input
     from nvsim.graph.operations import OPERATIONS, apply, describe, perform, usage
 
-    target = GraphTarget(arguments.graph, arguments.occupancy)
+    target = GraphTarget(arguments.graph, arguments.occupancy, arguments.heights)
     if arguments.edit == "list":
         print("\n".join(usage(operation) for operation in OPERATIONS.values()))
         return 0

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nvsim.cli.arguments import Positional
+from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
+from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
     from nvsim.graph.proposals import EdgeProposal, PlaceProposal
@@ -24,7 +25,8 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     reach: float = 3.5
     """Metres: no longer edges are proposed."""
     sees: float = 3.0
@@ -51,7 +53,7 @@ def run(arguments: Arguments) -> int:
     for name in ("reach", "sees"):
         if not 0 < getattr(arguments, name) < 100:
             raise InputError(f"--{name} is {getattr(arguments, name)}; it must be between 0 and 100 metres.")
-    source = one_source(arguments.graph, arguments.occupancy)
+    source = one_source(arguments.graph, arguments.occupancy, arguments.heights)
     if source.occupancy is None and source.margin is None and source.visible is None:
         raise InputError(
             f"{arguments.graph} has neither evidence nor a map to propose from; name a map with --occupancy."

@@ -4,10 +4,11 @@ with # are passed over. All of it is saved or nothing."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from nvsim.cli.arguments import Positional
+from nvsim.cli.arguments import Inline, Positional
+from nvsim.occupancy.heights import Heights
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,8 @@ class Arguments:
     script: Positional[Path]
     """JSON lines."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     dry_run: bool = False
     """Say what would happen and change nothing."""
     out: Path | None = None
@@ -33,7 +35,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.graph.operations import parse_line, perform
     from nvsim.graph.scripts import script_lines
 
-    target = GraphTarget(arguments.graph, arguments.occupancy)
+    target = GraphTarget(arguments.graph, arguments.occupancy, arguments.heights)
     lines = script_lines(arguments.script)
     surroundings = target.surroundings()
 

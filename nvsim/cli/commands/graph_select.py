@@ -7,12 +7,13 @@ evidence, validity.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from nvsim.cli.arguments import Positional
+from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
+from nvsim.occupancy.heights import Heights
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class Arguments:
     kind: Literal["viewpoints", "edges"] | None = None
     """Only these; both, as far as they have the quantities named, when left out."""
     occupancy: Path | None = None
-    """For `validity`: a ROS map.yaml or an OctoMap .bt, in place of the one found beside the graph."""
+    """For `validity`: a ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
     json: bool = False
     """Print one JSON object."""
 
@@ -33,7 +35,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli.graph_target import GraphTarget, refused_as_input
     from nvsim.graph.expression import by_expression
 
-    target = GraphTarget(arguments.graph, arguments.occupancy)
+    target = GraphTarget(arguments.graph, arguments.occupancy, arguments.heights)
     graph = target.read()
     with refused_as_input():
         chosen = by_expression(graph, arguments.where, target.known(arguments.where), arguments.kind)

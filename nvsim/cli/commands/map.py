@@ -20,6 +20,8 @@ class Arguments(ProjectArguments):
     """Decide the stored evidence again under these thresholds; render only what newly opens."""
     preset: Literal["nvsim", "paper"] = "nvsim"
     """What the other flags start from: our defaults, or the paper's."""
+    paper: bool = False
+    """The same as --preset paper."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
     memory: Memory = None
@@ -28,9 +30,9 @@ class Arguments(ProjectArguments):
 
 
 def defaults(argv: list[str]) -> Arguments:
-    name = given(argv, "--preset", "nvsim")
+    name = given(argv, "--preset", "paper" if "--paper" in argv else "nvsim")
     config = MappingConfig.paper() if name == "paper" else MappingConfig()
-    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
+    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), paper=name == "paper", config=config)
 
 
 def run(arguments: Arguments) -> int:

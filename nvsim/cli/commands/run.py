@@ -11,6 +11,7 @@ import tyro
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.session import working
+from nvsim.mapping.config import MappingConfig
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.training.config import Preset, preset
@@ -26,15 +27,20 @@ class Arguments:
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
     preset: Preset = "nvsim"
     """What the flags of training start from."""
+    paper: bool = False
+    """The paper's model and the paper's map: the presets splatfacto-i of training and paper of the map."""
     depth: DepthUse = "auto"
     """Whether depth is estimated from the images: where the capture has no scan, always, or never."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
 
 def defaults(argv: list[str]) -> Arguments:
-    name = given(argv, "--preset", "nvsim")
-    config = RunConfig(train=preset(name))
-    return Arguments(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
+    paper = "--paper" in argv
+    name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
+    config = RunConfig(train=preset(name), map=MappingConfig.paper() if paper else MappingConfig())
+    return Arguments(
+        cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), paper=paper, config=config
+    )
 
 
 def run(arguments: Arguments) -> int:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from nvsim.errors import InputError
 from nvsim.graph.components import components
 from nvsim.graph.connectivity import check_scan_id
+from nvsim.graph.edits.change import key_of
 from nvsim.graph.findings.context import Context
+from nvsim.graph.findings.detours import about_detour
 from nvsim.graph.findings.edges import about_edge
 from nvsim.graph.findings.pairs import Neighbourhood, about_pair
 from nvsim.graph.findings.types import SEVERITIES, Finding, Fix
@@ -27,10 +29,13 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
         message = f"{len(ids)} viewpoints around {short(ids[0])} cannot be reached from the others."
         fixes = (Fix("Exclude them", "include", {"ids": list(ids), "included": False}),)
         found.append(Finding("island", "warning", message, ids, fixes=fixes))
-    places = Neighbourhood(context.limits.near)
+    places, beside = Neighbourhood(context.limits.near), Neighbourhood(context.limits.neighbours)
     for viewpoint in graph.viewpoints.values():
         places.put(viewpoint)
-        found += [about_pair(viewpoint, other) for other in places.near(viewpoint)]
+        beside.put(viewpoint)
+        found += [about_pair(viewpoint, graph.viewpoints[other]) for other in places.near(viewpoint.id)]
+        for other in beside.near(viewpoint.id):
+            found += about_detour(graph, key_of(viewpoint.id, other), context)
     for key in graph.edges:
         found += about_edge(graph, key, context)
     return sorted(found, key=lambda f: SEVERITIES.index(f.severity))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from nvsim.graph.edits.edges import Visible
 from nvsim.graph.types import EdgeKey, NavGraph
 from nvsim.occupancy.types import OccupancyMap
 
@@ -17,6 +18,10 @@ class Limits:
 
     near: float = 0.25
     """Viewpoints closer than this are nearly one place."""
+    neighbours: float = 1.5
+    """Viewpoints closer than this, with nothing known between them, should have no long way to each other:"""
+    detour: float = 3.0
+    """metres along the graph that are long (R2R's success distance)."""
     long: float = 5.0
     short: float = 0.25
     steep: float = 35.0
@@ -34,6 +39,8 @@ class Context:
     occupancy   a map; only cells known to be occupied are held against a graph, unknown ones are not
     against     (graph, edge) -> why the stored evidence speaks against the edge, in words that end a sentence; "" when
                 it does not
+    closed      (graph, pair of viewpoints without an edge) -> whether the stored evidence speaks against one
+    visible     who sees whom by the lists of a foreign file; others are not said to be near
     floor       (x, y, near z) -> height of the floor there, metres, NaN where it is unknown
     images      ids of the viewpoints that have a panorama
     taken       id -> x, y, z metres where those panoramas were taken; where they are drawn as needed there are none
@@ -45,6 +52,8 @@ class Context:
     limits: Limits = field(default_factory=Limits)
     occupancy: OccupancyMap | None = None
     against: Callable[[NavGraph, EdgeKey], str] | None = None
+    closed: Callable[[NavGraph, EdgeKey], bool] | None = None
+    visible: Visible | None = None
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None
     taken: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)

@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable
 
 from nvsim.graph.findings.types import Finding, Fix
 from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import Viewpoint
 
-_Cell = tuple[int, int, int]
+_Cell = tuple[int, int]
+_Place = tuple[float, float, float]
+_NONE: dict[str, _Place] = {}
 
 
 class Neighbourhood:
-    """The included viewpoints by place; it must be told of every change."""
+    """The included viewpoints by place; it must be told of every change. Buckets stand on the ground, so that nine are
+    looked into: a thousand viewpoints may come back at once."""
 
     def __init__(self, reach: float) -> None:
         """`reach` in metres."""
         self._reach = reach
-        self._buckets: dict[_Cell, dict[str, Viewpoint]] = {}
+        self._buckets: dict[_Cell, dict[str, _Place]] = {}
         self._cells: dict[str, _Cell] = {}
 
     def put(self, viewpoint: Viewpoint) -> None:
         """Adds it, or takes its new place; an excluded one goes."""
         self.drop(viewpoint.id)
         if viewpoint.included:
-            cell = self._cell(viewpoint)
-            self._cells[viewpoint.id] = cell
-            self._buckets.setdefault(cell, {})[viewpoint.id] = viewpoint
+            x, y, _ = viewpoint.position
+            cell = self._cells[viewpoint.id] = (math.floor(x / self._reach), math.floor(y / self._reach))
+            self._buckets.setdefault(cell, {})[viewpoint.id] = viewpoint.position
 
     def drop(self, id: str) -> None:
         cell = self._cells.pop(id, None)
@@ -37,22 +40,27 @@ class Neighbourhood:
             if not bucket:
                 del self._buckets[cell]
 
-    def near(self, viewpoint: Viewpoint) -> Iterator[Viewpoint]:
+    def near(self, id: str) -> list[str]:
         """Others that are closer to an included viewpoint than the limit."""
-        if viewpoint.id not in self._cells:
-            return
-        x, y, z = self._cells[viewpoint.id]
-        for i in (x - 1, x, x + 1):
-            for j in (y - 1, y, y + 1):
-                for k in (z - 1, z, z + 1):
-                    for other in self._buckets.get((i, j, k), {}).values():
-                        apart = math.dist(other.position, viewpoint.position)
-                        if other.id != viewpoint.id and apart < self._reach:
-                            yield other
+        cell = self._cells.get(id)
+        if cell is None:
+            return []
+        i, j = cell
+        place, reach, buckets = self._buckets[cell][id], self._reach, self._buckets
+        return [
+            other
+            for beside in ((i + di, j + dj) for di in (-1, 0, 1) for dj in (-1, 0, 1))
+            for other, its in buckets.get(beside, _NONE).items()
+            if math.dist(its, place) < reach and other != id
+        ]
 
-    def _cell(self, viewpoint: Viewpoint) -> _Cell:
-        x, y, z = (math.floor(value / self._reach) for value in viewpoint.position)
-        return x, y, z
+    def around(self, ids: Iterable[str]) -> set[str]:
+        """`ids`, and everything in the buckets around them: more than is near."""
+        found = set(ids)
+        cells = {self._cells[id] for id in found & self._cells.keys()}
+        for beside in {(i + di, j + dj) for i, j in cells for di in (-1, 0, 1) for dj in (-1, 0, 1)}:
+            found.update(self._buckets.get(beside, ()))
+        return found
 
 
 def about_pair(a: Viewpoint, b: Viewpoint) -> Finding:

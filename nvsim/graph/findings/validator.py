@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import is_not
 from types import MappingProxyType
 
 from nvsim.graph.difference import Difference, difference
 from nvsim.graph.findings.check import about_graph
 from nvsim.graph.findings.context import Context
+from nvsim.graph.findings.detours import Detours, widest
 from nvsim.graph.findings.edges import about_edge
 from nvsim.graph.findings.groups import Groups
 from nvsim.graph.findings.pairs import Neighbourhood, about_pair
@@ -45,7 +47,8 @@ class Validator:
         self._all: dict[str, Finding] = {}
         self._before: dict[str, Finding | None] = {}  # key of what an update touched -> what it was
         self._twins: dict[str, set[str]] = {}  # viewpoint -> those it is nearly one place with
-        self._places = Neighbourhood(self._context.limits.near)
+        limits = self._context.limits
+        self._places, self._detours = Neighbourhood(max(limits.near, widest(limits))), Detours()
         for viewpoint in graph.viewpoints.values():
             self._places.put(viewpoint)
             yield
@@ -58,7 +61,7 @@ class Validator:
             self._look_along(key)
             yield
         for viewpoint in graph.viewpoints.values():
-            self._look_around(viewpoint.id)
+            self._look_around([viewpoint.id], [viewpoint.id])
             yield
         self._set(_GROUPS, self._groups.findings())
         self._set(_GRAPH, about_graph(graph))
@@ -81,13 +84,14 @@ class Validator:
             beside.update(graph.neighbours(id))
         for id in viewpoints | measured:
             edges.update((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+        around = self._places.around(viewpoints)
         for id in viewpoints:
             if id in graph.viewpoints:
                 self._places.put(graph.viewpoints[id])
             else:
                 self._places.drop(id)
-        for id in viewpoints:
-            self._look_around(id)
+        around |= self._places.around(viewpoints.union(measured, *edges))
+        self._look_around(viewpoints, around)
         for id in beside:
             self._look_at(id)
         for key in edges:
@@ -117,15 +121,23 @@ class Validator:
             known = self._along[key] = (seen, tuple(about_edge(graph, key, self._context)))
         self._set(key, known[1])
 
-    def _look_around(self, id: str) -> None:
-        viewpoint = self._graph.viewpoints.get(id)
-        near = {} if viewpoint is None else {o.id: about_pair(viewpoint, o) for o in self._places.near(viewpoint)}
-        for other in self._twins.get(id, set()) - near.keys():
+    def _look_around(self, changed: Iterable[str], around: Iterable[str]) -> None:
+        """At the viewpoints near those that changed, and at the ways between all around them."""
+        near = {id: self._places.near(id) for id in around}
+        for id in changed:
+            self._look_for_twins(id, near[id])
+        for key, found in self._detours.look(self._graph, near, self._context).items():
+            self._set(("detour", *key), found)
+
+    def _look_for_twins(self, id: str, near: Sequence[str]) -> None:
+        viewpoints, limit = self._graph.viewpoints, self._context.limits.near
+        twins = [o for o in near if math.dist(viewpoints[o].position, viewpoints[id].position) < limit]
+        for other in self._twins.get(id, set()).difference(twins):
             self._set(_pair(id, other), [])
             self._twins[id].discard(other)
             self._twins[other].discard(id)
-        for other, finding in near.items():
-            self._set(_pair(id, other), [finding])
+        for other in twins:
+            self._set(_pair(id, other), [about_pair(viewpoints[id], viewpoints[other])])
             self._twins.setdefault(id, set()).add(other)
             self._twins.setdefault(other, set()).add(id)
 

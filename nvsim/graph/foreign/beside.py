@@ -52,7 +52,7 @@ def look_beside(path: Path, scan: str) -> Beside:
         pictures = next((p for p in _picture_folders(folder, scan) if p.is_dir()), None)
         if found.images is None and pictures is not None:
             found = Beside(_ids_in(pictures), pictures, found.map, found.cloud)
-        files = [folder / f"{name}{suffix}" for name in (scan, "map") for suffix in (".yaml", ".bt")]
+        files = [folder / f"{name}{suffix}" for name in (scan, "map") for suffix in (".yaml", ".bt", ".ot")]
         clouds = [folder / f"{name}{suffix}" for name in (scan, "cloud") for suffix in (".ply", ".pcd")]
         map = found.map or next((p for p in files if p.is_file()), None)
         cloud = found.cloud or next((p for p in clouds if p.is_file()), None)

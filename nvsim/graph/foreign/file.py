@@ -88,8 +88,9 @@ class ForeignFile:
         if not document.tells_sight:
             return None
 
+        row, seen = {e.viewpoint.position: i for i, e in enumerate(document.entries)}, document.flags["visible"]
+
         def visible(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
-            row, seen = {e.viewpoint.position: i for i, e in enumerate(document.entries)}, document.flags["visible"]
             i, j = (np.array([row.get((x, y, z), -1) for x, y, z in places.tolist()], np.int64) for places in (a, b))
             return np.where((i >= 0) & (j >= 0), seen[i, j] | seen[j, i], unknown)
 
@@ -119,6 +120,7 @@ class ForeignFile:
             limits or Limits(),
             occupancy,
             against,
+            visible=self.sight(),
             images=self.beside.images,
             taken=self._taken,
             one_way=self.one_way,

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
 from nvsim.files.atomic import write_bytes
 from nvsim.geometry.camera import Camera
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
+from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.project import graph_table, ledger
 from nvsim.project.corrections import corrections_key
@@ -27,24 +30,46 @@ from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
 from nvsim.render.types import RenderOutput
 from nvsim.splats.scene import SceneModel
+from nvsim.splats.types import Gaussians, SubmapModel
 
 STAGE: StageName = "map"
+_FAR = 10.0  # metres
 
 
 class SceneViews:
-    """The scene model as the builder's source of views."""
+    """The scene model as the builder's source of views, with what the criteria of `config` ask for."""
 
-    def __init__(self, scene: SceneModel, backend: Backend = "auto") -> None:
+    def __init__(self, scene: SceneModel, config: MappingConfig, backend: Backend = "auto") -> None:
         self._scene, self._backend = scene, backend
+        self._channels = frozenset({"alpha", "normal", *(["depth"] if "depth" in config.criteria else [])})
 
     def views(
         self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> tuple[int, list[RenderOutput]]:
-        """The submap nearest to `position` and its views, alpha and normals, of what the masks ask for."""
+        """The submap nearest to `position` and its views of what the masks ask for."""
+        index, model = self._scene.model_at(position)
+        return index, self._rendered(model, cameras, masks)
+
+    def another(self, position: NDArray[np.floating]) -> int | None:
+        """See SceneModel.second."""
+        return self._scene.second(position)
+
+    def views_of(
+        self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[RenderOutput]:
+        """The views from the model of one submap."""
+        return self._rendered(self._scene.model(submap), cameras, masks)
+
+    def gaussians(self, submap: int) -> Gaussians:
+        """The Gaussians of a submap's model."""
+        return self._scene.model(submap).gaussians
+
+    def _rendered(
+        self, model: SubmapModel, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[RenderOutput]:
         from nvsim.render.regions import render_regions
 
-        index, model = self._scene.model_at(position)
-        return index, render_regions(model, cameras, masks, frozenset({"alpha", "normal"}), self._backend)
+        return render_regions(model, cameras, masks, self._channels, self._backend)
 
 
 def run(
@@ -79,27 +104,57 @@ def run(
     partial = project.layout.partial_map
     if not ledger.begin(project, STAGE, key):
         partial.unlink(missing_ok=True)
-    elif previous is None and partial.is_file():
-        previous = decode_graph(partial.read_bytes())
+    # What a build that was cut off had measured, or the last one: the graph does not show it all.
+    remembered = _evidence(partial) or (_evidence(project.layout.measured_map) if reapply else None)
     capture = project.need_capture()
     scan = scan_name(project)
     result = build_map(
-        SceneViews(scene, backend),
+        SceneViews(scene, config, backend),
         capture.positions,
         floor_of(project).height_at,
         support.at,
         config,
         scan=scan,
+        start=start_of(capture, config.start),
         previous=previous,
+        remembered=remembered,
         listen=listen,
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
     seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
     before = graph_in_file(project)
     ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, result.graph))
+    write_bytes(project.layout.measured_map, encode_graph(result.measured))
     partial.unlink(missing_ok=True)
     graph = result.graph
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))
+
+
+def _evidence(path: Path) -> NavGraph | None:
+    """What was measured, None where nothing readable is."""
+    try:
+        return decode_graph(path.read_bytes())
+    except (OSError, InputError):
+        return None
+
+
+def start_of(capture: Capture, start: str) -> NDArray[np.float64] | None:
+    """(3,) where a search begins: at the frame of that name, or at X,Y in the height of the nearest camera; None where
+    nothing is asked. Raises InputError on anything else."""
+    if not start:
+        return None
+    for frame in capture.frames:
+        if start in (frame.name, PurePosixPath(frame.name).stem):
+            return frame.camera_to_world[:3, 3]
+    try:
+        x, y = (float(part) for part in start.split(","))
+    except ValueError as error:
+        first = capture.frames[0].name
+        raise InputError(f"--start {start} names no frame and is not X,Y in metres; try --start {first}.") from error
+    apart = np.hypot(*(capture.positions[:, :2] - (x, y)).T)
+    if not np.isfinite(apart).all() or apart.min() > _FAR:
+        raise InputError(f"--start {start} is more than {_FAR:.0f} m from every camera; choose a place on the walk.")
+    return np.array([x, y, capture.positions[int(apart.argmin()), 2]])
 
 
 def map_key(project: Project, config: MappingConfig) -> str:
@@ -107,7 +162,8 @@ def map_key(project: Project, config: MappingConfig) -> str:
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
-    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config, *corrected)
+    asked = ["second opinion"] if config.second_opinion and len(trained) > 1 else []
+    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *corrected)
 
 
 def scan_name(project: Project) -> str:

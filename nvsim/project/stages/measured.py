@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from nvsim.events import Listener
 from nvsim.graph.types import NavGraph
@@ -11,6 +12,7 @@ from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_n
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews
+from nvsim.project.thresholds import thresholds_of
 from nvsim.project.work import lacks
 
 
@@ -22,12 +24,14 @@ def measure(
     listen: Listener,
     memory_budget: int | None = None,
 ) -> NewViewpointEvidence:
-    """See `measure_new_viewpoints`. Raises InputError while no submap is trained, or when an id is not in `graph`."""
+    """See `measure_new_viewpoints`; what the project's own map is decided by is measured and asked too. Raises
+    InputError while no submap is trained, or when an id is not in `graph`."""
+    config = replace(config, criteria=(*config.criteria, *thresholds_of(project).criteria))
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
     return measure_new_viewpoints(
-        graph, ids, SceneViews(scene), floor_of(project).height_at, support.at, config, listen=listen
+        graph, ids, SceneViews(scene, config), floor_of(project).height_at, support.at, config, listen=listen
     )
 
 

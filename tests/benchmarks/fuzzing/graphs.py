@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -33,7 +34,7 @@ def readers() -> list[Reader]:
 
 def row(count: int = 6):
     """A row of viewpoints with evidence along two of its edges."""
-    from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
+    from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 
     ids = [f"v{i}" for i in range(count)]
     viewpoints = {id: Viewpoint(id, (2.0 * i, i / 3, 1.5)) for i, id in enumerate(ids)}
@@ -42,6 +43,8 @@ def row(count: int = 6):
         Evidence("v1", 8, 0.1, 2.0, cells, cells, cells > 3, 0.05, 0.1, 0.9, 0, (4.0, 0.5), "v2", "open"),
         Evidence("v4", 0, 0.1, 2.0, cells, cells, cells > 5, 0.05, 0.1, 0.9, 0, (4.0, 0.5), "", "alpha"),
     ]
+    second = SecondOpinion(1, cells, cells, None, cells)
+    found.append(replace(found[1], direction=1, decision="disputed", reach=cells, mass=cells, second=second))
     edges = {(a, b): edge(a, b) for a, b in zip(ids, ids[1:], strict=False)}
     return NavGraph("row", viewpoints, edges, {e.key: e for e in found}, {"long v0": "a ramp"})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import cv2
@@ -22,9 +23,10 @@ def readers() -> list[Reader]:
 
 def _read(path: Path) -> object:
     from nvsim.occupancy.read import read_map
+    from nvsim.occupancy.ros import read_provenance
 
     occupancy = read_map(path)
-    return occupancy.room, occupancy.centres()
+    return occupancy.room, occupancy.centres(), read_provenance(path)
 
 
 def map_samples() -> Files:
@@ -46,23 +48,26 @@ def _cells() -> np.ndarray:
 
 
 def _ros() -> list[Seed]:
+    from nvsim.occupancy.provenance import Provenance
+
     grey = map_samples()
     png = {
         "map.png": cv2.imencode(".png", _cells() * 100)[1].tobytes(),
         "map.yaml": grey["map.yaml"].replace(b"map.pgm", b"map.png") + b"mode: scale\n",
     }
+    said = Provenance("lidar", "one scan", 0.1, 1.5, ("ab",)).line().encode()
+    turned = {**grey, "map.yaml": said + b"\n" + grey["map.yaml"].replace(b"2.0, 0.0]", b"2.0, 0.7]")}
     return [
         *each(grey, "map.yaml", {"map.yaml": "text"}) * 2,
+        *each(turned, "map.yaml", {"map.yaml": "text"}),
         *each(grey, "map.yaml", {"map.pgm": "picture"}),
         *each(png, "map.yaml", {"map.png": "picture"}),
     ]
 
 
 def _octomap() -> list[Seed]:
-    data = _tree()
-    full = data.replace(b"Octomap OcTree binary file", b"Octomap OcTree file")
-    seeds = [Seed({"map.bt": data}, "map.bt", "map.bt", "headed")]
-    return [*seeds, Seed({"map.ot": full}, "map.ot", "map.ot", "headed", readable=False)]
+    files = {"map.bt": _tree(), "map.ot": _full_tree()}
+    return [Seed({name: data}, name, name, "headed") for name, data in files.items()]
 
 
 def _tree() -> bytes:
@@ -71,6 +76,14 @@ def _tree() -> bytes:
     nodes = [inner << (14 if depth == 0 else 0) for depth in range(15)]
     head = b"# Octomap OcTree binary file\nid OcTree\nsize 16\nres 0.05\ndata\n"
     return head + b"".join(node.to_bytes(2, "little") for node in [*nodes, leaves])
+
+
+def _full_tree() -> bytes:
+    """The same with log-odds: one child of each inner node, eight leaves at the end."""
+    head = b"# Octomap OcTree file\nid OcTree\nsize 24\nres 0.05\ndata\n"
+    inner = [struct.pack("<fB", 0.8, 1 << (7 if depth == 0 else 0)) for depth in range(15)]
+    leaves = [struct.pack("<fB", 0.8 if i % 2 else -0.4, 0) for i in range(8)]
+    return head + b"".join([*inner, struct.pack("<fB", 0.8, 255), *leaves])
 
 
 def _surface() -> list[Seed]:

@@ -1,0 +1,59 @@
+"""What the sensor files of a kapture tree say together: which sensors there are, and where each was when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.lens import Lens
+
+Pose = NDArray[np.float64]
+_NESTED, _CARRIERS = 8, 64  # rigs on rigs, and rigs that carry one sensor, which are followed
+
+
+@dataclass
+class Tree:
+    """What the sensor files say. Poses are (4, 4); None where the file leaves it out or it is not rigid."""
+
+    kinds: dict[str, str] = field(default_factory=dict)
+    lenses: dict[str, Lens | None] = field(default_factory=dict)
+    depth_lenses: dict[str, Lens | None] = field(default_factory=dict)
+    mounts: dict[str, list[tuple[str, Pose]]] = field(default_factory=dict)  # sensor -> (rig, rig to sensor)
+    poses: dict[tuple[str, int], Pose | None] = field(default_factory=dict)  # (device, timestamp) -> world to device
+    _ways: dict[str, list[tuple[str, Pose | None]]] = field(default_factory=dict)
+
+    @cached_property
+    def _posed(self) -> set[str]:
+        return {device for device, _ in self.poses}
+
+    def _carriers(self, device: str) -> list[tuple[str, Pose | None]]:
+        """The device and the rigs that carry it, the nearest first (rigs may be nested), each with the way from it to
+        the device, None for the device itself. A rig that is listed on several ways counts once."""
+        if device not in self._ways:
+            ways: dict[str, Pose | None] = {device: None}
+            edge = [device]
+            for _ in range(_NESTED):
+                reached = []
+                for carried in edge:
+                    way = ways[carried]
+                    for rig, mount in self.mounts.get(carried, []):
+                        if rig not in ways and len(ways) < _CARRIERS:
+                            ways[rig] = mount if way is None else way @ mount
+                            reached.append(rig)
+                edge = reached
+            self._ways[device] = list(ways.items())
+        return self._ways[device]
+
+    def world_to(self, device: str, timestamp: int) -> Pose | None:
+        """The pose of a device: its own, or through a rig that carries it."""
+        for carrier, way in self._carriers(device):
+            pose = self.poses.get((carrier, timestamp))
+            if pose is not None:
+                return pose if way is None else way @ pose
+        return None
+
+    def ever_posed(self, device: str) -> bool:
+        return any(carrier in self._posed for carrier, _ in self._carriers(device))

@@ -1,0 +1,53 @@
+"""What every threshold of the map builder buys and costs: validity, coverage and edges for all its values.
+
+Nothing is rendered: the stored evidence is decided again, every threshold for itself with the others as the map was
+built with, and each corridor is judged by an occupancy map. Suggested is the loosest threshold whose validity has a
+95 % interval (Wilson) that begins at --want or above."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from nvsim.cli import show
+from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.occupancy.heights import Heights
+from nvsim.project.project import Project
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    occupancy: Path | None = None
+    """A ROS map.yaml, or an OctoMap .bt or .ot; when left out the built-in building's truth, or the map built for the
+    project."""
+    heights: Inline[Heights] = field(default_factory=Heights)
+    map_frame: Literal["aligned", "capture"] = "aligned"
+    """The frame that the map is in: the project's upright one, or the capture's own."""
+    robot_radius: float = 0.25
+    """Metres, for the figures that end in _robot."""
+    want: float = 0.99
+    """The validity that the lower end of the interval must reach, below 1."""
+    out: Path | None = None
+    """Folder for calibration.csv, .json, .svg and .png; nothing is written when left out."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.evaluation.calibration import calibrate
+    from nvsim.evaluation.calibration_report import text_of, write_calibration
+    from nvsim.evaluation.truth import true_occupancy
+    from nvsim.project.thresholds import thresholds_of
+
+    a = arguments
+    with Project.open(a.project) as project:
+        graph, capture, config = project.need_graph(), project.need_capture(), thresholds_of(project)
+        occupancy = true_occupancy(project, a.occupancy, a.map_frame, a.heights)
+        found = calibrate(graph, occupancy, capture.positions, config, a.want, a.robot_radius)
+    files = write_calibration(found, a.out) if a.out is not None else []
+    if a.json:
+        show.figures({**asdict(found), "why_none": found.why_none, "files": [str(f) for f in files]}, True)
+        return 0
+    print(text_of(found), end="")
+    if files:
+        print(f"Written: {', '.join(map(str, files))}.")
+    return 0

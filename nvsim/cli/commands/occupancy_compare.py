@@ -1,0 +1,31 @@
+"""Compare an occupancy map with a true one: which of its free and of its occupied cells are found free, occupied and
+unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nvsim.cli import show
+from nvsim.cli.arguments import Inline, Positional
+from nvsim.occupancy.heights import Heights
+
+
+@dataclass(frozen=True)
+class Arguments:
+    found: Positional[Path]
+    """A ROS map.yaml or an OctoMap .bt or .ot."""
+    true: Positional[Path]
+    """The same, in the same frame."""
+    heights: Inline[Heights] = field(default_factory=Heights)
+    json: bool = False
+    """Print the figures as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.occupancy.comparison import compare_maps
+    from nvsim.occupancy.read import read_map
+
+    found, true = (read_map(path, arguments.heights) for path in (arguments.found, arguments.true))
+    show.figures(compare_maps(found, true), arguments.json, "occupancy map")
+    return 0

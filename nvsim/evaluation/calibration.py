@@ -1,0 +1,159 @@
+"""What each threshold of the map builder buys and costs, from the stored evidence alone: nothing is rendered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.evaluation.corridors import Corridors
+from nvsim.evaluation.interval import needed, wilson
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.criteria import CRITERIA, Criterion
+from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.occupancy.paths import reachable, visible
+from nvsim.occupancy.types import FREE, OccupancyMap
+
+Judge = Literal["point", "robot"]
+_STEPS = 101  # thresholds of a sweep, from 0 to 1
+_REACH = 2.5  # metres that a viewpoint covers, as in evaluate_graph
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """JSON-able. now: the figures under the thresholds in use. sweeps: threshold's name -> a row of the same figures
+    for each of its values, the others at theirs. suggested: for each threshold, and for a point and a robot, the
+    loosest value that is good enough and what it costs; `threshold` None where there is none.
+
+    A row: threshold; corridors, accepted and share of them; valid, validity, low and high, its 95 % interval, and
+    recall, the share of the free corridors that is accepted; the same with _robot; viewpoints, edges and coverage of
+    the graph that is left; beyond: steps that newly open towards places where only a new build would go.
+    """
+
+    want: float
+    now: dict[str, Any]
+    sweeps: dict[str, list[dict[str, Any]]]
+    suggested: list[dict[str, Any]]
+
+    @property
+    def why_none(self) -> str:
+        """A sentence about how many corridors a suggestion needs, "" where every threshold has one."""
+        if all(row["threshold"] is not None for row in self.suggested):
+            return ""
+        return (
+            f"A lower bound of {self.want:g} needs at least {needed(self.want)} accepted corridors, all of them free; "
+            f"{self.now['accepted']} are accepted now. A lower --want, or more ground, gives an answer."
+        )
+
+
+def calibrate(
+    graph: NavGraph,
+    occupancy: OccupancyMap,
+    positions: NDArray[np.floating],
+    config: MappingConfig,
+    want: float = 0.99,
+    robot_radius: float = 0.25,
+) -> Calibration:
+    """Sweeps every threshold that `config` asks about. `positions` (N, 3) of the cameras, and the map, in the graph's
+    frame.
+
+    Suggested is the loosest threshold whose validity has a 95 % interval (Wilson) that begins at `want` or above.
+    Raises InputError when `want` is no share below 1, or the graph holds no evidence.
+    """
+    if not 0 < want < 1:
+        raise InputError(f"--want is {want:g}; it is a share between 0 and 1, such as 0.99.")
+    if not graph.evidence:
+        raise InputError("The graph holds no evidence to decide again; build it with `nvsim map --project`.")
+    measure = _Measure(graph, occupancy, positions, robot_radius)
+    asked = [c for c in CRITERIA if c.asked(config)]
+    sweeps = {}
+    for criterion in asked:
+        values = np.unique(np.round([*np.linspace(0, 1, _STEPS), criterion.limit(config)], 6)).tolist()
+        sweeps[criterion.field] = [
+            {"threshold": value, **measure(replace(config, **{criterion.field: value}))} for value in values
+        ]
+    now = measure(config)
+    suggested = [_suggestion(c, sweeps[c.field], now, config, want, judge) for c in asked for judge in get_args(Judge)]
+    return Calibration(want, now, sweeps, suggested)
+
+
+def _suggestion(
+    criterion: Criterion,
+    rows: list[dict[str, Any]],
+    now: dict[str, Any],
+    config: MappingConfig,
+    want: float,
+    judge: Judge,
+) -> dict[str, Any]:
+    suffix = "" if judge == "point" else "_robot"
+    found: dict[str, Any] = {"criterion": criterion.field, "judge": judge, "now": criterion.limit(config)}
+    good = [row for row in rows if row["low" + suffix] >= want]
+    if not good:
+        best = max(rows, key=lambda row: float(row["low" + suffix]))
+        return {**found, "threshold": None, "best_low": best["low" + suffix], "best_threshold": best["threshold"]}
+    row = good[-1] if criterion.below else good[0]
+    named = {name: row[name + suffix] for name in ("validity", "low", "high", "recall")}
+    change = {f"{name}_change": round(row[name] - now[name], 5) for name in ("edges", "viewpoints", "coverage")}
+    return {**found, "threshold": row["threshold"], **named, "share": row["share"], **change, "beyond": row["beyond"]}
+
+
+class _Measure:
+    """The figures of one set of thresholds."""
+
+    def __init__(
+        self, graph: NavGraph, occupancy: OccupancyMap, positions: NDArray[np.floating], robot_radius: float
+    ) -> None:
+        self._corridors = Corridors(graph, occupancy, robot_radius)
+        self._again = Rethresholder(graph, positions)
+        self._area = reachable(occupancy, positions[:, :2])
+        row = {id: i for i, id in enumerate(graph.viewpoints)}
+        self._included = np.array([v.included for v in graph.viewpoints.values()], bool)
+        self._edges = {(min(row[a], row[b]), max(row[a], row[b])) for a, b in graph.edges}
+        xy = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
+        stands = occupancy.at(xy) == FREE
+        self._covers = [
+            np.flatnonzero(visible(occupancy, place, _REACH) & self._area) if good else np.zeros(0, np.int64)
+            for place, good in zip(xy, stands.tolist(), strict=True)
+        ]
+        self._known: dict[bytes, float] = {}
+
+    def __call__(self, config: MappingConfig) -> dict[str, Any]:
+        accepted = self._corridors.accepted(config)
+        count = int(accepted.sum())
+        figures: dict[str, Any] = {
+            "corridors": len(accepted),
+            "accepted": count,
+            "share": _share(count, len(accepted)),
+        }
+        for suffix, free in (("", self._corridors.free), ("_robot", self._corridors.free_robot)):
+            valid = int((accepted & free).sum())
+            low, high = wilson(valid, count)
+            figures["valid" + suffix] = valid
+            figures["validity" + suffix] = _share(valid, count)
+            figures["low" + suffix], figures["high" + suffix] = round(low, 5), round(high, 5)
+            figures["recall" + suffix] = _share(valid, int(free.sum()))
+        again = self._again.decide(config)
+        edges = self._edges - set(map(tuple, again.disappear.tolist())) | set(map(tuple, again.appear.tolist()))
+        walked = [edge for edge in edges if self._included[list(edge)].all()]
+        joined = np.zeros(len(self._included), bool)
+        joined[np.array(walked, np.int64).ravel()] = True
+        figures |= {"viewpoints": int(joined.sum()), "edges": len(walked), "coverage": self._coverage(joined)}
+        return {**figures, "beyond": again.beyond}
+
+    def _coverage(self, viewpoints: NDArray[np.bool_]) -> float:
+        """Of the free area that the trajectory reaches; most thresholds leave the same viewpoints."""
+        key = viewpoints.tobytes()
+        if key not in self._known:
+            seen = np.zeros(self._area.size, bool)
+            for i in np.flatnonzero(viewpoints):
+                seen[self._covers[i]] = True
+            self._known[key] = _share(int(seen.sum()), int(self._area.sum()))
+        return self._known[key]
+
+
+def _share(part: int, whole: int) -> float:
+    return round(part / whole, 5) if whole else 0.0

@@ -1,0 +1,90 @@
+"""What only a map says about the structure of a graph: near viewpoints far apart in it, and its detours."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.structure import spread_rows
+from nvsim.graph.types import NavGraph
+from nvsim.graph.ways import Ways
+from nvsim.occupancy.geodesic import Geodesics
+from nvsim.occupancy.paths import points_are_free, segments_are_free, standing_room
+from nvsim.occupancy.types import OccupancyMap
+
+NEAR = (1.5, 2.5)
+"""Metres between viewpoints that are near."""
+FAR = 3.0
+"""Metres along the graph beyond which near viewpoints are far apart (R2R's success distance)."""
+LEVEL = 0.5
+"""Metres between the floors under two viewpoints that stand on one floor."""
+_AT_ONCE = 256  # viewpoints whose ways to all others are held at once
+_WORK = 4_000_000  # cells that the ways over the map from all viewpoints may visit
+_SOURCES = (8, 50)  # viewpoints whose ways over the map are measured: fewest, most
+
+
+def map_structure(graph: NavGraph, occupancy: OccupancyMap, robot_radius: float = 0.25) -> dict[str, float | int]:
+    """Figures of `graph` on a map in its frame, for a robot of `robot_radius` metres.
+
+    near_pairs_1.5, near_pairs_2.5   pairs of included viewpoints on one floor that are nearer than so many metres and
+                                     have a free straight way between them
+    near_far_1.5, near_far_2.5       the share of those that is over FAR metres apart along the graph, or not joined
+    detour, detour_p95      way along the graph / shortest way over the map, of the pairs that both join: median, 95 %
+    unreachable             share of the pairs joined by the map that the graph does not join
+    detour_pairs            pairs that these three are taken from
+
+    The ways over the map are those between viewpoints where the robot stands, from 8 to 50 of them (the same ones every
+    time) to all others; they are up to 2.8 % too long (`nvsim.occupancy.geodesic.ERROR`), so that a detour is up to as
+    much too small. Of nothing a figure is 0.
+    """
+    ways, room = Ways.of(graph), standing_room(occupancy, robot_radius)
+    return {**_near(ways, room, occupancy), **_detours(ways, room, occupancy)}
+
+
+def _near(ways: Ways, room: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float | int]:
+    pairs = _pairs(ways, max(NEAR))
+    a, b = ways.places[pairs[:, 0]], ways.places[pairs[:, 1]]
+    pairs = pairs[segments_are_free(room, occupancy, a[:, :2], b[:, :2])]
+    apart = np.linalg.norm(ways.places[pairs[:, 0]] - ways.places[pairs[:, 1]], axis=1)
+    far = np.ones(len(pairs), bool)
+    firsts = np.unique(pairs[:, 0])
+    for some in np.array_split(firsts, max(1, -(-len(firsts) // _AT_ONCE))):
+        mine = np.isin(pairs[:, 0], some)
+        along = ways.lengths(some, FAR)
+        far[mine] = ~(along[np.searchsorted(some, pairs[mine, 0]), pairs[mine, 1]] <= FAR)
+    figures: dict[str, float | int] = {}
+    for limit in NEAR:
+        chosen = apart < limit
+        figures[f"near_pairs_{limit}"] = int(chosen.sum())
+        figures[f"near_far_{limit}"] = round(float(far[chosen].mean()), 5) if chosen.any() else 0.0
+    return figures
+
+
+def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
+    """(P, 2) rows of the viewpoints on one floor that are within reach."""
+    from scipy.spatial import cKDTree
+
+    if len(ways.ids) < 2:
+        return np.zeros((0, 2), np.int64)
+    pairs = cKDTree(ways.places).query_pairs(reach, output_type="ndarray").astype(np.int64)
+    return pairs[np.abs(ways.floor[pairs[:, 0]] - ways.floor[pairs[:, 1]]) <= LEVEL]
+
+
+def _detours(ways: Ways, room: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float | int]:
+    geodesics = Geodesics(room, occupancy)
+    rows = np.flatnonzero(points_are_free(room, occupancy, ways.places[:, :2]))
+    fewest, most = _SOURCES
+    sources = rows[spread_rows(len(rows), int(np.clip(_WORK // max(len(geodesics), 1), fewest, most)))]
+    along = ways.lengths(sources)[:, rows] if len(sources) else np.zeros((0, 0))
+    over = np.array([geodesics.lengths(ways.places[s, :2], ways.places[rows, :2]) for s in sources]).reshape(
+        along.shape
+    )
+    pairs = np.isfinite(over) & (over > 0)
+    both = pairs & np.isfinite(along)
+    ratios = along[both] / over[both]
+    return {
+        "detour": round(float(np.median(ratios)), 4) if len(ratios) else 0.0,
+        "detour_p95": round(float(np.percentile(ratios, 95)), 4) if len(ratios) else 0.0,
+        "unreachable": round(1 - float(both.sum()) / float(pairs.sum()), 5) if pairs.any() else 0.0,
+        "detour_pairs": int(pairs.sum()),
+    }

@@ -1,0 +1,147 @@
+"""The paper's fourth table on one project: how valid the map is that each scene representation gives under each set of
+criteria. Models are those of the ablation, trained where they are missing."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.evaluation.ablation_rows import Budget, Row, preset_rows
+from nvsim.evaluation.ablation_run import Run, SharedViews, finished, run_of, within
+from nvsim.evaluation.graph import evaluate_graph
+from nvsim.evaluation.validity_cell import Kept, kept_cell, made_cell
+from nvsim.events import Listener, Log
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.occupancy.types import OccupancyMap
+from nvsim.project.project import Project
+from nvsim.project.stages.floors import floors_key, refresh_support
+from nvsim.project.work import lacks
+
+STAGE = "validity-table"
+Criteria = tuple[str, ...]
+COLUMNS: tuple[Criteria, ...] = (("alpha", "normal"), ("alpha",), ("normal",), ("depth",), ("slice",))
+"""Sets of criteria by their names in the builder's table; the first four are the paper's."""
+
+
+@dataclass(frozen=True)
+class TableConfig:
+    """What is trained and built. Empty `presets` are all; `mapping` is what the columns differ from in their criteria
+    alone; `robot_radius` in metres; `afresh` builds maps again that are there."""
+
+    presets: tuple[str, ...] = ()
+    columns: tuple[Criteria, ...] = COLUMNS
+    budget: Budget = field(default_factory=Budget)
+    seed: int = 0
+    mapping: MappingConfig = field(default_factory=MappingConfig)
+    robot_radius: float = 0.25
+    afresh: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """figures as `evaluate_graph` gives them, and how long the map took; where there is no map, why in a sentence."""
+
+    model: str
+    criteria: Criteria
+    figures: dict[str, Any]
+    graph: NavGraph | None
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ValidityTable:
+    """cells in the order of rows, then columns; a sentence about columns that are left out, "" where none is; how many
+    models were trained and maps built, and how many of each were there."""
+
+    models: tuple[str, ...]
+    columns: tuple[Criteria, ...]
+    cells: list[Cell]
+    left_out: str
+    trained: int
+    built: int
+    reused: int
+
+
+def evaluate_validity(
+    project: Project, config: TableConfig, occupancy: OccupancyMap, listen: Listener
+) -> ValidityTable:
+    """Trains and builds what is missing, and judges every map by `occupancy`, which is in the project's aligned frame.
+
+    A cell whose builder finds no place to stand has no map, as the paper's dashes. Raises InputError when the project
+    has no floor masks, or there is no such preset.
+    """
+    if not floors_key(project):
+        raise lacks(project.layout.root, "floors")
+    rows = preset_rows(config.budget, config.presets)
+    wanted = {criteria: asking(config.mapping, criteria) for criteria in config.columns}
+    columns = {criteria: found for criteria, found in wanted.items() if found is not None}
+    if not columns:
+        raise InputError(f"{_left_out(wanted)} Name a column that there is with --columns.")
+    refresh_support(project, listen)
+    runs, trained = _trained(project, rows, config.seed, listen)
+    support = project.support()
+    assert support is not None
+    walk = project.need_capture().positions[:, :2]
+    cells, built = [], 0
+    for row in rows:
+        known: list[Kept] = []  # what other columns measured: a corridor is rendered once for all of them
+        for criteria, mapping in columns.items():
+            kept = kept_cell(project, runs[row], mapping)
+            if config.afresh or not kept.is_done:
+                listen(Log(f"Building the map of {row.name} by {' & '.join(criteria)}.", STAGE))
+                made_cell(project, runs[row], mapping, kept, known, listen)
+                built += 1
+            cells.append(_judged(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
+            known.append(kept)
+    reused = len(cells) - built
+    return ValidityTable(
+        tuple(row.name for row in rows), tuple(columns), cells, _left_out(wanted), trained, built, reused
+    )
+
+
+def asking(config: MappingConfig, criteria: Criteria) -> MappingConfig | None:
+    """`config` with these criteria alone, beside that of known floor; None where the builder does not know them."""
+    try:
+        return dataclasses.replace(config, criteria=criteria)
+    except InputError:
+        return None
+
+
+def _trained(project: Project, rows: Sequence[Row], seed: int, listen: Listener) -> tuple[dict[Row, list[Run]], int]:
+    """The finished runs of every row, one for each submap, and how many were trained."""
+    submaps = project.need_submaps()
+    runs = {row: [run_of(project, submap, row.config, seed) for submap in submaps] for row in rows}
+    todo = {run.folder for of_row in runs.values() for run in of_row if not run.is_done}
+    count = sum(map(len, runs.values()))
+    listen(Log(f"{count} models, of which {count - len(todo)} are there already.", STAGE))
+    total, before = sum(run.config.steps for of_row in runs.values() for run in of_row if run.folder in todo), 0
+    for i, submap in enumerate(submaps):
+        views = SharedViews(project, submap)
+        for row in rows:
+            run = runs[row][i]
+            if not run.is_done:
+                title = f"{row.title}, submap {submap.index}"
+                finished(project, run, views.of(run), within(listen, STAGE, before, total, title))
+                before += run.config.steps
+    return runs, len(todo)
+
+
+def _judged(
+    model: str, criteria: Criteria, kept: Kept, occupancy: OccupancyMap, walk: Any, robot_radius: float, seen: Any
+) -> Cell:
+    graph, report = kept.read()
+    if graph is None:
+        return Cell(model, criteria, {}, None, str(report["why"]))
+    figures = evaluate_graph(graph, occupancy, walk, robot_radius, seen=seen)
+    return Cell(model, criteria, {**figures, "seconds": report["seconds"]}, graph)
+
+
+def _left_out(wanted: dict[Criteria, MappingConfig | None]) -> str:
+    names = [" & ".join(criteria) for criteria, found in wanted.items() if found is None]
+    if not names:
+        return ""
+    return f"Left out: {', '.join(names)}; the map builder knows no such criterion."

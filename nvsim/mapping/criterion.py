@@ -1,0 +1,111 @@
+"""One criterion of a corridor: a value measured on the evidence against one threshold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.graph.types import Decision, Evidence
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import FAMILIES
+
+Plane = Literal["alpha", "up", "support", "reach", "mass"]
+Part = tuple[slice, slice]  # rows and cells of the corridor
+FULL: Mapping[Plane, int] = {"alpha": 255, "up": 255, "support": 1, "reach": 255, "mass": 255}
+"""What a stored value of 1 is in each plane of the evidence."""
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One measured value against one threshold.
+
+    field       the threshold's name in MappingConfig
+    word        the decision when it fails
+    name        what is measured, in words
+    label       the same beside a slider
+    plane       the plane of the evidence that it looks at
+    over        "corridor" takes the mean of all cells, "row" the worst mean of a row, "cell" the worst cell
+    below       whether the value must stay below the limit; else it must exceed it
+    closed      whether a value at the limit passes
+    worst_only  whether only the rule "worst" asks for it
+    """
+
+    field: str
+    word: Decision
+    name: str
+    label: str
+    plane: Plane
+    over: Literal["corridor", "row", "cell"]
+    below: bool
+    closed: bool = False
+    worst_only: bool = False
+
+    @property
+    def family(self) -> str:
+        """The name in MappingConfig.criteria that it is asked by; "" where it is asked always."""
+        return self.word if self.word in FAMILIES else ""
+
+    def limit(self, config: MappingConfig) -> float:
+        return float(getattr(config, self.field))
+
+    def asked(self, config: MappingConfig) -> bool:
+        return (not self.worst_only or config.rule == "worst") and self.chosen(config)
+
+    def chosen(self, config: MappingConfig) -> bool:
+        """Whether its family decides, under either rule."""
+        return not self.family or self.family in config.criteria
+
+    def measured(self, evidence: Evidence) -> bool:
+        """Whether the evidence holds its plane."""
+        return getattr(evidence, self.plane) is not None
+
+    @overload
+    def passes(self, value: float, limit: float) -> bool: ...
+    @overload
+    def passes(self, value: NDArray[np.floating], limit: float) -> NDArray[np.bool_]: ...
+    def passes(self, value: float | NDArray[np.floating], limit: float) -> bool | NDArray[np.bool_]:
+        """Whether a value, or each value of an array, is on the right side of the limit."""
+        if self.below:
+            return value <= limit if self.closed else value < limit
+        return value >= limit if self.closed else value > limit
+
+    def relation(self, passes: bool) -> str:
+        """How a value that passes, or fails, lies to the limit."""
+        if self.below == passes:
+            return "≤" if self.closed == passes else "<"
+        return "≥" if self.closed == passes else ">"
+
+    def plane_of(self, evidence: Evidence) -> NDArray[Any]:
+        """(rows, cells) its plane of the evidence. Raises InputError where that was not measured."""
+        if not self.measured(evidence):
+            raise InputError(unmeasured(self.family))
+        return np.asarray(getattr(evidence, self.plane))
+
+    def measure(self, evidence: Evidence, corridor: Part) -> tuple[float, Part]:
+        """The value, 0 to 1, and the part of the corridor that it comes from. Raises InputError where the evidence
+        lacks the plane."""
+        rows, cells = corridor
+        values = self.plane_of(evidence)[rows, cells]
+        full = FULL[self.plane]
+        if self.over == "corridor":
+            return float(values.mean()) / full, corridor
+        if self.over == "row":
+            means = values.mean(axis=1)
+            row = int(means.argmax() if self.below else means.argmin())
+            return float(means[row]) / full, (slice(row, row + 1), cells)
+        row, cell = divmod(int(values.argmax() if self.below else values.argmin()), values.shape[1])
+        at = cells.start + cell
+        return float(values[row, cell]) / full, (slice(row, row + 1), slice(at, at + 1))
+
+
+def unmeasured(family: str) -> str:
+    """The sentence for evidence that a family of criteria cannot be decided from."""
+    return (
+        f"The evidence holds nothing that the criterion {family!r} could be decided by: it was not measured when the "
+        "map was built; build the map again with it (`nvsim map --reapply --criteria …`)."
+    )

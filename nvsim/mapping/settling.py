@@ -1,0 +1,173 @@
+"""From the lattices that a search leaves to a graph to live in.
+
+Searches from several starts leave lattices that lie over each other: viewpoints a metre apart that no edge joins, and
+many ways of one length. So of viewpoints that stand close and see each other one stays; near ones are joined where the
+corridor passes both ways and the graph's way is a detour (a greedy spanner, Althoefer et al. 1993, On Sparse Spanners
+of Weighted Graphs); what hung together before still does, at little more way; and places that no viewpoint is near to
+get one, at the end of a shorter step. The criteria are those of the search throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from nvsim.graph.types import Viewpoint
+from nvsim.mapping.criteria import OPEN
+from nvsim.mapping.filling import Filling
+from nvsim.mapping.graph_builder import SAME
+from nvsim.mapping.survey import Survey
+from nvsim.mapping.ties import untie
+from nvsim.mapping.ways import DETOUR, NEAR, Ways
+
+_NARROW = 2.0  # times the straight way: below, no corridor is joined that just passes
+_SPARE = 0.05  # metres: a map of cells of 5 cm may call what is nearer too narrow
+
+
+class Settling:
+    """Rearranges the graph of a survey in place."""
+
+    def __init__(self, survey: Survey, should_stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+        self._survey, self._draft, self._config = survey, survey.draft, survey.config
+        self._should_stop, self._progress = should_stop, progress
+        self._ways = Ways(survey.draft)
+
+    def run(self) -> None:
+        """Thins, joins, restores what hung together, and fills. A run that is stopped leaves the search's graph."""
+        edges = self._draft.edges()
+        stands_for = self._thin()
+        kept = [id for id, by in stands_for.items() if id == by]
+        self._ways.add(kept)
+        self._join(kept, kept)
+        self._restore(edges, stands_for)
+        if self._should_stop():
+            return
+        self._part()
+        self._forget()
+        self._fill()
+        self._part()
+        self._forget()
+        untie(self._ways)
+        self._write()
+
+    def _thin(self) -> dict[str, str]:
+        """id -> the viewpoint that stays in its place: itself, or one that it sees nearer than the merge radius. Those
+        with the most room come first."""
+        stands_for: dict[str, str] = {}
+        for id in sorted(self._draft.viewpoints, key=lambda id: (-self._room(id), id)):
+            viewpoint = self._draft.viewpoints[id]
+            near = self._near(viewpoint, self._config.merge_radius)
+            kept = (v for v in near if stands_for.get(v.id) == v.id and self._is_open(viewpoint, v))
+            stands_for[id] = next((v.id for v in kept), id)
+        return stands_for
+
+    def _join(self, new: Iterable[str], among: Iterable[str]) -> None:
+        """Joins viewpoints of `new` with those `among` all, the nearest pairs first, where the way so far is long: by
+        corridors with room to spare, then by those that just pass where even a detour is missing."""
+        inside, pairs = set(among), set()
+        for id in new:
+            for other in self._near(self._draft.viewpoints[id], self._config.reach):
+                if other.id in inside:
+                    pairs.add((min(id, other.id), max(id, other.id)))
+        length = {pair: self._ways.apart(*pair) for pair in pairs}
+        order = sorted(pairs, key=lambda pair: (length[pair], pair))
+        for stretch, spare in ((self._config.stretch, _SPARE), (max(_NARROW, self._config.stretch), 0.0)):
+            for a, b in order:
+                if self._should_stop():
+                    return
+                self._progress()
+                most = stretch * length[a, b]
+                ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
+                if self._ways.metres(a, b, most) > most and self._is_open(*ends, spare):
+                    self._ways.join(a, b)
+
+    def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
+        """Brings back both ends of an edge of the search where the way between what stands for them is a long detour or
+        none: they were needed, in a door for example."""
+        for a, b in edges:
+            if self._should_stop():
+                return
+            ends = stands_for[a], stands_for[b]
+            was = sum(self._ways.apart(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
+            if ends[0] == ends[1] or self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
+                continue
+            for id in (a, b):
+                stands_for[id] = id
+            self._ways.add((a, b))
+            self._join((a, b), self._ways)
+            if math.isinf(self._ways.metres(a, b)):
+                self._ways.join(a, b)
+
+    def _forget(self) -> None:
+        for id in [id for id in self._draft.viewpoints if id not in self._ways]:
+            self._draft.remove(id)
+
+    def _part(self) -> None:
+        """Of two near viewpoints that known floor joins but no edge, and no short way either, takes out the one with
+        less room where the ways between those around it hardly grow: an agent beside its goal should get there."""
+        near = []
+        for id in self._ways:
+            for other in self._near(self._draft.viewpoints[id], NEAR):
+                if id < other.id and other.id in self._ways and self._ways.metres(id, other.id, 2 * NEAR) > 2 * NEAR:
+                    near.append((id, other.id))
+        for pair in near:
+            for id in sorted(pair, key=lambda id: (self._room(id), id)):
+                if all(end in self._ways for end in pair) and self._ways.can_spare(id):
+                    self._ways.remove(id)
+
+    def _fill(self) -> None:
+        if len(self._draft.viewpoints) >= self._config.max_viewpoints:
+            return
+        for viewpoint, seen in Filling(self._survey).found():
+            if self._should_stop():
+                return
+            if not any(self._is_open(viewpoint, other) for other in seen):
+                self._draft.remove(viewpoint.id)
+                continue
+            self._ways.add([viewpoint.id])
+            self._join([viewpoint.id], self._ways)
+            if len(self._draft.viewpoints) >= self._config.max_viewpoints:
+                return
+
+    def _write(self) -> None:
+        """The edges into the graph, and into the evidence why there is none where the corridor is open."""
+        draft = self._draft
+        for a, b in draft.edges():
+            draft.cut(a, b)
+        for a, b in self._ways.edges():
+            step = draft.step_towards(draft.viewpoints[a], draft.viewpoints[b])
+            draft.join(a, b, "merge" if step is None else "step")
+        for id, viewpoint in draft.viewpoints.items():
+            for evidence in list(draft.evidence[id].values()):
+                if evidence.decision != OPEN:
+                    continue
+                at = [v for v in draft.near(np.array(evidence.target), SAME) if v.id != id]
+                if not at:
+                    self._survey.keep(replace(evidence, decision="served"))
+                elif not draft.are_joined(id, at[0].id):
+                    back = self._survey.known(at[0], viewpoint) if self._config.both_ways else OPEN
+                    self._survey.keep(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
+
+    def _room(self, id: str) -> float:
+        """Decimetres to the nearest floor that nobody knows."""
+        place = np.array([self._draft.viewpoints[id].position[:2]])
+        return round(10 * float(self._survey.walk.clearance_at(place)[0]))
+
+    def _near(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
+        """Others within reach that known floor leads straight to, the nearest first."""
+        here = np.array(viewpoint.position[:2])
+        others = (v for v in self._draft.near(here, reach) if v.id != viewpoint.id)
+        return [v for v in others if self._survey.walk.in_line(here, np.array(v.position[:2]))]
+
+    def _is_open(self, a: Viewpoint, b: Viewpoint, spare: float = 0.0) -> bool:
+        """Whether the corridor between two viewpoints passes, both ways where that is asked, with `spare` metres of
+        room at either side."""
+        for here, there in ((a, b), (b, a)) if self._config.both_ways else ((a, b),):
+            if self._survey.way(here, there, self._near(here, self._config.reach)) != OPEN:
+                return False
+            if spare and self._survey.known(here, there, spare) != OPEN:
+                return False
+        return True

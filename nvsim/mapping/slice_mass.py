@@ -1,0 +1,105 @@
+"""How much Gaussian mass stands in a corridor between the floor and the camera: the slice of a model, seen from above.
+
+NavGSim (arXiv:2603.15186) takes the navigable area from such a slice. Here a Gaussian counts with its opacity, the
+share of its height that lies in the slice, and the share of the cell that it covers; no image is rendered.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from nvsim.geometry.rotation import matrix_from_quaternion
+from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, HeightAt, ahead
+from nvsim.splats.types import Gaussians
+
+ABOVE_FLOOR = 0.1
+"""Metres: what ends below is no obstacle."""
+_SPREAD = 1.0 / 12.0  # variance of a place in a cell, in cells squared
+_FAINT = 1.0 / 255.0
+_REACH = math.sqrt(2 * math.log(255))  # standard deviations at which 1 has fallen to 1/255
+
+
+class Slice:
+    """The Gaussians of one submap model, ready to be summed up over corridors."""
+
+    def __init__(self, gaussians: Gaussians) -> None:
+        opacity = 1.0 / (1.0 + np.exp(-gaussians.opacity_logits.astype(np.float64)))
+        used = opacity > _FAINT
+        axes = matrix_from_quaternion(gaussians.quats[used]) * np.exp(gaussians.log_scales[used])[:, None, :]
+        covariance = axes @ axes.transpose(0, 2, 1)
+        upper = [covariance[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
+        self._rows = np.column_stack([gaussians.means[used], opacity[used], *upper]).astype(np.float64)
+        # Never less than the greatest standard deviation as seen from above.
+        self._radius = _REACH * np.sqrt(upper[0] + upper[2])
+
+    def mass(self, corridor: Corridor, floor_at: HeightAt, top: float) -> NDArray[np.uint8]:
+        """(rows, CELLS) uint8, how much of each cell Gaussians cover between ABOVE_FLOOR and `top` metres above its
+        floor, seen from above, * 255.
+
+        A Gaussian of covariance S covers opacity * share * sqrt(det A / det B) * exp(-d' B^-1 d / 2) of a cell whose
+        centre is d away: A is S as seen from above, B is A widened by the variance of a place in the cell, and `share`
+        what of the Gaussian lies in the slice above the cell's centre. Several cover it independently, as in alpha.
+        """
+        floor = np.ascontiguousarray(corridor.ground(floor_at)[..., 2])
+        left = np.ones((corridor.rows, CELLS))
+        start, forward = np.array(corridor.start), ahead(corridor.heading, 1.0)
+        _cover(self._rows, self._radius, start, forward, floor, ABOVE_FLOOR, max(top, ABOVE_FLOOR), left)
+        return np.round((1.0 - left) * 255).astype(np.uint8)
+
+
+@njit(cache=True, error_model="numpy")
+def _cover(
+    gaussians: NDArray[np.float64],  # (N, 10) x, y, z, opacity, and of the covariance xx, xy, yy, xz, yz, zz
+    radius: NDArray[np.float64],  # (N,) metres
+    start: NDArray[np.float64],  # (2,) metres, world
+    forward: NDArray[np.float64],  # (2,) unit
+    floor: NDArray[np.float64],  # (rows, cells) metres, world
+    low: float,  # metres above the floor
+    high: float,
+    left: NDArray[np.float64],  # (rows, cells) in and out: how much of each cell is not covered
+) -> None:
+    rows, cells = left.shape
+    wide = WIDTH / cells
+    sx, cx = forward[0], forward[1]
+    for g in range(len(gaussians)):
+        x, y = gaussians[g, 0] - start[0], gaussians[g, 1] - start[1]
+        along, across = sx * x + cx * y, cx * x - sx * y
+        reach = radius[g] + DEPTH
+        if along < NEAR - reach or along > NEAR + rows * DEPTH + reach or abs(across) > WIDTH / 2 + reach:
+            continue
+        z, opacity = gaussians[g, 2], gaussians[g, 3]
+        xx, xy, yy = gaussians[g, 4], gaussians[g, 5], gaussians[g, 6]
+        xz, yz, zz = gaussians[g, 7], gaussians[g, 8], gaussians[g, 9]
+        # The covariance in the corridor's own directions, widened to the cell.
+        a = sx * sx * xx + 2 * sx * cx * xy + cx * cx * yy
+        b = sx * cx * (xx - yy) + (cx * cx - sx * sx) * xy
+        c = cx * cx * xx - 2 * sx * cx * xy + sx * sx * yy
+        az, cz = sx * xz + cx * yz, cx * xz - sx * yz
+        before = max(a * c - b * b, 0.0)
+        a += _SPREAD * DEPTH * DEPTH
+        c += _SPREAD * wide * wide
+        after = a * c - b * b
+        weight = opacity * math.sqrt(before / after)
+        if weight < _FAINT:
+            continue
+        ia, ib, ic = c / after, -b / after, a / after
+        slope_a, slope_c = az * ia + cz * ib, az * ib + cz * ic
+        spread = math.sqrt(max(zz - slope_a * az - slope_c * cz, 1e-12))
+        out = math.sqrt(2 * math.log(weight / _FAINT))
+        first = max(0, math.ceil((along - out * math.sqrt(a) - NEAR) / DEPTH - 0.5))
+        last = min(rows - 1, math.floor((along + out * math.sqrt(a) - NEAR) / DEPTH - 0.5))
+        near = max(0, math.ceil((across - out * math.sqrt(c) + WIDTH / 2) / wide - 0.5))
+        far = min(cells - 1, math.floor((across + out * math.sqrt(c) + WIDTH / 2) / wide - 0.5))
+        for row in range(first, last + 1):
+            da = NEAR + (row + 0.5) * DEPTH - along
+            for cell in range(near, far + 1):
+                dc = (cell + 0.5) * wide - WIDTH / 2 - across
+                power = 0.5 * (ia * da * da + 2 * ib * da * dc + ic * dc * dc)
+                middle = z + slope_a * da + slope_c * dc - floor[row, cell]
+                scale = 1.0 / (spread * math.sqrt(2.0))
+                share = 0.5 * (math.erf((high - middle) * scale) - math.erf((low - middle) * scale))
+                left[row, cell] *= 1.0 - weight * math.exp(-power) * share

@@ -1,0 +1,90 @@
+"""Corridors decided and their evidence kept with the graph that grows: what the search and the settling both ask."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
+from nvsim.mapping.config import WIDEST, MappingConfig
+from nvsim.mapping.corridor import HeightAt
+from nvsim.mapping.criteria import OPEN, decide
+from nvsim.mapping.graph_builder import SAME, GraphBuilder, apart
+from nvsim.mapping.lattice import Lattice
+from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.walk import Walk
+
+
+class Survey:
+    """The graph so far, what is measured for it, and the trajectory that it lies around."""
+
+    def __init__(
+        self,
+        draft: GraphBuilder,
+        lattice: Lattice,
+        measurements: Measurements,
+        walk: Walk,
+        floor_at: HeightAt,
+        config: MappingConfig,
+    ) -> None:
+        self.draft, self.lattice, self.walk, self.config = draft, lattice, walk, config
+        self._measurements, self._floor_at = measurements, floor_at
+
+    def viewpoint(self, xy: NDArray[np.floating], origin: ViewpointOrigin, z: float) -> Viewpoint:
+        """A viewpoint that stands at (2,), its camera at the height z; the graph does not hold it yet."""
+        floor = float(self._floor_at(np.asarray(xy, np.float64)))
+        return Viewpoint(self.draft.id_at(xy), (float(xy[0]), float(xy[1]), z), z - floor, -1, True, origin)
+
+    def around(self, viewpoint: Viewpoint) -> list[Evidence]:
+        """The evidence of the eight directions, undecided."""
+        # That far the viewpoints are that steps may merge with.
+        reach = self.config.tau_dist + self.config.merge_radius
+        return self._measurements.around(viewpoint, self.draft.near(np.array(viewpoint.position[:2]), reach))
+
+    def take(self, viewpoint: Viewpoint, around: Iterable[Evidence]) -> None:
+        """Puts a viewpoint into the graph with the decisions about its eight directions."""
+        around = list(around)
+        self.draft.put(replace(viewpoint, submap=around[0].submap))
+        for evidence in around:
+            self.keep(replace(evidence, decision=decide(evidence, self.config)))
+
+    def way(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Decision:
+        """The decision about the corridor from one viewpoint to another; its evidence is kept. `also` as
+        `Measurements.between` takes it."""
+        step = self.draft.step_towards(viewpoint, other)
+        if step is not None:
+            return decide(step, self.config)
+        found = self._measurements.between(viewpoint, other, also)
+        decision = decide(found, self.config)
+        direction = self.draft.number_towards(viewpoint.id, other.id)
+        self.keep(replace(found, direction=direction, decision=decision))
+        return decision
+
+    def known(self, viewpoint: Viewpoint, other: Viewpoint, spare: float = 0.0) -> Decision:
+        """What the evidence that is kept decides about the corridor to another viewpoint, `spare` metres wider at
+        either side as far as was measured; "" where there is no evidence."""
+        config = self.config
+        if spare:
+            config = replace(config, margin=min(config.margin + spare, WIDEST / 2 - config.robot_radius))
+        for evidence in self.draft.evidence[viewpoint.id].values():
+            if evidence.joins == other.id or apart(other, evidence.target) < SAME:
+                return decide(evidence, config)
+        return ""
+
+    def knows_floor(self, a: Viewpoint, b: Viewpoint) -> bool:
+        """Whether enough floor is known along the corridor from one place to another, which needs no rendering."""
+        return self._measurements.knows_floor(a, b)
+
+    def withdraw(self, id: str, other: Viewpoint) -> None:
+        """Says in the open evidence from `id` to a viewpoint that the corridor back did not pass."""
+        for evidence in list(self.draft.evidence[id].values()):
+            leads = evidence.joins == other.id or apart(other, evidence.target) < SAME
+            if leads and evidence.decision == OPEN:
+                self.keep(replace(evidence, decision="return"))
+
+    def keep(self, evidence: Evidence) -> None:
+        """Evidence in place of what was known of the same direction."""
+        self.draft.evidence[evidence.viewpoint][evidence.direction] = evidence

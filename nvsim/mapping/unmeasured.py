@@ -1,0 +1,77 @@
+"""Whether the stored evidence speaks against an edge that nobody measured: the corridors that were measured from its
+ends cover most of the floor between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nvsim.graph.quantities import evidence_along
+from nvsim.graph.types import EdgeKey, Evidence, NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor
+from nvsim.mapping.criteria import CRITERIA, FULL, OPEN, decide, lacking
+
+_FREE = {c.plane: 0 if c.below else FULL[c.plane] for c in CRITERIA}  # what free floor shows in each plane
+_BESIDE = math.radians(60.0)  # between two headings; corridors farther apart share no floor but that under the camera
+
+
+def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
+    """(graph, pair of viewpoints) -> whether the way between them is closed under `config`: where it was measured, by
+    that; else by the cells of other corridors from either end, where floor that none of them covers speaks for nothing.
+    False where nothing is known. Stale evidence says nothing."""
+
+    def is_closed(graph: NavGraph, key: EdgeKey) -> bool:
+        laid = (_laid_over(graph, here, there) for here, there in (key, key[::-1]))
+        told = evidence_along(graph, key) or [found for found in laid if found is not None]
+        return any(decide(e, config) != OPEN for e in told if not lacking(e, config))
+
+    return is_closed
+
+
+def _laid_over(graph: NavGraph, here: str, there: str) -> Evidence | None:
+    """The corridor from one viewpoint to the other, read from those that were measured from the first; its cells that
+    none covers are empty floor. None where no corridor lies near."""
+    xy = np.array([graph.viewpoints[id].position[:2] for id in (here, there)])
+    corridor = Corridor((float(xy[0, 0]), float(xy[0, 1])), (float(xy[1, 0]), float(xy[1, 1])))
+    measured = [graph.evidence[k] for k in graph.evidence_of.get(here, ()) if k[0] == here]
+    near = [e for e in measured if not e.stale and _turn(e.heading, corridor.heading) < _BESIDE]
+    if not near:
+        return None
+    # The nearest heading last: of two that cover a cell it sees it from where the corridor would.
+    near.sort(key=lambda e: -_turn(e.heading, corridor.heading))
+    cells = corridor.cells() - xy[0]
+    planes: dict[str, Any] = {
+        plane: np.full(cells.shape[:2], free, getattr(near[-1], plane).dtype)
+        for plane, free in _FREE.items()
+        if all(getattr(e, plane) is not None for e in near)
+    }
+    for e in near:
+        forward = np.array([math.sin(e.heading), math.cos(e.heading)])
+        row = np.floor((cells @ forward - e.near) / e.depth).astype(np.int64)
+        across = cells @ np.array([forward[1], -forward[0]]) / e.width + 0.5
+        column = np.floor(across * e.alpha.shape[1]).astype(np.int64)
+        inside = (row >= 0) & (row < e.alpha.shape[0]) & (column >= 0) & (column < e.alpha.shape[1])
+        for plane, values in planes.items():
+            values[inside] = getattr(e, plane)[row[inside], column[inside]]
+    return Evidence(
+        here,
+        near[-1].direction,
+        corridor.heading,
+        corridor.length,
+        near=NEAR,
+        depth=DEPTH,
+        width=WIDTH,
+        submap=near[-1].submap,
+        target=corridor.target,
+        joins=there,
+        **planes,
+    )
+
+
+def _turn(a: float, b: float) -> float:
+    """Radians between two headings."""
+    return abs((a - b + math.pi) % (2 * math.pi) - math.pi)

@@ -1,0 +1,213 @@
+"""Occupancy by ray casting, as OctoMap does it (Hornung et al. 2013): every ray frees the voxels that it passes and
+occupies the one in which it ends, in log-odds that are clamped. Of one scan a voxel learns once, and what one of its
+rays hits none of its others frees.
+
+Only voxels of a band over the local floor are kept: a ramp is no obstacle, and memory grows with the ground alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.geometry.cells import grid_size
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.occupancy import ray_kernels
+from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+
+Float64 = NDArray[np.float64]
+_MOST_VOXELS = 400_000_000  # 2 GB if all of them are met; what is not takes none
+_FOOT = 0.3  # metres from the lower height up, within which a ray must pass a column for it to be free
+_GAP = 0.2  # metres
+_SPECK = 0.03  # square metres: what covers less and stands nowhere is noise of a sensor
+_HOLES = 0.1  # metres on all sides of a point: what is scanned so densely hides what lies behind it
+_SEEING = 24  # places, the nearest first, that are tried for a point whose sensor is not known
+_SEEN_FROM = 3  # of them, from which it counts as seen: rays from one end where those from the next begin
+_CHUNK = 1 << 18  # rays
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1 - probability))
+
+
+ODDS = np.array([_log_odds(p) for p in (0.7, 0.4, 0.1192, 0.971)], np.float32)
+"""OctoMap's defaults: of a hit, of a passing, and the least and the most that a voxel can have."""
+
+
+class RayGrid:
+    """The voxels over a part of the ground, and what scans say of them.
+
+    low, high    (2,) corners of that part, metres, world
+    resolution   metres, edge of a voxel; voxels lie as OctoMap's do, from the world's zero
+    floor        the height that the band stands on, in each column that of its middle
+    heights      of the band; a voxel belongs to it by its middle
+    top          metres over the floor up to which voxels are kept where that is more: what stands higher than the band
+                 is no obstacle, and hides what is behind it
+
+    Raises InputError where there would be more voxels than the memory of most machines holds.
+    """
+
+    def __init__(
+        self,
+        low: Float64,
+        high: Float64,
+        resolution: float,
+        floor: FloorSurface,
+        heights: Heights | None = None,
+        top: float = 0.0,
+    ) -> None:
+        heights = heights or Heights()
+        if not 1e-3 <= resolution <= 10:
+            raise InputError(f"Cells of {resolution:g} m are none of a map; give --resolution 0.001 to 10 metres.")
+        self.resolution = resolution
+        self._corner = np.floor(np.asarray(low, np.float64) / resolution)
+        columns, rows = grid_size(self._corner * resolution, np.asarray(high), resolution, "the rays")
+        columns, rows = max(columns, 1), max(rows, 1)
+        self.band = max(1, round((heights.to_height - heights.from_height) / resolution))
+        self.layers = max(self.band, math.ceil((top - heights.from_height) / resolution))
+        if rows * columns * self.layers > _MOST_VOXELS:
+            raise InputError(
+                f"A map of {columns * resolution:.0f} x {rows * resolution:.0f} m up to {heights.to_height:g} m has "
+                f"too many cells of {resolution:g} m for the memory; give --resolution more metres."
+            )
+        empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, self._origin)
+        lowest = (floor.height_at(empty.centres()).astype(np.float64) + heights.from_height) / resolution
+        self._base = np.ceil(lowest - 0.5 - 1e-6).astype(np.int32)
+        self._levels = int(self._base.min()), int(self._base.max()) + self.layers
+        self._log_odds = np.zeros(rows * columns * self.layers, np.float32)
+        self._marks = np.zeros(len(self._log_odds), np.uint8)
+        self._touched = np.empty(1 << 16, np.int64)
+        self._stepped = np.zeros(1, np.int64)
+
+    @property
+    def _origin(self) -> tuple[float, float]:
+        return float(self._corner[0] * self.resolution), float(self._corner[1] * self.resolution)
+
+    @property
+    def steps(self) -> int:
+        """How many voxels all rays together went through so far."""
+        return int(self._stepped[0])
+
+    def add(self, points: NDArray[np.floating], origin: NDArray[np.floating], reach: float = math.inf) -> None:
+        """One scan: rays to `points` (N, 3) from `origin`, (3,) or (N, 3), metres, world. One longer than `reach`
+        metres frees that much of its way and hits nothing."""
+        ends = np.asarray(points, np.float64).reshape(-1, 3)
+        start = np.broadcast_to(np.asarray(origin, np.float64), ends.shape)
+        length = np.linalg.norm(ends - start, axis=1)
+        far = length > reach
+        count = self._hit(self._in_voxels(ends[~far]))
+        if far.any():
+            ends = ends.copy()
+            ends[far] = start[far] + (ends - start)[far] * (reach / length[far])[:, None]
+        self._settle(self._pass(start, ends, count))
+
+    def add_merged(self, points: NDArray[np.floating], places: Float64, reach: float = math.inf) -> int:
+        """One scan of which nobody knows from where each of its `points` (N, 3) was seen: each counts as seen from the
+        nearest of the `places` (M, 3) of the sensors, at most `reach` metres away, between which and it no other point
+        stands. Returns how many points none of them sees; these are hit and free nothing."""
+        from scipy.spatial import cKDTree
+
+        ends = np.asarray(points, np.float64).reshape(-1, 3)
+        count = self._hit(self._in_voxels(ends))
+        width = math.ceil(_HOLES / self.resolution)
+        walls = np.zeros(len(self._marks), bool)
+        ray_kernels.spread(self._touched, count, width, self._base, self.layers, walls)
+        tree, in_voxels = cKDTree(places), self._in_voxels(places)
+        hidden = 0
+        for i in range(0, len(ends), _CHUNK):
+            part = ends[i : i + _CHUNK]
+            nearest = tree.query(part, k=range(1, min(_SEEING, len(places)) + 1), distance_upper_bound=reach)[1]
+            seen_from = np.empty((len(part), _SEEN_FROM), np.int64)
+            ray_kernels.first_to_see(
+                in_voxels, nearest, self._in_voxels(part), self._base, self.layers, walls, width + 1, seen_from
+            )
+            hidden += int(np.count_nonzero(seen_from[:, 0] < 0))
+            for chosen in seen_from.T:
+                seen = chosen >= 0
+                count = self._pass(places[chosen[seen]], part[seen], count)
+        self._settle(count)
+        return hidden
+
+    def log_odds_at(self, places: Float64) -> NDArray[np.float32]:
+        """(N,) of the voxels in which `places` (N, 3) lie, metres, world; 0 where nothing is known, NaN outside the
+        band."""
+        at = np.floor(self._in_voxels(places)).astype(np.int64)
+        rows, columns = self._base.shape
+        inside = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
+        c, r = np.where(inside, at[:, 0], 0), np.where(inside, at[:, 1], 0)
+        k = at[:, 2] - self._base[r, c]
+        inside &= (k >= 0) & (k < self.band)
+        found = self._log_odds[np.where(inside, (r * columns + c) * self.layers + k, 0)]
+        return np.where(inside, found, np.float32(np.nan))
+
+    def flat(self) -> OccupancyMap:
+        """The map seen from above, cut to what is known. A column is occupied where a voxel of its band is; free where
+        none is and a ray passed at its foot, within 0.3 m of the lower end; else unknown.
+
+        What floats is free too: a few cells that hang together, and at all of whose feet rays passed. A gap of at most
+        0.2 m between what is occupied is unknown: a scan leaves such holes in tables and sofas.
+        """
+        from scipy.ndimage import binary_closing, find_objects, label, sum_labels
+
+        hit, open_below = np.empty((2, *self._base.shape), bool)
+        foot = max(1, round(_FOOT / self.resolution))
+        ray_kernels.look_down(self._log_odds, self.layers, self.band, foot, hit, open_below)
+        parts, count = label(hit, np.ones((3, 3)))
+        every = np.arange(1, count + 1)
+        standing = sum_labels(~open_below, parts, every) > 0
+        large = np.bincount(parts.ravel(), minlength=count + 1)[1:] * self.resolution**2 >= _SPECK
+        hit &= np.append(False, standing | large)[parts]
+        half = round(_GAP / 2 / self.resolution)
+        closed = binary_closing(np.pad(hit, half), np.ones((2 * half + 1,) * 2))[half:, half:][
+            : len(hit), : hit.shape[1]
+        ]
+        cells = np.where(hit, OCCUPIED, np.where(open_below & ~closed, FREE, UNKNOWN))
+        known = find_objects((cells != UNKNOWN).astype(np.uint8))
+        rows, columns = known[0] if known else (slice(0, 1), slice(0, 1))
+        x, y = ((self._corner + (columns.start, rows.start)) * self.resolution).tolist()
+        return OccupancyMap(cells[rows, columns].copy(), self.resolution, (x, y))
+
+    def _in_voxels(self, points: Float64) -> Float64:
+        scaled = np.asarray(points, np.float64) * (1 / self.resolution)
+        scaled[:, :2] -= self._corner
+        return np.ascontiguousarray(scaled)
+
+    def _hit(self, ends: Float64) -> int:
+        self._make_room(len(ends))
+        return ray_kernels.mark_hits(ends, self._base, self.layers, self._marks, self._touched, 0)
+
+    def _pass(self, start: Float64, ends: Float64, count: int) -> int:
+        for i in range(0, len(ends), _CHUNK):
+            first, some = 0, slice(i, i + _CHUNK)
+            a, b = self._in_voxels(start[some]), self._in_voxels(ends[some])
+            while True:
+                first, count = ray_kernels.mark_passed(
+                    a,
+                    b,
+                    first,
+                    self._base,
+                    self.layers,
+                    *self._levels,
+                    self._marks,
+                    self._touched,
+                    count,
+                    self._stepped,
+                )
+                if first == len(b):
+                    break
+                self._make_room(2 * len(self._touched))
+        return count
+
+    def _make_room(self, most: int) -> None:
+        """For a list of `most` voxels; what stands in it stays."""
+        if most > len(self._touched):
+            grown = np.empty(most, np.int64)
+            grown[: len(self._touched)] = self._touched
+            self._touched = grown
+
+    def _settle(self, count: int) -> None:
+        ray_kernels.settle(self._marks, self._touched, count, self._log_odds, ODDS)

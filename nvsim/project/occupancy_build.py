@@ -1,0 +1,144 @@
+"""An occupancy map of what a capture, or a project, says of free and occupied space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.sweeps import Sweep
+from nvsim.capture.types import Capture, Cloud
+from nvsim.errors import InputError
+from nvsim.events import Listener, Progress, silent
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.provenance import Provenance
+from nvsim.occupancy.ray_grid import RayGrid
+from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
+from nvsim.perception.floor_height import estimate_floor
+from nvsim.project.floor_heights import floor_of
+from nvsim.project.makers import makers_of
+from nvsim.project.occupancy_sources import STAGE, Rays
+
+if TYPE_CHECKING:
+    from nvsim.project.project import Project
+
+_APART = 0.3  # metres between the places from which a cloud is taken to be seen
+_LEVELS = 400_000  # points of sweeps that the height of the floor is looked for in
+_HIGHEST = 3.0  # metres over the floor: nothing that stands higher hides floor from a camera
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """cells_met  voxels that all rays together went through
+    unseen     points of a cloud that no place sees, which free nothing
+    """
+
+    occupancy: OccupancyMap
+    provenance: Provenance
+    cells_met: int
+    unseen: int = 0
+
+    def area(self, state: np.uint8) -> float:
+        """Square metres of FREE, OCCUPIED or UNKNOWN."""
+        return round(float(np.count_nonzero(self.occupancy.cells == state)) * self.occupancy.resolution**2, 2)
+
+
+def build_occupancy(
+    capture: Capture,
+    project: Project | None,
+    rays: Rays,
+    resolution: float = 0.05,
+    heights: Heights | None = None,
+    *,
+    reach: float | None = None,
+    camera_height: float | None = None,
+    listen: Listener = silent,
+) -> Built:
+    """The map of `rays`, in the aligned frame.
+
+    resolution     metres per cell
+    heights        over the local floor, between which things are in the way
+    reach          metres after which rays end, in place of that of `rays`
+    camera_height  metres over the floor, where nothing that is measured shows it
+
+    Raises InputError where the map would be larger than the memory, and where no ray passes between the heights.
+    """
+    heights = heights or Heights()
+    reach = rays.reach if reach is None else reach
+    if not 0 < reach <= 1000:
+        raise InputError(f"Rays cannot end after {reach:g} m; give --reach a number of metres above 0.")
+    floor = _floor(capture, project, rays, camera_height)
+    low, high = rays.places[:, :2].min(axis=0) - reach, rays.places[:, :2].max(axis=0) + reach
+    unseen = 0
+    if rays.cloud is not None:
+        low, high = np.maximum(low, rays.cloud[:, :2].min(axis=0)), np.minimum(high, rays.cloud[:, :2].max(axis=0))
+        low, high = np.minimum(low, rays.places[:, :2].min(axis=0)), np.maximum(high, rays.places[:, :2].max(axis=0))
+        carried = float((rays.places[:, 2] - floor.height_at(rays.places[:, :2])).max())
+        grid = RayGrid(low, high, resolution, floor, heights, top=min(carried, _HIGHEST))
+        unseen = grid.add_merged(rays.cloud, _apart(rays.places), reach)
+    else:
+        grid = RayGrid(low, high, resolution, floor, heights)
+        for done, sweep in enumerate(_sweeps(rays, floor)):
+            listen(Progress(STAGE, done, rays.count))
+            grid.add(sweep.points, sweep.origin, reach)
+    listen(Progress(STAGE, rays.count, rays.count))
+    occupancy = grid.flat()
+    if not (occupancy.cells == FREE).any() and not (occupancy.cells == OCCUPIED).any():
+        raise InputError(
+            f"No ray passes between {heights.from_height:g} and {heights.to_height:g} m over the floor; "
+            "give other heights with --from-height and --to-height."
+        )
+    note = rays.note
+    if rays.cloud is not None:
+        note += f" {100 * unseen / len(rays.cloud):.0f} % of the points are seen from none of them and free nothing."
+    provenance = Provenance(rays.source, note, heights.from_height, heights.to_height, makers_of(capture, project))
+    return Built(occupancy, provenance, grid.steps, unseen)
+
+
+def _sweeps(rays: Rays, floor: FloorSurface) -> Iterator[Sweep]:
+    assert rays.sweeps is not None  # what is no cloud has them
+    return rays.sweeps(floor)
+
+
+def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height: float | None) -> FloorSurface:
+    """The floor of the project where it was found, else that of what is measured."""
+    cloud = capture.cloud
+    if project is not None:
+        if any(project.surface(s.index) is not None for s in project.submaps("floors")):
+            floor = floor_of(project)
+            if isinstance(floor, StackedFloor):
+                raise InputError(
+                    f"{project.layout.root} has storeys over one another, which one map cannot show; "
+                    "build the map of a capture of one storey."
+                )
+            return floor
+        cloud = project.scan()
+    if cloud is None or not cloud.is_dense:
+        cloud = _seen(rays) if rays.source != "trained" else cloud
+    return estimate_floor(cloud, capture.positions, camera_height)
+
+
+def _seen(rays: Rays) -> Cloud:
+    """Some of the points of all sweeps, evenly."""
+    share = max(1, _LEVELS // rays.count)
+    parts = []
+    for sweep in _sweeps(rays, FloorSurface.flat(0.0)):
+        near = sweep.points[np.linalg.norm(sweep.points - sweep.origin, axis=1) <= rays.reach]
+        parts.append(near[:: max(1, len(near) // share)].astype(np.float32))
+    return Cloud(np.concatenate([np.empty((0, 3), np.float32), *parts]))
+
+
+def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those of the `places` (N, 3) that are 0.3 m from each before them."""
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(places).query_ball_point(places, _APART)
+    kept = np.zeros(len(places), bool)
+    for i, others in enumerate(near):
+        kept[i] = not kept[others].any()
+    return places[kept]

@@ -1,0 +1,170 @@
+"""What a capture and a project have of which rays can be cast: scans, depth images, depth of images, trained models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.sweeps import Sweep, depth_sweeps, scan_sweeps, scans_with_places, sweep_of_depth
+from nvsim.capture.types import Capture
+from nvsim.errors import InputError
+from nvsim.events import Listener, Warning
+from nvsim.geometry.camera import Camera
+from nvsim.occupancy.provenance import Source
+from nvsim.project.scan import depth_in_use
+from nvsim.project.work import lacks
+
+if TYPE_CHECKING:
+    from nvsim.geometry.floor_surface import FloorSurface
+    from nvsim.project.project import Project
+
+STAGE = "occupancy"
+Wanted = Literal["auto", "lidar", "depth", "images", "trained"]
+_REACH: dict[Source, float] = {"lidar": 12.0, "depth": 5.0, "images": 4.0, "trained": 5.0}
+"""Metres, beyond which what is measured is not taken for exact."""
+_PIXELS = 320  # on the longer side of a depth image: more rays than this go through the same cells
+_RENDERED = 240
+_STANDS = 0.5  # alpha from which something stands in a pixel
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """source  what they were measured by
+    count   of scans or images
+    sweeps  gives them one by one; the floor is what a model's rays end on where it shows nothing
+    cloud   (N, 3) metres, world, where there is but a cloud, and nobody knows from where each point was seen
+    places  (M, 3) metres, world, of the sensors, as far as they are known: the cameras' otherwise
+    reach   metres
+    note    how they were made, and what to mind
+    """
+
+    source: Source
+    count: int
+    sweeps: Callable[[FloorSurface], Iterator[Sweep]] | None
+    cloud: NDArray[np.float32] | None
+    places: NDArray[np.float64]
+    reach: float
+    note: str
+
+
+def capture_with_ranges(project: Project, listen: Listener) -> Capture:
+    """The project's capture with what its source says of scans and depth images, which a project does not keep. Without
+    them where the source is not there any more or is another one now."""
+    from nvsim.capture.read import read
+    from nvsim.project.makers import trajectory_digest
+    from nvsim.project.stages.imported import capture_config
+
+    stored = project.need_capture()
+    try:
+        found = read(stored.source, alignment=stored.alignment, leave_out=capture_config(project).leave_out)
+    except InputError as error:
+        listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", STAGE))
+        return stored
+    if trajectory_digest(found) != trajectory_digest(stored):
+        listen(Warning(f"{stored.source} has changed since it was imported; its scans are not used.", STAGE))
+        return stored
+    return replace(stored, scans=found.scans, depths=found.depths)
+
+
+def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto") -> Rays:
+    """The rays of `capture`, as it is read from its source, and of the `project` that it was imported into. The best
+    there are by default: scans whose scanner's places are known, depth images, a cloud, the depth of images, and the
+    rendered depth of trained models. Raises InputError where there is none of what is wanted."""
+    scans = scans_with_places(capture.scans)
+    finders: list[tuple[Source, Callable[[], Rays | None]]] = [
+        ("lidar", lambda: _of_scans(capture) if scans else None),
+        ("depth", lambda: _of_depths(capture)),
+        ("lidar", lambda: _of_cloud(capture)),
+        ("images", lambda: None if project is None else _of_images(capture, project)),
+        ("trained", lambda: None if project is None else _of_models(capture, project)),
+    ]
+    for source, find in finders:
+        if wanted in ("auto", source) and (found := find()) is not None:
+            return found
+    raise _nothing(capture, project, wanted)
+
+
+def _of_scans(capture: Capture) -> Rays:
+    scans = scans_with_places(capture.scans)
+    places = np.array([scan.to_world[:3, 3] for scan in scans])
+    note = f"{len(scans)} scans, each from where its scanner was."
+    return Rays("lidar", len(scans), lambda _: scan_sweeps(scans), None, places, _REACH["lidar"], note)
+
+
+def _of_depths(capture: Capture) -> Rays | None:
+    depths = capture.depths
+    if not depths:
+        return None
+    places = np.array([depth.camera_to_world[:3, 3] for depth in depths])
+    note = f"{len(depths)} depth images of the capture."
+    return Rays("depth", len(depths), lambda _: depth_sweeps(depths, _PIXELS), None, places, _REACH["depth"], note)
+
+
+def _of_cloud(capture: Capture) -> Rays | None:
+    cloud = capture.cloud
+    if cloud is None or cloud.kind != "lidar" or not len(cloud.points):
+        return None
+    note = (
+        f"A cloud of {len(cloud.points)} points that does not say from where each was seen; rays were cast from the "
+        "nearest cameras between which and it nothing stands."
+    )
+    return Rays("lidar", 1, None, cloud.points, capture.positions, _REACH["lidar"], note)
+
+
+def _of_images(capture: Capture, project: Project) -> Rays | None:
+    if depth_in_use(project) is None:
+        return None
+    from nvsim.depth.files import read_depth
+
+    def sweeps(_: FloorSurface) -> Iterator[Sweep]:
+        for index, frame in enumerate(capture.frames):
+            depth = read_depth(project.layout.depth, index)
+            yield sweep_of_depth(frame.camera.scaled(depth.shape[1], depth.shape[0]), depth)
+
+    note = f"The depth that was estimated from {len(capture.frames)} images, which is noisier than a scan."
+    return Rays("images", len(capture.frames), sweeps, None, capture.positions, _REACH["images"], note)
+
+
+def _of_models(capture: Capture, project: Project) -> Rays | None:
+    scene = project.scene()
+    if scene is None:
+        return None
+    from nvsim.render.scene import render_scene
+
+    reach = _REACH["trained"]
+
+    def sweeps(floor: FloorSurface) -> Iterator[Sweep]:
+        for frame in capture.frames:
+            camera = Camera(frame.intrinsics.within(_RENDERED), frame.camera_to_world)
+            output = render_scene(scene, camera, frozenset({"alpha", "depth"}))[1]
+            assert output.alpha is not None and output.depth is not None
+            stands = output.alpha >= _STANDS
+            seen = sweep_of_depth(camera, np.where(stands, output.depth, 0))
+            # Gaussians leave the floor out: what they do not cover shows it.
+            rays = camera.rays()
+            along = floor.meet(camera.position, rays)
+            bare = ~stands & (along <= reach)
+            ground = camera.position + along[bare, None] * rays[bare]
+            yield Sweep(seen.origin, np.concatenate([seen.points, ground]))
+
+    note = (
+        "The rendered depth of trained models, the weakest of all sources: it shows what they show, and cannot judge "
+        "what was made of them."
+    )
+    return Rays("trained", len(capture.frames), sweeps, None, capture.positions, reach, note)
+
+
+def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> InputError:
+    if project is not None and wanted == "images":
+        return lacks(project.layout.root, "depth")
+    if project is not None and wanted == "trained":
+        return lacks(project.layout.root, "train")
+    if wanted in ("images", "trained"):
+        return InputError(f"{capture.source} is a capture; --source {wanted} needs a project: name it with --project.")
+    what = {"lidar": "no scan", "depth": "no depth images"}.get(wanted, "neither a scan nor depth images")
+    more = "import it and run `nvsim depth --project` first" if project is None else "run `nvsim depth --project` first"
+    return InputError(f"{capture.source} has {what} to build a map from; {more}.")

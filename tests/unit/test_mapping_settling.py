@@ -1,0 +1,154 @@
+"""A settled graph in worlds of columns: near viewpoints are near in the graph, and nothing else got worse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import networkx as nx
+import numpy as np
+import pytest
+from columns import Columns, fill, flat_floor, room
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.graph.ways import SAME_LENGTH
+from nvsim.mapping.builder import BuildResult, build_map
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.graph_builder import GraphBuilder
+from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.ties import untie
+from nvsim.mapping.ways import NEAR, Ways
+from nvsim.occupancy.paths import segment_is_free
+from nvsim.occupancy.types import OCCUPIED, OccupancyMap
+
+SMALL = MappingConfig(view_size=96)
+LATTICES = replace(SMALL, settle=False, jitter=0.0)
+
+
+def rooms() -> OccupancyMap:
+    """Three rooms in a row with doors of a metre, a pillar in the middle one."""
+    occupancy = room(15, 6)
+    for x in (5.0, 10.0):
+        occupancy = fill(fill(occupancy, x - 0.05, 0, x + 0.05, 6, OCCUPIED), x - 0.1, 2.5, x + 0.1, 3.5, np.uint8(0))
+    return fill(occupancy, 7.2, 1.2, 7.6, 1.6, OCCUPIED)
+
+
+def walk() -> NDArray[np.float64]:
+    corners = [(1.5, 1.5), (1.5, 4.5), (3, 3), (7.5, 3), (7.5, 4.6), (8.5, 3), (12, 3), (13.5, 4.5), (13.5, 1.5)]
+    parts = [np.linspace(a, b, 12) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+    xy = np.concatenate(parts)
+    return np.column_stack([xy, np.full(len(xy), 1.2)])
+
+
+def build(config: MappingConfig) -> BuildResult:
+    world = Columns(rooms())
+    return build_map(world, walk(), flat_floor, world.support, config, scan="test")
+
+
+def ways(graph: NavGraph) -> nx.Graph:
+    places = {id: v.position[:2] for id, v in graph.viewpoints.items()}
+    found = nx.Graph()
+    found.add_nodes_from(places)
+    found.add_weighted_edges_from((a, b, float(np.hypot(*np.subtract(places[a], places[b])))) for a, b in graph.edges)
+    return found
+
+
+def far_pairs(graph: NavGraph) -> tuple[int, int]:
+    """Pairs under 1.5 m with a free way for a robot, and those of them that are over 3 m apart in the graph."""
+    occupancy, metres = rooms(), dict(nx.all_pairs_dijkstra_path_length(ways(graph)))
+    places = {id: np.array(v.position[:2]) for id, v in graph.viewpoints.items()}
+    near = [
+        (a, b)
+        for a in places
+        for b in places
+        if a < b and np.hypot(*(places[a] - places[b])) < NEAR and segment_is_free(occupancy, places[a], places[b], 0.3)
+    ]
+    return len(near), sum(metres[a].get(b, np.inf) > 2 * NEAR for a, b in near)
+
+
+@pytest.fixture(scope="module")
+def settled() -> NavGraph:
+    return build(SMALL).graph
+
+
+def test_near_viewpoints_are_near_in_the_graph_where_lattices_leave_them_far(settled: NavGraph) -> None:
+    near, far = far_pairs(build(LATTICES).graph)
+    assert far > 0.3 * near > 0, "what is to be mended shows in this world"
+    assert far_pairs(settled)[1] == 0
+
+
+def test_a_settled_graph_hangs_together_and_every_edge_is_free(settled: NavGraph) -> None:
+    occupancy = rooms()
+    assert nx.is_connected(ways(settled))
+    for a, b in settled.edges:
+        ends = (np.array(settled.viewpoints[id].position[:2]) for id in (a, b))
+        assert segment_is_free(occupancy, *ends, 0.2)
+    assert nx.average_clustering(ways(settled)) > 0.25
+
+
+def test_every_place_of_the_walk_has_a_viewpoint_near(settled: NavGraph) -> None:
+    places = np.array([v.position[:2] for v in settled.viewpoints.values()])
+    apart = np.hypot(*(walk()[:, None, :2] - places[None]).transpose(2, 0, 1)).min(axis=1)
+    assert apart.max() < SMALL.cover_distance
+
+
+def test_evidence_says_why_a_free_corridor_has_no_edge(settled: NavGraph) -> None:
+    words = {e.decision for e in settled.evidence.values()}
+    assert {"open", "served", "spare"} <= words
+    for e in settled.evidence.values():
+        if e.decision == "open":
+            leads = e.joins or next(
+                id for id, v in settled.viewpoints.items() if np.hypot(*np.subtract(v.position[:2], e.target)) < 0.01
+            )
+            assert leads in settled.neighbours(e.viewpoint)
+        if e.decision == "spare" and e.joins:
+            assert e.joins not in settled.neighbours(e.viewpoint)
+
+
+def test_the_thresholds_that_built_it_change_nothing(settled: NavGraph) -> None:
+    redecision = Rethresholder(settled, walk()).decide(SMALL)
+    assert not redecision
+    assert Rethresholder(settled, walk()).apply(redecision).evidence == settled.evidence
+
+
+def test_a_build_that_remembers_is_the_same_to_the_last_bit(settled: NavGraph) -> None:
+    world = Columns(rooms())
+    kept: list[NavGraph] = []
+    first = build_map(world, walk(), flat_floor, world.support, SMALL, scan="test", keep=kept.append)
+    again = build_map(world, walk(), flat_floor, world.support, SMALL, scan="test", previous=first.graph)
+    for other in (first.graph, again.graph):
+        assert dict(other.viewpoints) == dict(settled.viewpoints) and dict(other.edges) == dict(settled.edges)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=4, max_size=16, unique=True))
+def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spared(cells: list[tuple[int, int]]) -> None:
+    draft = GraphBuilder("test")
+    ids = {cell: f"{cell[0]}{cell[1]}" for cell in cells}
+    for (x, y), id in ids.items():
+        draft.put(Viewpoint(id, (2.0 * x, 2.0 * y, 1.2)))
+    found = Ways(draft)
+    found.add(ids.values())
+    for (x, y), id in ids.items():
+        for other in ((x + 1, y), (x, y + 1), (x + 1, y + 1), (x + 1, y - 1)):
+            if other in ids:
+                found.join(id, ids[other])
+    before = {frozenset(c) for c in nx.connected_components(_graph(found))}
+    untie(found)
+    after = _graph(found)
+    assert {frozenset(c) for c in nx.connected_components(after)} == before
+    for start in after:
+        metres = nx.single_source_dijkstra_path_length(after, start, cutoff=12.0)
+        for end in metres:
+            last = [n for n in after[end] if n in metres and metres[n] < metres[end]]
+            tied = [n for n in last if metres[n] + after[n][end]["weight"] <= metres[end] + SAME_LENGTH]
+            assert len(tied) < 2 or not any(found.can_spare_edge(n, end) for n in tied)
+
+
+def _graph(found: Ways) -> nx.Graph:
+    graph = nx.Graph()
+    graph.add_nodes_from(found)
+    graph.add_weighted_edges_from((a, b, found.apart(a, b)) for a, b in found.edges())
+    return graph
