@@ -21,12 +21,14 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.reading import reading
 from nvsim.files.regular import read_json
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.types import OccupancyMap
 
 NAME = "storeys.json"
+_AGAIN = "write it as resources/docs/evaluation.md says"
 _MOST = 1000  # storeys, stairs, and corners of an outline
 _LARGEST = 1 << 22  # bytes
 _FARTHEST = 1e7  # metres
@@ -103,12 +105,17 @@ def is_storeys(path: Path) -> bool:
 def read_storeys(path: Path, heights: Heights | None = None) -> StoreyMaps:
     """The maps that `path` names: a folder with `storeys.json`, or that file. An OctoMap, which may be that of all
     storeys, is cut between `heights` over the floor of the storey. Raises InputError with the reason."""
+    path = Path(path)
+    path = path / NAME if path.is_dir() else path
+    with reading(path, "a list of storeys", _AGAIN):
+        return _read(path, heights)
+
+
+def _read(path: Path, heights: Heights | None) -> StoreyMaps:
     from nvsim.occupancy.octomap import read_octomap
     from nvsim.occupancy.read import OCTOMAP, read_map
 
-    path = Path(path)
-    path = path / NAME if path.is_dir() else path
-    data = read_json(path, "a list of storeys", "write it as resources/docs/evaluation.md says", _LARGEST)
+    data = read_json(path, "a list of storeys", _AGAIN, _LARGEST)
     rows = _rows(path, data, "storeys")
     if not rows:
         raise InputError(f"{path} names no storey; write one with its floor and its map.")
