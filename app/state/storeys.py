@@ -8,7 +8,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from app.state.graph_arrays import GraphArrays
-from nvsim.graph.storeys import Storey, storeys
+from nvsim.geometry.storeys import Storey, storeys
 
 
 class Storeys(QObject):

@@ -42,10 +42,11 @@ def measure(max_viewpoints: int = 60) -> dict[str, Any]:
     walk = np.stack([np.linspace(1.5, HALL[0] - 1.5, 40), np.full(40, 1.2), np.full(40, 1.3)], axis=-1)
     config = MappingConfig(max_viewpoints=max_viewpoints, max_distance=20.0)
 
-    def floor_at(xy: NDArray[np.floating]) -> NDArray[np.floating]:
-        return model.floor.height_at(np.asarray(xy))
+    def floor_at(points: NDArray[np.floating]) -> NDArray[np.floating]:
+        return model.floor.height_at(np.asarray(points))
 
-    def support(xy: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def support(points: NDArray[np.floating]) -> NDArray[np.bool_]:
+        xy = points[..., :2]
         return np.asarray(((xy > 0) & (xy < np.array(HALL))).all(axis=-1))
 
     started = time.perf_counter()

@@ -103,11 +103,12 @@ class _Views:
         config = MappingConfig()
         self._scene, self._place, self._backend = scene, np.asarray(place, np.float64), backend
         xy = self._place[:2]
-        corridors = [Corridor((xy[0], xy[1]), tuple(xy + ahead(h, config.tau_dist))) for h in headings(config)]
+        eye = float(self._place[2])
+        corridors = [Corridor((xy[0], xy[1]), tuple(xy + ahead(h, config.tau_dist)), eye) for h in headings(config)]
         self._cameras = [camera_towards(self._place, h, config) for h in headings(config)]
         self.masks = [pixels_read(camera, [c], floor_at) for camera, c in zip(self._cameras, corridors, strict=True)]
         self._faces = cube(self._place, _FACE)
-        height = float(self._place[2] - floor_at(xy))
+        height = float(self._place[2] - floor_at(self._place))
         self.face_masks = [_on_corridors(camera.rays(), xy, height, corridors) for camera in self._faces]
         heading = ((np.arange(_WIDTH) + 0.5) / _WIDTH - 0.5) * 2 * np.pi
         elevation = (0.5 - (np.arange(_HEIGHT) + 0.5) / _HEIGHT)[:, None] * np.pi

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from nvsim.building.flooring import paint_floor
 from nvsim.building.painting import Image, paint_face
-from nvsim.building.plan import HEIGHT, Plan
+from nvsim.building.plan import HEIGHT, Storey
 from nvsim.building.raycast import Solids, normal, trace
 from nvsim.building.solids import BOTTOM, TOP, Box
 
@@ -26,7 +26,8 @@ _LAMP = 0.3  # half the side of a lamp panel, metres
 
 
 class Textures(NamedTuple):
-    """Radiance of every surface (6 per box, then floor and ceiling), texels row-major from the lower corner.
+    """Radiance of every surface (6 per box, then floor and ceiling of each storey), texels row-major from the lower
+    corner.
 
     A surface that nobody sees (hidden, or glass) has one black texel.
     """
@@ -34,49 +35,55 @@ class Textures(NamedTuple):
     texels: NDArray[np.uint8]  # (N, 3) RGB
     chain: NDArray[np.int64]  # (S, LEVELS, 3): first texel, rows and columns of each level
     place: NDArray[np.float64]  # (S, 5) metres: lower corner and extent along the surface's two axes, texel at level 0
-    gloss: NDArray[np.float32]  # (rows, columns) of the floor at `gloss_texel` metres
+    gloss: NDArray[np.float32]  # (S, rows, columns) of the floors at `gloss_texel` metres
     gloss_texel: float
 
 
-def lamp_places(plan: Plan) -> NDArray[np.float64]:
-    """(L, 2) metres: one panel per about 7 square metres of room."""
+def lamp_places(storey: Storey) -> NDArray[np.float64]:
+    """(L, 3) metres: one panel per about 7 square metres of room, a little below the ceiling; none over a flight, which
+    has no ceiling."""
     places = []
-    for room in plan.rooms:
-        for r in room.rects:
+    for room in storey.plan.rooms:
+        for r in room.rects if room.kind != "flight" else ():
             w, d = r.x1 - r.x0, r.y1 - r.y0
             across, up = max(1, round(w / 2.8)), max(1, round(d / 2.8))
             for i in range(across):
                 for j in range(up):
-                    places.append((r.x0 + (i + 0.5) * w / across, r.y0 + (j + 0.5) * d / up))
+                    x, y = r.x0 + (i + 0.5) * w / across, r.y0 + (j + 0.5) * d / up
+                    places.append((x, y, storey.floor + HEIGHT - 0.02))
     return np.array(places)
 
 
-def bake(plan: Plan, boxes: list[Box], solids: Solids, rng: np.random.Generator) -> Textures:
+def bake(storeys: tuple[Storey, ...], boxes: list[Box], solids: Solids, rng: np.random.Generator) -> Textures:
     """Paints and lights every surface."""
-    places = _places(plan, boxes)
-    floor, gloss = paint_floor(plan, _FLOOR_TEXEL, rng)
-    albedos = [_albedo(boxes[s // 6], s % 6, places[s], rng) for s in range(6 * len(boxes))]
-    ceiling = len(albedos) + 1
-    rows, columns = round(plan.extent.y1 / _CEILING_TEXEL), round(plan.extent.x1 / _CEILING_TEXEL)
-    albedos += [floor, np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)]
-    lamps = lamp_places(plan)
-    light = _light(places, solids, lamps)
-    gain = 0.92 / float(np.mean(light[ceiling - 1]))
+    places = _places(storeys, boxes)
+    floors = [paint_floor(s.plan, _FLOOR_TEXEL, rng) for s in storeys]
+    bases = [_base(box, storeys) for box in boxes]
+    albedos = [_albedo(boxes[s // 6], s % 6, places[s], bases[s // 6], rng) for s in range(6 * len(boxes))]
+    ground = len(albedos)
+    extent = storeys[0].plan.extent
+    rows, columns = round(extent.y1 / _CEILING_TEXEL), round(extent.x1 / _CEILING_TEXEL)
+    for floor, _ in floors:
+        albedos += [floor, np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)]
+    lamps = [lamp_places(s) for s in storeys]
+    light = _light(places, solids, np.concatenate(lamps))
+    gain = 0.92 / float(np.mean(light[ground]))
     chains = []
     for surface, albedo in enumerate(albedos):
         if albedo is None:
             chains.append([np.zeros((1, 1, 3), np.uint8)])
             continue
         # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
-        boost = 1.45 if surface == ceiling else 1.0
+        is_ceiling = surface > ground and (surface - ground) % 2 == 1
+        boost = 1.45 if is_ceiling else 1.0
         shade = _exposed(light[surface] * np.float32(gain * boost))
         radiance = albedo * _spread(shade, *albedo.shape[:2])[..., None]
-        if surface == ceiling:
-            for x, y in lamps:
+        if is_ceiling:
+            for x, y, _ in lamps[(surface - ground) // 2]:
                 r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
                 radiance[r0:r1, c0:c1] = 0.97
         chains.append(_mips(radiance))
-    return _packed(chains, places, gloss)
+    return _packed(chains, places, np.stack([gloss for _, gloss in floors]))
 
 
 def _exposed(light: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -95,8 +102,14 @@ class _Place(NamedTuple):
     hidden: bool = False
 
 
-def _places(plan: Plan, boxes: list[Box]) -> list[_Place]:
+def _base(box: Box, storeys: tuple[Storey, ...]) -> float:
+    """The floor of the storey that a box is in, metres: painted heights are above it."""
+    return max(s.floor for s in storeys if s.floor <= box.lo[2] or s is storeys[0])
+
+
+def _places(storeys: tuple[Storey, ...], boxes: list[Box]) -> list[_Place]:
     places = []
+    floors, ceilings = [s.floor for s in storeys], [s.floor + HEIGHT for s in storeys]
     for box in boxes:
         for face in range(6):
             axis = face // 2
@@ -104,19 +117,21 @@ def _places(plan: Plan, boxes: list[Box]) -> list[_Place]:
             corner = list(box.lo)
             corner[axis] = box.lo[axis] if face % 2 == 0 else box.hi[axis]
             extent = (box.hi[u] - box.lo[u], box.hi[v] - box.lo[v])
-            texel = _WALL_TEXEL if box.hi[2] >= HEIGHT else _FINE_TEXEL
-            hidden = box.glass or (face == BOTTOM and box.lo[2] <= 0) or (face == TOP and box.hi[2] >= HEIGHT)
+            texel = _WALL_TEXEL if box.hi[2] in ceilings else _FINE_TEXEL
+            buried = (face == BOTTOM and box.lo[2] in floors) or (face == TOP and box.hi[2] in ceilings)
+            hidden = box.glass or buried
             places.append(_Place((corner[0], corner[1], corner[2]), (u, v), extent, texel, hidden))
-    size = (plan.extent.x1, plan.extent.y1)
-    places.append(_Place((0.0, 0.0, 0.0), (0, 1), size, _FLOOR_TEXEL))
-    places.append(_Place((0.0, 0.0, HEIGHT), (0, 1), size, _CEILING_TEXEL))
+    size = (storeys[0].plan.extent.x1, storeys[0].plan.extent.y1)
+    for floor, ceiling in zip(floors, ceilings):
+        places.append(_Place((0.0, 0.0, floor), (0, 1), size, _FLOOR_TEXEL))
+        places.append(_Place((0.0, 0.0, ceiling), (0, 1), size, _CEILING_TEXEL))
     return places
 
 
-def _albedo(box: Box, face: int, place: _Place, rng: np.random.Generator) -> Image | None:
+def _albedo(box: Box, face: int, place: _Place, base: float, rng: np.random.Generator) -> Image | None:
     if place.hidden:
         return None
-    at = place.corner[place.axes[0]], place.corner[place.axes[1]]
+    at = place.corner[place.axes[0]], place.corner[place.axes[1]] - (base if place.axes[1] == 2 else 0.0)
     return paint_face(box.face_paint(face), at, place.extent[0], place.extent[1], place.texel, rng)
 
 
@@ -194,7 +209,7 @@ def _irradiance(points, surfaces, solids, lamps, hemisphere):  # type: ignore[no
             open_sky += min(t / 1.5, 1.0)
         total = _AMBIENT * (0.3 + 0.7 * open_sky / hemisphere.shape[0])
         for k in range(lamps.shape[0]):
-            dx, dy, dz = lamps[k, 0] - x, lamps[k, 1] - y, solids.height - 0.02 - z
+            dx, dy, dz = lamps[k, 0] - x, lamps[k, 1] - y, lamps[k, 2] - z
             square = dx * dx + dy * dy + dz * dz
             if square > 36.0 or dz <= 0:
                 continue

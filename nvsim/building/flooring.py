@@ -1,4 +1,4 @@
-"""The floor of the whole building as one albedo image: tiles, planks and rugs with detail of 3 cm and more."""
+"""The floor of a whole storey as one albedo image: tiles, planks and rugs with detail of 3 cm and more."""
 
 from __future__ import annotations
 

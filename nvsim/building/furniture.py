@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nvsim.building.config import Style
 from nvsim.building.solids import BACK, TOP, Box, Color, Paint
 
 _WOODS: tuple[Color, ...] = ((0.62, 0.46, 0.30), (0.50, 0.34, 0.22), (0.74, 0.60, 0.42), (0.80, 0.78, 0.74))
@@ -198,23 +199,39 @@ def _platform(rng: np.random.Generator) -> Piece:
     return Piece(w, d, (_block(0, 0, 0, w, d, 0.15, Paint("wood", _pick(rng, _WOODS), (0.3, 0.2, 0.1))),))
 
 
+def _glass_screen(rng: np.random.Generator) -> Piece:
+    """A pane on two feet, too low for what a scanner takes for an obstacle."""
+    w = float(rng.uniform(1.2, 1.6))
+    metal = Paint("plain", (0.38, 0.39, 0.41))
+    feet = [_block(x, 0, 0, x + 0.08, 0.4, 0.04, metal) for x in (0.1, w - 0.18)]
+    pane = Box((0, 0.19, 0.02), (w, 0.21, 1.8), metal, glass=True)
+    return Piece(w, 0.4, (*feet, pane))
+
+
 Maker = Callable[[np.random.Generator], Piece]
-# What stands along the walls of a room of each kind, and what stands free in it; tried in this order.
-AT_WALL: dict[str, tuple[Maker, ...]] = {
+_AT_WALL: dict[str, tuple[Maker, ...]] = {
     "office": (_desk, _desk, _shelf, _desk, _cabinet, _platform, _plant, _low_shelf, _cartons),
     "lounge": (_sofa, _low_shelf, _platform, _plant, _sofa, _cabinet, _shelf),
     "library": (_shelf, _shelf, _shelf, _platform, _shelf, _low_shelf, _desk, _low_shelf, _plant),
     "kitchen": (_counter, _fridge, _cabinet, _plant, _low_shelf, _cartons),
     "hall": (_platform, _sofa, _plant, _cabinet, _shelf, _cartons, _plant, _low_shelf),
     "meeting": (_cabinet, _plant),
-    "corridor": (),
 }
-FREE_STANDING: dict[str, tuple[Maker, ...]] = {
+_FREE_STANDING: dict[str, tuple[Maker, ...]] = {
     "office": (_low_table,),
     "lounge": (_low_table, _table),
     "library": (_table, _low_table),
     "kitchen": (_table, _low_table),
     "hall": (_low_table, _low_table),
     "meeting": (_low_table,),
-    "corridor": (),
 }
+
+
+def pieces(kind: str, style: Style) -> list[tuple[Maker, bool]]:
+    """What a room of a kind has, in the order in which it is placed, and whether it stands at a wall. A bare room has
+    one piece; one of a building of glass has a screen before all else."""
+    at_wall = [(make, True) for make in _AT_WALL.get(kind, ())]
+    free = [(make, False) for make in _FREE_STANDING.get(kind, ())]
+    if style == "bare":
+        return at_wall[:1]
+    return ([(_glass_screen, False)] if style == "glass" and free else []) + at_wall + free

@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 
 from nvsim.building.config import BuildingConfig
 from nvsim.building.novel import listing, novel_cameras
+from nvsim.building.readme import TRUTH_EVERY, readme
 from nvsim.building.rendering import render
 from nvsim.building.scan import scan
-from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
-from nvsim.building.truth import HIGH, LOW, RESOLUTION, floor_mask, normals, occupancy, transient_mask
+from nvsim.building.scene import Scene, make_scene, textures_of
+from nvsim.building.truth import floor_mask, normals, transient_mask, true_occupancy
 from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
 from nvsim.occupancy.ros import write_ros_map
+from nvsim.occupancy.storeys import NAME as STOREYS
+from nvsim.occupancy.storeys import write_storeys
 
 VERSION = 4  # of what is generated: raise it when the same configuration gives other files
 _NOISE = 1.5 / 255
-_TRUTH_EVERY = 10
 _RECORD = "building.json"
 
 
@@ -32,7 +34,7 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
 
     Raises InputError when the disk refuses.
     """
-    record = json.dumps({"version": VERSION, **dataclasses.asdict(config)}, indent=1) + "\n"
+    record = _record(config)
     finished = folder / _RECORD
     if finished.is_file() and finished.read_text() == record:
         listen(Progress("building", 1, 1, "already there"))
@@ -43,8 +45,12 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
         raise atomic.as_input_error(finished, error) from error
     listen(Progress("building", 0, 1, "plan"))
     scene = make_scene(config)
-    true_map = occupancy(scene)
-    novel = novel_cameras(scene, true_map, _stream(config.seed, 7))
+    true_maps = true_occupancy(scene)
+    novel = [
+        camera
+        for k, storey in enumerate(true_maps.storeys)
+        for camera in novel_cameras(scene, storey.occupancy, _stream(config.seed, 7, *([k] if k else [])), k)
+    ]
     total = len(scene.walk) + len(novel) + 2
     textures = textures_of(scene)
     listen(Progress("building", 1, total, "scan"))
@@ -60,7 +66,7 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
         )
         _write(truth / "floor" / f"{name}.png", 255 * floor_mask(scene, view).astype(np.uint8))
         _write(truth / "transient" / f"{name}.png", 255 * transient_mask(scene, view).astype(np.uint8))
-        if frame % _TRUTH_EVERY == 0:
+        if frame % TRUTH_EVERY == 0:
             _write(truth / "depth" / f"{name}.png", np.rint(view.depth * 1000).astype(np.uint16))
             rgb = np.rint((normals(scene, view) + 1) * 127.5).astype(np.uint8)
             _write(truth / "normals" / f"{name}.png", rgb[..., ::-1])
@@ -74,10 +80,22 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
         listen(Progress("building", len(scene.walk) + i + 3, total, "novel views"))
     atomic.write_text(truth / "holdout_frames.txt", listing(scene.camera(0).intrinsics, novel))
     _write_capture(capture, scene, cloud)
-    write_ros_map(true_map, truth / "map.yaml")
-    atomic.write_text(truth / "README.txt", _readme(scene, cloud, len(novel)))
-    _forget_others(folder, len(scene.walk), len(novel))
+    if len(true_maps.storeys) == 1:
+        write_ros_map(true_maps.storeys[0].occupancy, truth / "map.yaml")
+    else:
+        write_storeys(true_maps, truth)
+    atomic.write_text(truth / "README.txt", readme(scene, cloud, len(novel)))
+    _forget_others(folder, len(scene.walk), len(novel), len(true_maps.storeys))
     atomic.write_text(finished, record)
+
+
+def _record(config: BuildingConfig) -> str:
+    """What tells a finished building from another; options that came later stand in it where they are used."""
+    options = dataclasses.asdict(config)
+    for name in ("storeys", "style"):
+        if options[name] == getattr(BuildingConfig, name):
+            del options[name]
+    return json.dumps({"version": VERSION, **options}, indent=1) + "\n"
 
 
 def _stream(*key: int) -> np.random.Generator:
@@ -85,8 +103,12 @@ def _stream(*key: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(list(key))))
 
 
-def _forget_others(folder: Path, frames: int, novel: int) -> None:
-    """Removes frames that a longer walk left here before."""
+def _forget_others(folder: Path, frames: int, novel: int, storeys: int) -> None:
+    """Removes frames that a longer walk left here before, and maps of a building of other storeys."""
+    truth = folder / "ground_truth"
+    maps = [truth / "map.yaml", truth / "map.pgm"] if storeys > 1 else [truth / STOREYS, *truth.glob("storey_*/map.*")]
+    for path in maps:
+        path.unlink(missing_ok=True)
     for pattern in ("capture/images/*.jpg", "ground_truth/*/*.png"):
         for path in folder.glob(pattern):
             count = novel if path.parent.name.startswith("novel") else frames
@@ -135,23 +157,3 @@ def _write_capture(capture: Path, scene: Scene, cloud: Cloud) -> None:
     header += [f"property float {a}" for a in "xyz"] + [f"property uchar {c}" for c in ("red", "green", "blue")]
     atomic.write_bytes(capture / "points.ply", ("\n".join([*header, "end_header"]) + "\n").encode() + table.tobytes())
     atomic.write_text(capture / "transforms.json", json.dumps(transforms, indent=1) + "\n")
-
-
-def _readme(scene: Scene, cloud: Cloud, novel: int) -> str:
-    moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
-    c = scene.config
-    return f"""The truth of a built-in building (seed {c.seed}, {c.size}): for evaluation, never an input.
-
-{len(scene.plan.rooms)} rooms on {scene.plan.extent.area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m,
-{len(cloud.points)} points. World: metres, z up, floor at z = 0; cameras level, {CAMERA_HEIGHT} m above the floor.
-
-floor/      every frame: the floor is visible here, rugs included, also through glass; people are not floor
-transient/  every frame: a person is visible here
-depth/      every {_TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass,
-            people included
-normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
-novel/      {novel} views from beside the trajectory, turned 35 to 145 degrees off it, without people and noise;
-            holdout_frames.txt has their poses, novel_floor/ their true floor
-map.pgm     ROS map_server, {RESOLUTION} m: occupied is anything solid between {LOW} and {HIGH} m (glass and the step
-map.yaml    included, people not), free the floor connected with the trajectory, the rest unknown
-"""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from nvsim.building.plan import OUTER_WALL, Opening, Plan, Rect, Room, Stop, Wall, varied
+from nvsim.building.plan import OUTER_WALL, Opening, Plan, Rect, Room, Stop, Wall
 
-_ENTRY = 0.95  # metres inside a door before the trajectory turns
+ENTRY = 0.95  # metres inside a door before the trajectory turns
 
 
-def make_plan(size: str, rng: np.random.Generator) -> Plan:
-    """The plan of a "full" or a "small" building, varied by the generator."""
-    return varied(_full(rng) if size == "full" else _small(rng), rng)
+def make_plan(size: str, rng: np.random.Generator, glazed: bool = False, within: Rect | None = None) -> Plan:
+    """The plan of a "full" or a "small" building; `glazed` partitions are of glass. A small one `within` the walls of
+    another has its partition elsewhere."""
+    return _full(rng, glazed) if size == "full" else _small(rng, glazed, within)
 
 
 def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -19,7 +20,7 @@ def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.round(rng.uniform(low, high) * 20) / 20)
 
 
-def _outer(width: float, depth: float) -> list[Wall]:
+def outer(width: float, depth: float) -> list[Wall]:
     return [
         Wall("x", 0.0, 0.0, width, OUTER_WALL),
         Wall("x", depth, 0.0, width, OUTER_WALL),
@@ -28,12 +29,18 @@ def _outer(width: float, depth: float) -> list[Wall]:
     ]
 
 
-def _small(rng: np.random.Generator) -> Plan:
+def _small(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
     width, depth = _uniform(rng, 8.8, 9.4), _uniform(rng, 4.8, 5.2)
     split = _uniform(rng, 4.4, 4.8)
+    if within is not None:
+        width, depth, split = within.x1, within.y1, round(split - 1.0, 2)
     glass_from = _uniform(rng, 3.2, 3.5)
     door = Opening("y", split, _uniform(rng, 1.6, 1.9), _uniform(rng, 0.95, 1.05))
-    walls = [*_outer(width, depth), Wall("y", split, 0.0, glass_from), Wall("y", split, glass_from, depth, glass=True)]
+    walls = [
+        *outer(width, depth),
+        Wall("y", split, 0.0, glass_from, glass=glazed),
+        Wall("y", split, glass_from, depth, glass=True),
+    ]
     floors = rng.permutation(["tiles", "wood"])
     rooms = (
         Room("west", "lounge", str(floors[0]), (Rect(0, 0, split, depth),)),
@@ -43,17 +50,17 @@ def _small(rng: np.random.Generator) -> Plan:
     stops = (
         Stop(split * 0.36, 1.35),
         Stop(*west, spin=True),
-        Stop(split - _ENTRY, door.centre),
-        Stop(split + _ENTRY, door.centre),
+        Stop(split - ENTRY, door.centre),
+        Stop(split + ENTRY, door.centre),
         Stop(*east, spin=True),
-        Stop(split + _ENTRY, door.centre),
-        Stop(split - _ENTRY, door.centre),
+        Stop(split + ENTRY, door.centre),
+        Stop(split - ENTRY, door.centre),
         Stop(split * 0.30, door.centre + 0.2),
     )
     return Plan(Rect(0, 0, width, depth), rooms, tuple(walls), (door,), stops)
 
 
-def _full(rng: np.random.Generator) -> Plan:
+def _full(rng: np.random.Generator, glazed: bool) -> Plan:
     """Columns of two rooms left and right, a room below and above, a ring of corridors about a glazed core."""
     left, right = _uniform(rng, 5.2, 5.7), _uniform(rng, 5.2, 5.7)
     below, above = _uniform(rng, 5.0, 5.4), _uniform(rng, 5.0, 5.4)
@@ -68,17 +75,17 @@ def _full(rng: np.random.Generator) -> Plan:
     split_r = _uniform(rng, (y1 + y2) / 2 - 0.2, (y1 + y2) / 2 + 0.2)
     xl, xr, yb, yt = x1 + corridor / 2, x2 - corridor / 2, y1 + corridor / 2, y2 - corridor / 2
     walls = [
-        *_outer(width, depth),
+        *outer(width, depth),
         Wall("y", x1, 0.0, depth),
         Wall("y", x2, 0.0, depth),
-        Wall("x", split_l, 0.0, x1),
-        Wall("x", split_r, x2, width),
+        Wall("x", split_l, 0.0, x1, glass=glazed),
+        Wall("x", split_r, x2, width, glass=glazed),
         Wall("x", y1, x1, x2),
         Wall("x", y2, x1, x2),
-        Wall("y", core.x0, core.y0, core.y1),
-        Wall("y", core.x1, core.y0, core.y1),
+        Wall("y", core.x0, core.y0, core.y1, glass=glazed),
+        Wall("y", core.x1, core.y0, core.y1, glass=glazed),
         Wall("x", core.y0, core.x0 - 0.06, core.x1 + 0.06, glass=True),
-        Wall("x", core.y1, core.x0 - 0.06, core.x1 + 0.06),
+        Wall("x", core.y1, core.x0 - 0.06, core.x1 + 0.06, glass=glazed),
     ]
 
     def door(along: str, line: float, centre: float) -> Opening:
@@ -118,7 +125,7 @@ def _full(rng: np.random.Generator) -> Plan:
 
     def detour_across(o: Opening, line: float, sign: float, reach: float) -> list[Stop]:
         """From the corridor at y = `line` through `o` to both ends of the room below or above, and back."""
-        inside = Stop(o.centre, o.line + sign * _ENTRY)
+        inside = Stop(o.centre, o.line + sign * ENTRY)
         y = o.line + sign * reach * 0.52
         a, b = x1 + (x2 - x1) * 0.28, x1 + (x2 - x1) * 0.72
         far, near = (a, b) if abs(a - o.centre) > abs(b - o.centre) else (b, a)
@@ -130,9 +137,9 @@ def _full(rng: np.random.Generator) -> Plan:
         Stop(xl, yt),
         *detour_across(opening_t, yt, 1.0, above),
         Stop(door_c.centre, yt),
-        Stop(door_c.centre, core.y1 - _ENTRY),
+        Stop(door_c.centre, core.y1 - ENTRY),
         Stop(middle, (core.y0 + core.y1) / 2 - 0.2, True),
-        Stop(door_c.centre, core.y1 - _ENTRY),
+        Stop(door_c.centre, core.y1 - ENTRY),
         Stop(door_c.centre, yt),
         Stop(xr, yt),
         Stop(xr, yb),
@@ -140,23 +147,23 @@ def _full(rng: np.random.Generator) -> Plan:
         Stop(xl, yb),
         # through both rooms on the left
         Stop(xl, door_l1.centre),
-        Stop(x1 - _ENTRY, door_l1.centre),
+        Stop(x1 - ENTRY, door_l1.centre),
         Stop(*low_l, True),
         Stop(opening_l.centre, split_l - 0.6),
         Stop(opening_l.centre, split_l + 0.6),
         Stop(*high_l, True),
-        Stop(x1 - _ENTRY, door_l2.centre),
+        Stop(x1 - ENTRY, door_l2.centre),
         Stop(xl, door_l2.centre),
         # and around the other way, through both rooms on the right
         Stop(xl, yb),
         Stop(xr, yb),
         Stop(xr, door_r1.centre),
-        Stop(x2 + _ENTRY, door_r1.centre),
+        Stop(x2 + ENTRY, door_r1.centre),
         Stop(*low_r, True),
         Stop(opening_r.centre, split_r - 0.6),
         Stop(opening_r.centre, split_r + 0.6),
         Stop(*high_r, True),
-        Stop(x2 + _ENTRY, door_r2.centre),
+        Stop(x2 + ENTRY, door_r2.centre),
         Stop(xr, door_r2.centre),
         Stop(xr, yt),
         Stop(xl, yt),

@@ -20,18 +20,22 @@ ROOM = 0.35
 """Metres of free floor around the camera."""
 
 
-def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generator) -> list[Camera]:
-    """Level cameras at the trajectory's height, drawn evenly over the free floor beside it."""
-    walk = scene.walk
+def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generator, storey: int = 0) -> list[Camera]:
+    """Level cameras at the trajectory's height, drawn evenly over the free floor of the storey beside it."""
+    level = scene.storeys[storey].floor
+    walk = scene.walk[scene.walk[:, 3] == level]
     free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
     places = occupancy.centres()[free[:, 0], free[:, 1]]
+    if scene.plan.flight is not None:
+        hole = scene.plan.flight.rect.grown(0.1)
+        places = places[[not hole.contains(x, y) for x, y in places]]
     distance, nearest = cKDTree(walk[:, :2]).query(places)
     allowed = np.flatnonzero((distance >= BESIDE[0]) & (distance <= BESIDE[1]))
     chosen = _spread(places[allowed], min(COUNT[scene.config.size], len(allowed)), rng)
     cameras = []
     for i in allowed[chosen]:
         turn = np.radians(rng.uniform(*TURNED)) * rng.choice([-1.0, 1.0])
-        pose = look(np.array([*places[i], CAMERA_HEIGHT]), float(walk[nearest[i], 2] + turn))
+        pose = look(np.array([*places[i], level + CAMERA_HEIGHT]), float(walk[nearest[i], 2] + turn))
         cameras.append(Camera(scene.camera(0).intrinsics, np.round(pose, 9) + 0.0))
     return cameras
 

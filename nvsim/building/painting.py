@@ -151,17 +151,20 @@ def _picture(image: Image, texel: float, x: float, y: float, w: float, h: float,
 def _wall(
     rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator, at: tuple[float, float]
 ) -> Image:
-    """Painted plaster: plain, striped or panelled, with a skirting board and, except on "wall-bare", pictures."""
+    """Painted plaster: plain, striped or panelled, with a skirting board and, except on "wall-bare", pictures; in a
+    "wall-shaft", beside a stair, stripes alone."""
     image = _filled(rows, columns, paint.color)
     w, h = columns * texel, rows * texel
     u, v = at[0] + (np.arange(columns) + 0.5) * texel, at[1] + (np.arange(rows) + 0.5) * texel
-    if paint.kind == "wall-stripes":
+    if paint.kind in ("wall-stripes", "wall-shaft"):
         image[:, np.floor(u / 0.3).astype(int) % 2 == 1] = paint.accent
     elif paint.kind == "wall-panel":
         image[v < 1.0] = paint.accent
         image[(v > 0.98) & (v < 1.06)] = (0.85, 0.84, 0.8)
     elif paint.kind == "wall-band":
         image[(v > 1.5) & (v < 1.8)] = paint.accent
+    if paint.kind == "wall-shaft":
+        return image
     if paint.kind != "wall-bare" and h > 2.5:
         x = float(rng.uniform(0.25, 0.7))
         while x < w - 0.7:

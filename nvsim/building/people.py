@@ -26,34 +26,39 @@ class Person:
 
 
 def invite(walk: NDArray[np.float64], solids: Solids, rng: np.random.Generator) -> tuple[Person, ...]:
-    """One person per about seventy frames of the trajectory (M, 3), 1.8 to 4 m before the camera, for 5 to 9 frames."""
+    """One person per about seventy frames of the trajectory (M, 5), 1.8 to 4 m before the camera, for 5 to 9 frames."""
     people = []
     count = max(1, len(walk) // 70)
     for k in range(count):
         for _ in range(200):
             first = int((k + rng.uniform(0.1, 0.8)) * len(walk) / count)
             last = min(first + int(rng.integers(5, 10)), len(walk) - 1)
-            x, y, heading = walk[(first + last) // 2]
+            x, y, heading, floor, _ = walk[(first + last) // 2]
             angle, distance = heading + rng.uniform(-0.35, 0.35), rng.uniform(1.8, 4.0)
             px, py = round(x + distance * np.sin(angle), 3), round(y + distance * np.cos(angle), 3)
             if _stands_free(px, py, walk[first : last + 1], solids):
-                people.append(_dressed(px, py, first, last, rng))
+                people.append(_dressed(px, py, floor, first, last, rng))
                 break
     return tuple(people)
 
 
 def _stands_free(px: float, py: float, views: NDArray[np.float64], solids: Solids) -> bool:
-    """Whether the place is clear of furniture, off the way, and in sight from the middle of the views."""
-    gap = np.maximum(np.maximum(solids.lo[:, :2] - (px, py), (px, py) - solids.hi[:, :2]), 0)
+    """Whether the place is clear of furniture, off the way, and in sight from the middle of the views, which are on the
+    floor that it is on."""
+    x, y, _, floor, _ = views[len(views) // 2]
+    ceiling = solids.levels[np.isclose(solids.levels[:, 0], floor), 1]
+    if not len(ceiling) or np.ptp(views[:, 3]) > 0:
+        return False
+    here = (solids.lo[:, 2] < ceiling[0]) & (solids.hi[:, 2] > floor)
+    gap = np.maximum(np.maximum(solids.lo[here, :2] - (px, py), (px, py) - solids.hi[here, :2]), 0)
     if np.hypot(gap[:, 0], gap[:, 1]).min() < 0.35 or np.hypot(views[:, 0] - px, views[:, 1] - py).min() < 1.0:
         return False
-    x, y, _ = views[len(views) // 2]
     distance = float(np.hypot(px - x, py - y))
-    t, _, glass = trace(x, y, 1.3, (px - x) / distance, (py - y) / distance, 0.0, solids, np.empty((0, 5)))
+    t, _, glass = trace(x, y, floor + 1.3, (px - x) / distance, (py - y) / distance, 0.0, solids, np.empty((0, 5)))
     return bool(min(t, glass) > distance)
 
 
-def _dressed(x: float, y: float, first: int, last: int, rng: np.random.Generator) -> Person:
+def _dressed(x: float, y: float, floor: float, first: int, last: int, rng: np.random.Generator) -> Person:
     tall = rng.uniform(0.94, 1.06)
     side = rng.uniform(0, np.pi)
     c, s = np.cos(side), np.sin(side)
@@ -68,5 +73,5 @@ def _dressed(x: float, y: float, first: int, last: int, rng: np.random.Generator
         (0.00, 1.50, 1.62, 0.095, skin),
         (0.00, 1.62, 1.66, 0.105, (0.18, 0.14, 0.11)),
     ]
-    capsules = np.array([(x + u * c, y + u * s, z0 * tall, z1 * tall, r) for u, z0, z1, r, _ in parts])
+    capsules = np.array([(x + u * c, y + u * s, floor + z0 * tall, floor + z1 * tall, r) for u, z0, z1, r, _ in parts])
     return Person(np.round(capsules, 4), np.array([p[4] for p in parts]), first, last)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.building.furniture import AT_WALL, FREE_STANDING, Piece
+from nvsim.building.config import Style
+from nvsim.building.furniture import Piece, pieces
 from nvsim.building.plan import OUTER_WALL, Plan, Rect, Room
 from nvsim.building.solids import BACK, BOTTOM, FRONT, LEFT, RIGHT, TOP, Box
 
@@ -18,16 +19,14 @@ _TURNED_FACES = (
 )
 
 
-def furnish(plan: Plan, walk: NDArray[np.float64], rng: np.random.Generator) -> list[Box]:
+def furnish(plan: Plan, walk: NDArray[np.float64], rng: np.random.Generator, style: Style) -> list[Box]:
     """The boxes of all furniture; `walk` is (N, 2+) with x, y in metres."""
     boxes: list[Box] = []
     taken: list[Rect] = [o.rect(1.1) for o in plan.openings]
     track = walk[::5, :2]
     for room in plan.rooms:
-        for make in AT_WALL[room.kind]:
-            boxes += _try(plan, room, make(rng), taken, track, rng, at_wall=True)
-        for make in FREE_STANDING[room.kind]:
-            boxes += _try(plan, room, make(rng), taken, track, rng, at_wall=False)
+        for make, at_wall in pieces(room.kind, style):
+            boxes += _try(plan, room, make(rng), taken, track, rng, at_wall=at_wall)
     return boxes
 
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from nvsim.building.flight import Flight
+
 HEIGHT = 2.7  # metres from floor to ceiling
+SLAB = 0.3  # metres between a ceiling and the floor above it
 INNER_WALL, OUTER_WALL, GLASS = 0.12, 0.2, 0.02  # thicknesses, metres
 
 
@@ -27,6 +32,10 @@ class Rect:
     @property
     def area(self) -> float:
         return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+    @property
+    def corners(self) -> tuple[float, float, float, float]:
+        return self.x0, self.y0, self.x1, self.y1
 
     def contains(self, x: float, y: float) -> bool:
         return self.x0 <= x < self.x1 and self.y0 <= y < self.y1
@@ -93,13 +102,15 @@ class Stop:
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything on the ground, in metres; the lower corner of `extent` is the origin."""
+    """Everything on the floor of a storey, in metres; the lower corner of `extent` is the origin. `flight` is the stair
+    that joins the storey with the one above or below it."""
 
     extent: Rect
     rooms: tuple[Room, ...]
     walls: tuple[Wall, ...]
     openings: tuple[Opening, ...]
     stops: tuple[Stop, ...]
+    flight: Flight | None = None
 
     def room_at(self, x: float, y: float) -> Room | None:
         return next((r for r in self.rooms if r.contains(x, y)), None)
@@ -141,16 +152,25 @@ class Plan:
             tuple(wall(w) for w in self.walls),
             tuple(opening(o) for o in self.openings),
             tuple(Stop(*point(s.x, s.y), s.spin) for s in self.stops),
+            None if self.flight is None else self.flight.mapped(point),
         )
 
 
-def varied(plan: Plan, rng: np.random.Generator) -> Plan:
-    """One of the eight mirror images and quarter turns of the plan."""
+@dataclass(frozen=True)
+class Storey:
+    """A plan and the height of its floor, metres."""
+
+    plan: Plan
+    floor: float
+
+
+def turned(plans: tuple[Plan, ...], rng: np.random.Generator) -> tuple[Plan, ...]:
+    """One of the eight mirror images and quarter turns, the same of all plans."""
     flips = rng.integers(0, 2, 3)
     if flips[0]:
-        plan = plan.flipped_x()
+        plans = tuple(p.flipped_x() for p in plans)
     if flips[1]:
-        plan = plan.transposed().flipped_x()
+        plans = tuple(p.transposed().flipped_x() for p in plans)
     if flips[2]:
-        plan = plan.transposed()
-    return plan
+        plans = tuple(p.transposed() for p in plans)
+    return plans

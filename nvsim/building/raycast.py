@@ -1,4 +1,4 @@
-"""Rays against the building: a walk through a 2D grid of boxes, floor and ceiling planes, people as capsules."""
+"""Rays against the building: a walk through a 2D grid of boxes, floors and ceilings as planes, people as capsules."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from nvsim.building.plan import HEIGHT, Plan
+from nvsim.building.plan import HEIGHT, Storey
 from nvsim.building.solids import Box
 
 NOTHING = -1
@@ -16,40 +16,54 @@ _CELL = 0.5
 
 
 class Solids(NamedTuple):
-    """Boxes in the order of the scene, with the grid cells (row-major, y first) that each of them touches.
+    """Boxes in the order of the scene, with the grid cells (storey by storey, row-major, y first) that each of them
+    touches.
 
-    A hit is named by its surface: 6 * box + face, then the floor, the ceiling, and the capsules of people.
+    A hit is named by its surface: 6 * box + face, then floor and ceiling of each storey, and the capsules of people.
     """
 
     lo: NDArray[np.float64]  # (B, 3) metres
     hi: NDArray[np.float64]  # (B, 3)
     glass: NDArray[np.bool_]  # (B,)
-    start: NDArray[np.int32]  # (cells + 1,) offsets into `items`
+    panes: NDArray[np.int64]  # the boxes of glass
+    start: NDArray[np.int32]  # (storeys * cells + 1,) offsets into `items`
     items: NDArray[np.int32]  # boxes, cell by cell
     origin: NDArray[np.float64]  # (2,) lower corner of the grid
     shape: NDArray[np.int64]  # (2,) rows, columns
     cell: float
-    height: float
+    levels: NDArray[np.float64]  # (S, 2) heights of floor and ceiling of every storey
+    void: NDArray[np.float64]  # (4,) x0, y0, x1, y1 without floor between the storeys; empty where there is one storey
 
 
-def make_solids(plan: Plan, boxes: list[Box]) -> Solids:
+def make_solids(storeys: tuple[Storey, ...], boxes: list[Box]) -> Solids:
     """Makes the arrays that the ray caster reads."""
+    plan = storeys[0].plan
     lo = np.array([b.lo for b in boxes], np.float64)
     hi = np.array([b.hi for b in boxes], np.float64)
     origin = np.array([-_CELL, -_CELL])
     columns = int(np.ceil(plan.extent.x1 / _CELL)) + 2
     rows = int(np.ceil(plan.extent.y1 / _CELL)) + 2
-    cells: list[list[int]] = [[] for _ in range(rows * columns)]
+    levels = np.array([(s.floor, s.floor + HEIGHT) for s in storeys])
+    cells: list[list[int]] = [[] for _ in range(len(storeys) * rows * columns)]
     first = np.floor((lo[:, :2] - 1e-6 - origin) / _CELL).astype(int)
     last = np.floor((hi[:, :2] + 1e-6 - origin) / _CELL).astype(int)
+    lowest, highest = _layer(lo[:, 2] + 1e-6, levels), _layer(hi[:, 2] - 1e-6, levels)
     for b in range(len(boxes)):
-        for row in range(max(first[b, 1], 0), min(last[b, 1], rows - 1) + 1):
-            for column in range(max(first[b, 0], 0), min(last[b, 0], columns - 1) + 1):
-                cells[row * columns + column].append(b)
+        for layer in range(lowest[b], highest[b] + 1):
+            for row in range(max(first[b, 1], 0), min(last[b, 1], rows - 1) + 1):
+                for column in range(max(first[b, 0], 0), min(last[b, 0], columns - 1) + 1):
+                    cells[(layer * rows + row) * columns + column].append(b)
     start = np.concatenate([[0], np.cumsum([len(c) for c in cells])]).astype(np.int32)
     items = np.array([b for c in cells for b in c], np.int32)
     glass = np.array([b.glass for b in boxes])
-    return Solids(lo, hi, glass, start, items, origin, np.array([rows, columns]), _CELL, HEIGHT)
+    void = np.zeros(4) if plan.flight is None else np.array(plan.flight.rect.corners)
+    panes = np.flatnonzero(glass)
+    return Solids(lo, hi, glass, panes, start, items, origin, np.array([rows, columns]), _CELL, levels, void)
+
+
+def _layer(heights: NDArray[np.float64], levels: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The storey that heights lie in, each from its floor to the next floor."""
+    return np.maximum(np.searchsorted(levels[:, 0], heights, side="right") - 1, 0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -60,11 +74,20 @@ def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-de
     from outside only, so that a ray may start on one.
     """
     boxes = solids.lo.shape[0]
+    storeys = solids.levels.shape[0]
     best, surface, glass = np.inf, NOTHING, np.inf
     if dz < -1e-9:
-        best, surface = -oz / dz, 6 * boxes
+        best, surface = (solids.levels[0, 0] - oz) / dz, 6 * boxes
+        for k in range(1, storeys):
+            t = (solids.levels[k, 0] - oz) / dz
+            if 0 < t < best and not _in_the_void(ox + t * dx, oy + t * dy, solids):
+                best, surface = t, 6 * boxes + 2 * k
     elif dz > 1e-9:
-        best, surface = (solids.height - oz) / dz, 6 * boxes + 1
+        best, surface = (solids.levels[storeys - 1, 1] - oz) / dz, 6 * boxes + 2 * storeys - 1
+        for k in range(storeys - 1):
+            t = (solids.levels[k, 1] - oz) / dz
+            if 0 < t < best and not _in_the_void(ox + t * dx, oy + t * dy, solids):
+                best, surface = t, 6 * boxes + 2 * k + 1
     ix = 1.0 / dx if abs(dx) > 1e-12 else 1e12
     iy = 1.0 / dy if abs(dy) > 1e-12 else 1e12
     iz = 1.0 / dz if abs(dz) > 1e-12 else 1e12
@@ -77,36 +100,43 @@ def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-de
     delta_x, delta_y = cell * abs(ix), cell * abs(iy)
     entered = 0.0
     while 0 <= row < rows and 0 <= column < columns and entered < best:
-        here = row * columns + column
-        for k in range(solids.start[here], solids.start[here + 1]):
-            b = solids.items[k]
-            axis = 0
-            t0, t1 = (solids.lo[b, 0] - ox) * ix, (solids.hi[b, 0] - ox) * ix
-            near, far = min(t0, t1), max(t0, t1)
-            t0, t1 = (solids.lo[b, 1] - oy) * iy, (solids.hi[b, 1] - oy) * iy
-            low = min(t0, t1)
-            if low > near:
-                near, axis = low, 1
-            far = min(far, max(t0, t1))
-            if near > far:
+        at = oz + entered * dz, oz + min(next_x, next_y, best) * dz
+        for layer in range(storeys):
+            # Of a column of cells only the storeys that the ray runs through; an end is in doubt by rounding alone.
+            if layer > 0 and max(at[0], at[1]) < solids.levels[layer, 0] - 1e-6:
+                break
+            if layer + 1 < storeys and min(at[0], at[1]) > solids.levels[layer + 1, 0] + 1e-6:
                 continue
-            t0, t1 = (solids.lo[b, 2] - oz) * iz, (solids.hi[b, 2] - oz) * iz
-            low = min(t0, t1)
-            if low > near:
-                near, axis = low, 2
-            far = min(far, max(t0, t1))
-            if near > far or near < 1e-6:
-                continue
-            if solids.glass[b]:
-                glass = min(glass, near)
-            elif near < best:
-                best = near
-                if axis == 0:
-                    surface = 6 * b + (0 if dx > 0 else 1)
-                elif axis == 1:
-                    surface = 6 * b + (2 if dy > 0 else 3)
-                else:
-                    surface = 6 * b + (4 if dz > 0 else 5)
+            here = (layer * rows + row) * columns + column
+            for k in range(solids.start[here], solids.start[here + 1]):
+                b = solids.items[k]
+                axis = 0
+                t0, t1 = (solids.lo[b, 0] - ox) * ix, (solids.hi[b, 0] - ox) * ix
+                near, far = min(t0, t1), max(t0, t1)
+                t0, t1 = (solids.lo[b, 1] - oy) * iy, (solids.hi[b, 1] - oy) * iy
+                low = min(t0, t1)
+                if low > near:
+                    near, axis = low, 1
+                far = min(far, max(t0, t1))
+                if near > far:
+                    continue
+                t0, t1 = (solids.lo[b, 2] - oz) * iz, (solids.hi[b, 2] - oz) * iz
+                low = min(t0, t1)
+                if low > near:
+                    near, axis = low, 2
+                far = min(far, max(t0, t1))
+                if near > far or near < 1e-6:
+                    continue
+                if solids.glass[b]:
+                    glass = min(glass, near)
+                elif near < best:
+                    best = near
+                    if axis == 0:
+                        surface = 6 * b + (0 if dx > 0 else 1)
+                    elif axis == 1:
+                        surface = 6 * b + (2 if dy > 0 else 3)
+                    else:
+                        surface = 6 * b + (4 if dz > 0 else 5)
         if next_x < next_y:
             entered, column, next_x = next_x, column + step_x, next_x + delta_x
         else:
@@ -114,8 +144,14 @@ def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-de
     for p in range(people.shape[0]):
         t = _capsule(ox, oy, oz, dx, dy, dz, people[p, 0], people[p, 1], people[p, 2], people[p, 3], people[p, 4])
         if t < best:
-            best, surface = t, 6 * boxes + 2 + p
+            best, surface = t, 6 * boxes + 2 * storeys + p
     return best, surface, glass if glass < best else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _in_the_void(x, y, solids):  # type: ignore[no-untyped-def]
+    v = solids.void
+    return v[0] < x < v[2] and v[1] < y < v[3]
 
 
 @njit(cache=True, error_model="numpy")
@@ -144,10 +180,8 @@ def _capsule(ox, oy, oz, dx, dy, dz, x, y, z0, z1, r):  # type: ignore[no-untype
 @njit(cache=True, error_model="numpy")
 def normal(surface, boxes):  # type: ignore[no-untyped-def]
     """The outward normal of a surface of the building (people excepted: they need the point)."""
-    if surface == 6 * boxes:
-        return 0.0, 0.0, 1.0
-    if surface == 6 * boxes + 1:
-        return 0.0, 0.0, -1.0
+    if surface >= 6 * boxes:
+        return 0.0, 0.0, 1.0 if (surface - 6 * boxes) % 2 == 0 else -1.0
     face = surface % 6
     sign = -1.0 if face % 2 == 0 else 1.0
     if face < 2:

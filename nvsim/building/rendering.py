@@ -36,7 +36,8 @@ def render(
     k = camera.intrinsics
     lens = np.array([k.fx, k.fy, k.cx, k.cy])
     pose = np.ascontiguousarray(camera.camera_to_world)
-    mirrored = _mirror(pose, lens, k.height // _COARSE + 2, k.width // _COARSE + 2, solids, textures, people, clothes)
+    coarse = k.height // _COARSE + 2, k.width // _COARSE + 2
+    mirrored = _mirror(pose, lens, *coarse, solids, textures, people, clothes)
     view = View(
         np.empty((k.height, k.width, 3), np.float32),
         np.empty((k.height, k.width), np.float32),
@@ -74,8 +75,9 @@ def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, 
     boxes = solids.lo.shape[0]
     if surface == NOTHING:
         return 0.0, 0.0, 0.0
-    if surface >= 6 * boxes + 2:
-        p = surface - 6 * boxes - 2
+    built = 6 * boxes + 2 * solids.levels.shape[0]
+    if surface >= built:
+        p = surface - built
         middle = min(max(z, people[p, 2]), people[p, 3])
         nx, ny, nz = (x - people[p, 0]) / people[p, 4], (y - people[p, 1]) / people[p, 4], (z - middle) / people[p, 4]
         lit = 0.62 + 0.22 * nz + 0.10 * nx + 0.06 * ny
@@ -128,6 +130,15 @@ def _ray(px, py, pose, lens):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _storey(z, solids):  # type: ignore[no-untyped-def]
+    """The storey that a height is in."""
+    k = 0
+    while k + 1 < solids.levels.shape[0] and z > solids.levels[k + 1, 0]:
+        k += 1
+    return k
+
+
+@njit(cache=True, error_model="numpy")
 def _mirrored_at(mirrored, px, py):  # type: ignore[no-untyped-def]
     """The coarse mirror image at a pixel position, bilinear."""
     fx = min(max(px / _COARSE + 0.5, 0.0), mirrored.shape[1] - 1.001)
@@ -143,11 +154,13 @@ def _mirrored_at(mirrored, px, py):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _pane_faces_x(x, y, solids):  # type: ignore[no-untyped-def]
+def _pane_faces_x(x, y, z, solids):  # type: ignore[no-untyped-def]
     """Whether the glass at a point is thin along x."""
-    for k in range(solids.lo.shape[0]):
-        if solids.glass[k] and (
-            solids.lo[k, 0] - 1e-3 < x < solids.hi[k, 0] + 1e-3 and solids.lo[k, 1] - 1e-3 < y < solids.hi[k, 1] + 1e-3
+    for k in solids.panes:
+        if (
+            solids.lo[k, 0] - 1e-3 < x < solids.hi[k, 0] + 1e-3
+            and solids.lo[k, 1] - 1e-3 < y < solids.hi[k, 1] + 1e-3
+            and solids.lo[k, 2] - 1e-3 < z < solids.hi[k, 2] + 1e-3
         ):
             return solids.hi[k, 0] - solids.lo[k, 0] < solids.hi[k, 1] - solids.lo[k, 1]
     return True
@@ -156,7 +169,7 @@ def _pane_faces_x(x, y, solids):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _in_the_pane(x, y, z, dx, dy, dz, distance, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
     """The share of light that glass reflects at a point a ray meets after `distance` metres, and its colour."""
-    along_x = _pane_faces_x(x, y, solids)
+    along_x = _pane_faces_x(x, y, z, solids)
     cosine = abs(dx) if along_x else abs(dy)
     share = 0.04 + 0.5 * (1.0 - cosine) ** 5
     mx, my = (-dx, dy) if along_x else (dx, -dy)
@@ -176,10 +189,11 @@ def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrore
     t, surface, glass = trace(ox, oy, oz, dx, dy, dz, solids, people)
     x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
     r, g, b = radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, clothes)
-    if surface == 6 * solids.lo.shape[0]:
-        row = min(max(int(y / textures.gloss_texel), 0), textures.gloss.shape[0] - 1)
-        column = min(max(int(x / textures.gloss_texel), 0), textures.gloss.shape[1] - 1)
-        gloss = textures.gloss[row, column]
+    storey = _storey(oz, solids)
+    if surface == 6 * solids.lo.shape[0] + 2 * storey:
+        row = min(max(int(y / textures.gloss_texel), 0), textures.gloss.shape[1] - 1)
+        column = min(max(int(x / textures.gloss_texel), 0), textures.gloss.shape[2] - 1)
+        gloss = textures.gloss[storey, row, column]
         if gloss > 0:
             # Schlick's approximation for a dull varnish
             share = gloss * (0.03 + 0.45 * (1.0 + dz) ** 5)
@@ -207,19 +221,32 @@ def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrore
 
 @njit(cache=True, parallel=True, error_model="numpy")
 def _mirror(pose, lens, rows, columns, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
-    """(rows, columns, 3): what a mirror on the floor would show in coarse pixels, one beyond each edge."""
+    """(rows, columns, 3): what a mirror on the camera's floor would show in coarse pixels, one beyond each edge."""
     out = np.zeros((rows, columns, 3), np.float32)
+    floor = solids.levels[_storey(pose[2, 3], solids), 0]
     spread = 2.0 * _COARSE / lens[0]
     for row in prange(rows):
         for column in range(columns):
             dx, dy, dz, _ = _ray((column - 0.5) * _COARSE, (row - 0.5) * _COARSE, pose, lens)
             if dz > -0.01:
                 continue
-            t = -pose[2, 3] / dz
+            t = (floor - pose[2, 3]) / dz
             x, y = pose[0, 3] + t * dx, pose[1, 3] + t * dy
-            s, surface, _ = trace(x, y, 0.001, dx, dy, -dz, solids, people)
+            s, surface, _ = trace(x, y, floor + 0.001, dx, dy, -dz, solids, people)
             out[row, column] = radiance(
-                x + s * dx, y + s * dy, -s * dz, dx, dy, -dz, t + s, surface, spread, solids, textures, people, clothes
+                x + s * dx,
+                y + s * dy,
+                floor - s * dz,
+                dx,
+                dy,
+                -dz,
+                t + s,
+                surface,
+                spread,
+                solids,
+                textures,
+                people,
+                clothes,
             )
     return out
 

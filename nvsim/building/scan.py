@@ -1,4 +1,4 @@
-"""The cloud that a LiDAR carried along the trajectory would give: range noise, beams, few returns from glass."""
+"""The cloud that a LiDAR carried along the trajectory would give: range noise, beams, few or no returns from glass."""
 
 from __future__ import annotations
 
@@ -14,16 +14,19 @@ from nvsim.capture.types import Cloud
 _RANGE, _NOISE, _GLASS_RETURNS = 12.0, 0.01, 0.04
 _EVERY = 1.2  # metres of the trajectory between scans
 _VOXEL = 0.045
-_MOST = 340_000
+_MOST = 340_000  # points of a storey
 
 
 def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
     """One point per voxel, in an order that does not depend on the machine; coordinates in whole millimetres."""
     moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1))])
-    places = scene.path[np.searchsorted(moved, np.arange(0.0, moved[-1], _EVERY)), :2]
+    stands = scene.path[np.searchsorted(moved, np.arange(0.0, moved[-1], _EVERY))]
+    places = stands[:, [0, 1, 3]] + np.array([0.0, 0.0, CAMERA_HEIGHT])
+    # The panes of a building of glass are clean; others return a few points.
+    returns = 0.0 if scene.config.style == "glass" else _GLASS_RETURNS
     beams, turns = np.radians(np.linspace(-62, 48, 84)), 600
     points, colors = [], []
-    for x, y in places:
+    for place in places:
         azimuth = np.radians(np.arange(turns) * 360 / turns + rng.uniform(0, 360 / turns))
         elevation = beams + np.radians(rng.uniform(-0.5, 0.5))
         ce, se = np.cos(elevation)[:, None], np.sin(elevation)[:, None]
@@ -31,29 +34,30 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
             -1, 3
         )
         chance = rng.random(len(directions), dtype=np.float32)
-        ranges, rgb = _sweep(np.array([x, y, CAMERA_HEIGHT]), directions, chance, scene.solids, textures)
+        ranges, rgb = _sweep(place, directions, chance, returns, scene.solids, textures)
         kept = ranges < _RANGE
         noisy = ranges[kept] + rng.normal(0, _NOISE, int(kept.sum()))
-        points.append(np.array([x, y, CAMERA_HEIGHT]) + noisy[:, None] * directions[kept])
+        points.append(place + noisy[:, None] * directions[kept])
         colors.append(rgb[kept])
     cloud, rgb = np.concatenate(points), np.concatenate(colors)
     cell = np.floor(cloud / _VOXEL).astype(np.int64) + 4096
     key = (cell[:, 0] << 40) + (cell[:, 1] << 20) + cell[:, 2]
     _, first = np.unique(key, return_index=True)
-    if len(first) > _MOST:
-        first = np.sort(rng.permutation(first)[:_MOST])
+    most = _MOST * len(scene.storeys)
+    if len(first) > most:
+        first = np.sort(rng.permutation(first)[:most])
     return Cloud(np.round(cloud[first], 3).astype(np.float32), rgb[first])
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def _sweep(origin, directions, chance, solids, textures):  # type: ignore[no-untyped-def]
+def _sweep(origin, directions, chance, returns, solids, textures):  # type: ignore[no-untyped-def]
     count = directions.shape[0]
     ranges, colors = np.empty(count), np.empty((count, 3), np.uint8)
     nobody, bare = np.empty((0, 5)), np.empty((0, 3))
     for i in prange(count):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         t, surface, glass = trace(origin[0], origin[1], origin[2], dx, dy, dz, solids, nobody)
-        if glass < t and chance[i] < _GLASS_RETURNS:
+        if glass < t and chance[i] < returns:
             ranges[i] = glass
             colors[i, 0], colors[i, 1], colors[i, 2] = 150, 160, 160
             continue

@@ -8,17 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.building.baking import Textures, bake
-from nvsim.building.config import BuildingConfig
-from nvsim.building.layouts import make_plan
+from nvsim.building.config import BuildingConfig, Style
 from nvsim.building.people import Person, invite
 from nvsim.building.placement import furnish
-from nvsim.building.plan import Plan
+from nvsim.building.plan import Plan, Storey
 from nvsim.building.raycast import Solids, make_solids
-from nvsim.building.solids import Box, Color, Paint, wall_boxes
-from nvsim.building.walk import frames, path
+from nvsim.building.solids import TOP, Box, Color, Paint, raised, wall_boxes
+from nvsim.building.stacking import make_storeys
+from nvsim.building.stairs import stair_boxes
+from nvsim.building.walk import climbed, frames, path
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
 CAMERA_HEIGHT = 1.3  # metres above the floor
+STAIRS = ("stairs", "flight")  # kinds of rooms
+_WHITE: Color = (0.78, 0.77, 0.74)
 _WALL_COLORS: tuple[Color, ...] = (
     (0.76, 0.74, 0.68),
     (0.68, 0.72, 0.74),
@@ -31,10 +34,11 @@ _WALL_COLORS: tuple[Color, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """walk (M, 3): x, y and heading of every frame, metres and radians; path (N, 3) the same, densely."""
+    """walk (M, 5): x, y, heading, height of the floor and elevation of every frame, metres and radians; path (N, 5) the
+    same, densely. On the stair the floor is the line through the middles of the treads: cameras climb evenly."""
 
     config: BuildingConfig
-    plan: Plan
+    storeys: tuple[Storey, ...]
     path: NDArray[np.float64]
     walk: NDArray[np.float64]
     boxes: tuple[Box, ...]
@@ -42,17 +46,35 @@ class Scene:
     people: tuple[Person, ...]
 
     @property
+    def plan(self) -> Plan:
+        """The plan of the lowest storey."""
+        return self.storeys[0].plan
+
+    @property
     def floor_surface(self) -> int:
-        """The floor's number among the surfaces; the ceiling's follows, then people."""
+        """The number of the lowest floor among the surfaces; its ceiling's follows, then those of the storey above,
+        then people."""
         return 6 * len(self.boxes)
 
+    @property
+    def floor_surfaces(self) -> list[int]:
+        """What one walks on: every floor, and the treads of the stair."""
+        treads = [6 * i + TOP for i, b in enumerate(self.boxes) if b.tread]
+        return [self.floor_surface + 2 * k for k in range(len(self.storeys))] + treads
+
+    @property
+    def first_person(self) -> int:
+        """The surface that the first capsule of people has."""
+        return self.floor_surface + 2 * len(self.storeys)
+
     def camera(self, frame: int) -> Camera:
-        """The level camera of a frame of the trajectory, its pose rounded so that files hold it exactly."""
+        """The camera of a frame of the trajectory, level but on the way down a stair, its pose rounded so that files
+        hold it exactly."""
         c = self.config
         intrinsics = Intrinsics.from_fov(c.width, c.height, np.radians(c.horizontal_fov))
         focal = round(intrinsics.fx, 4)
-        x, y, heading = self.walk[frame]
-        pose = np.round(look(np.array([x, y, CAMERA_HEIGHT]), heading), 9) + 0.0
+        x, y, heading, floor, elevation = self.walk[frame]
+        pose = np.round(look(np.array([x, y, floor + CAMERA_HEIGHT]), heading, elevation), 9) + 0.0
         return Camera(Intrinsics(c.width, c.height, focal, focal, c.width / 2, c.height / 2), pose)
 
     def present(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -63,26 +85,39 @@ class Scene:
         return np.concatenate([p.capsules for p in here]), np.concatenate([p.colors for p in here])
 
 
-def _stream(config: BuildingConfig, part: int) -> np.random.Generator:
-    """Independent random numbers for each part, so that changing one leaves the others."""
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([config.seed, part])))
+def _stream(config: BuildingConfig, part: int, storey: int = 0) -> np.random.Generator:
+    """Independent random numbers for each part and storey, so that changing one leaves the others."""
+    key = [config.seed, part, storey] if storey else [config.seed, part]
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
 
 
 def make_scene(config: BuildingConfig) -> Scene:
-    """Plan, walk, furniture and people; deterministic in the configuration."""
-    plan = make_plan(config.size, _stream(config, 0))
-    dense = path(plan.stops)
+    """Plans, walk, furniture and people; deterministic in the configuration."""
+    storeys = make_storeys(config, _stream(config, 0), _stream(config, 0, 1))
+    flight = storeys[0].plan.flight
+    dense = climbed(path(tuple(stop for s in storeys for stop in s.plan.stops)), flight)
     walk = frames(dense, config.step, np.radians(config.turn))
-    rng = _stream(config, 1)
-    boxes = (*wall_boxes(plan, _wall_paints(plan, rng), _frame_paint(rng)), *furnish(plan, dense, _stream(config, 2)))
-    solids = make_solids(plan, list(boxes))
+    boxes: list[Box] = []
+    shaft: Paint | None = None
+    for k, (plan, floor) in enumerate((s.plan, s.floor) for s in storeys):
+        rng = _stream(config, 1, k)
+        paints = _wall_paints(plan, rng, config.style)
+        if flight is not None:
+            shaft = shaft or paints["stairs"]  # one shaft through both storeys
+            paints |= dict.fromkeys(STAIRS, shaft)
+        track = dense[np.abs(dense[:, 3] - floor) < 0.5]
+        walls = wall_boxes(plan, paints, _frame_paint(rng))
+        boxes += [raised(b, floor) for b in (*walls, *furnish(plan, track, _stream(config, 2, k), config.style))]
+    if flight is not None and shaft is not None:
+        boxes += stair_boxes(flight, shaft)
+    solids = make_solids(storeys, boxes)
     people = invite(walk, solids, _stream(config, 3)) if config.people else ()
-    return Scene(config, plan, dense, walk, boxes, solids, people)
+    return Scene(config, storeys, dense, walk, tuple(boxes), solids, people)
 
 
 def textures_of(scene: Scene) -> Textures:
     """Painted and lit surfaces."""
-    return bake(scene.plan, list(scene.boxes), scene.solids, _stream(scene.config, 4))
+    return bake(scene.storeys, list(scene.boxes), scene.solids, _stream(scene.config, 4))
 
 
 def _frame_paint(rng: np.random.Generator) -> Paint:
@@ -90,16 +125,20 @@ def _frame_paint(rng: np.random.Generator) -> Paint:
     return Paint("plain", colors[int(rng.integers(len(colors)))])
 
 
-def _wall_paints(plan: Plan, rng: np.random.Generator) -> dict[str, Paint]:
-    """A paint for each room; one or two rooms of a building stay bare, without pictures or pattern."""
+def _wall_paints(plan: Plan, rng: np.random.Generator, style: Style) -> dict[str, Paint]:
+    """A paint for each room; one or two rooms of a building stay bare, without pictures or pattern, of a bare one all
+    in one white."""
+    if style == "bare":
+        return {r.name: Paint("plain" if r.kind in STAIRS else "wall-bare", _WHITE) for r in plan.rooms}
     kinds = ["wall-bare", "wall-plain", "wall-stripes", "wall-panel", "wall-band", "wall-plain", "wall-plain"]
     chosen = [str(k) for k in rng.permutation(kinds)]
     paints = {}
     for room, kind in zip(plan.rooms, chosen + ["wall-plain"] * len(plan.rooms)):
         base = np.array(_WALL_COLORS[int(rng.integers(len(_WALL_COLORS)))])
         second = np.clip(base * rng.uniform(0.72, 0.85) + rng.uniform(-0.06, 0.06, 3), 0, 1)
+        kind = "wall-plain" if room.kind == "corridor" else "wall-shaft" if room.kind in STAIRS else kind
         paints[room.name] = Paint(
-            "wall-plain" if room.kind == "corridor" else kind,
+            kind,
             (float(base[0]), float(base[1]), float(base[2])),
             (float(second[0]), float(second[1]), float(second[2])),
         )

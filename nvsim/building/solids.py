@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from nvsim.building.plan import GLASS, HEIGHT, Opening, Plan, Rect, Wall
 
@@ -22,13 +22,14 @@ class Paint:
 
 @dataclass(frozen=True)
 class Box:
-    """An axis-aligned solid, metres. `faces` overrides the paint of single faces."""
+    """An axis-aligned solid, metres. `faces` overrides the paint of single faces. One walks on the top of a `tread`."""
 
     lo: tuple[float, float, float]
     hi: tuple[float, float, float]
     paint: Paint
     faces: tuple[tuple[int, Paint], ...] = ()
     glass: bool = False
+    tread: bool = False
 
     @property
     def ground(self) -> Rect:
@@ -41,6 +42,12 @@ class Box:
 _FRAME = 0.055  # width of a door frame's post, metres
 _GLASS_PAINT = Paint("plain", (0.8, 0.85, 0.85))
 _METAL = Paint("plain", (0.38, 0.39, 0.41))
+
+
+def raised(box: Box, height: float) -> Box:
+    """The same box `height` metres higher."""
+    (x0, y0, z0), (x1, y1, z1) = box.lo, box.hi
+    return replace(box, lo=(x0, y0, z0 + height), hi=(x1, y1, z1 + height))
 
 
 def _upright(along: str, line: float, half: float, start: float, end: float) -> Rect:
@@ -58,9 +65,6 @@ def wall_boxes(plan: Plan, wall_paints: dict[str, Paint], frame: Paint) -> list[
     """
     boxes: list[Box] = []
     for wall in plan.walls:
-        if wall.glass:
-            boxes += _glass_wall(wall)
-            continue
         openings = sorted(
             (
                 o
@@ -69,6 +73,9 @@ def wall_boxes(plan: Plan, wall_paints: dict[str, Paint], frame: Paint) -> list[
             ),
             key=lambda o: o.centre,
         )
+        if wall.glass:
+            boxes += _glass_wall(wall, openings, frame)
+            continue
         cuts = {wall.start, wall.end}
         for other in plan.walls:
             if other.along != wall.along and wall.start < other.line < wall.end and _touches(other, wall.line):
@@ -118,7 +125,22 @@ def _door_frame(o: Opening, thickness: float, paint: Paint) -> list[Box]:
     ]
 
 
-def _glass_wall(wall: Wall) -> list[Box]:
+def _glass_wall(wall: Wall, openings: list[Opening], frame: Paint) -> list[Box]:
+    """Panes from floor to ceiling, with glass over the openings between them."""
+    boxes: list[Box] = []
+    start = wall.start
+    for o in openings:
+        left, right = o.centre - o.width / 2 - _FRAME, o.centre + o.width / 2 + _FRAME
+        boxes += _glass_panel(replace(wall, start=start, end=left))
+        boxes.append(
+            _box(_upright(wall.along, wall.line, GLASS / 2, left, right), o.height, HEIGHT, _GLASS_PAINT, glass=True)
+        )
+        boxes += _door_frame(o, 0.08, frame)
+        start = right
+    return boxes + _glass_panel(replace(wall, start=start))
+
+
+def _glass_panel(wall: Wall) -> list[Box]:
     """A pane from floor to ceiling with a thin rail above and below and posts at its ends."""
     pane = _upright(wall.along, wall.line, GLASS / 2, wall.start, wall.end)
     rail = _upright(wall.along, wall.line, 0.025, wall.start, wall.end)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.building.flight import GOING, LENGTH, Flight
 from nvsim.building.plan import Stop
 
 _CORNER = 0.6  # metres before a corner where the turn begins
+_LOOKING_DOWN = np.radians(20)
+_NODDING = 0.8  # metres of the stair over which the camera is turned down and up again
 _SHARPEST = np.radians(125)  # beyond this a robot stops and turns
 
 
@@ -71,8 +74,28 @@ def _bend(
     return np.column_stack([xy, angles])
 
 
+def climbed(dense: NDArray[np.float64], flight: Flight | None) -> NDArray[np.float64]:
+    """(N, 5) a path (N, 3) with the height of the floor under it, metres, and the elevation of the camera, radians. It
+    begins on the lowest floor and changes storeys on the flight; on the way down one looks where one treads."""
+    floor, elevation = np.zeros(len(dense)), np.zeros(len(dense))
+    if flight is not None:
+        ahead = flight.along(dense[:, :2])
+        beside = np.linalg.norm(dense[:, :2] - flight.foot - np.outer(ahead, flight.direction), axis=1)
+        on = (beside < flight.width / 2) & (ahead > -GOING / 2) & (ahead < LENGTH + GOING / 2)
+        floor[on] = flight.height_at(dense[on, :2])
+        up = False
+        for i in range(len(dense)):
+            if on[i]:
+                up = ahead[i] > LENGTH / 2
+            elif up:
+                floor[i] = flight.climb
+        down = on & (np.gradient(floor) < 0)
+        elevation[down] = -_LOOKING_DOWN * np.clip(np.minimum(ahead, LENGTH - ahead)[down] / _NODDING, 0, 1)
+    return np.column_stack([dense, floor, elevation])
+
+
 def frames(dense: NDArray[np.float64], step: float, turn: float) -> NDArray[np.float64]:
-    """The samples (M, 3) of a path (N, 3) at which an image is taken: `step` metres or `turn` radians apart, or a
+    """The samples (M, 5) of a path (N, 5) at which an image is taken: `step` metres or `turn` radians apart, or a
     mixture of both of the same length. Rounded to a micrometre, so that every machine agrees."""
     moved = np.linalg.norm(np.diff(dense[:, :2], axis=0), axis=1) / step
     turned = np.diff(dense[:, 2]) / turn

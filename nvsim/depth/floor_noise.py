@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
-from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.stacked_floor import Floor
 
 _NEAR = 0.25  # metres from the floor surface within which the scatter is measured
 _LEVEL = 0.7  # vertical part of the normal of a point that may be floor
@@ -34,13 +34,13 @@ def floor_reach(heights: NDArray[np.floating], normals: NDArray[np.floating]) ->
     return float(np.clip(_SIGMAS * 1.4826 * np.median(np.abs(heights[floor])), _LEAST, _MOST))
 
 
-def calmed(cloud: Cloud, surface: FloorSurface) -> Cloud:
+def calmed(cloud: Cloud, surface: Floor) -> Cloud:
     """`cloud` with what images gave of the floor drawn to `surface`: a tenth of its scatter is left. Points of a scan
     stay where they are, as do points that no scatter explains."""
     if cloud.normals is None:
         return cloud
     guessed = np.flatnonzero(cloud.is_guessed)
-    ground = surface.height_at(cloud.points[guessed, :2])
+    ground = surface.height_at(cloud.points[guessed])
     above = cloud.points[guessed, 2] - ground
     floor = np.abs(above) <= floor_reach(above, cloud.normals[guessed])
     points = cloud.points.copy()

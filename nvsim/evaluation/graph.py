@@ -1,4 +1,4 @@
-"""A navigation graph against an occupancy map: validity of nodes and edges, coverage, components."""
+"""A navigation graph against an occupancy map or those of several storeys: validity of nodes and edges, coverage."""
 
 from __future__ import annotations
 
@@ -9,20 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.evaluation.interval import wilson
+from nvsim.evaluation.storeys import climbing, covered_areas, judge_storeys
 from nvsim.evaluation.structure import map_structure
 from nvsim.graph.components import components
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.corridor import SupportAt
 from nvsim.occupancy.paths import points_are_free, reachable, segments_are_free, standing_room, visible
+from nvsim.occupancy.storeys import StoreyMaps
 from nvsim.occupancy.types import OccupancyMap
 
 
 def judge(
-    graph: NavGraph, occupancy: OccupancyMap, radius: float = 0.0
+    graph: NavGraph, occupancy: OccupancyMap | StoreyMaps, radius: float = 0.0
 ) -> tuple[dict[str, bool], dict[tuple[str, str], bool]]:
     """Which included viewpoints stand, and which edges between them run, where a disc of `radius` metres touches free
-    cells only. Unknown cells are not free."""
+    cells only. Unknown cells are not free. On the maps of several storeys as `judge_storeys` says."""
+    if isinstance(occupancy, StoreyMaps):
+        return judge_storeys(graph, occupancy, radius)
     room = standing_room(occupancy, radius)
     included = {id: v for id, v in graph.viewpoints.items() if v.included}
     places = _places(graph, list(included))
@@ -34,14 +38,15 @@ def judge(
 
 def evaluate_graph(
     graph: NavGraph,
-    occupancy: OccupancyMap,
-    trajectory_xy: NDArray[np.floating],
+    occupancy: OccupancyMap | StoreyMaps,
+    trajectory: NDArray[np.floating],
     robot_radius: float = 0.25,
     coverage_range: float = 2.5,
     seen: SupportAt | None = None,
 ) -> dict[str, Any]:
-    """Figures of `graph` on `occupancy`, both in one frame; `trajectory_xy` (N, 2) says what could be reached at all,
-    and `seen` whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`.
+    """Figures of `graph` on `occupancy`, both in one frame; `trajectory` (N, 2) says what could be reached at all, and
+    `seen` whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`. On the maps of several
+    storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
 
     nodes, edges                   included viewpoints, and edges between them
     node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres; of each
@@ -50,14 +55,15 @@ def evaluate_graph(
                                    `coverage_range` metres and in line of sight of a valid viewpoint
     coverage_seen, seen_m2         the same share of the part of that area that is `seen`, and its size; only with it
     reachable_m2, components, largest_component (share of the nodes), isolated
-    and the figures of `nvsim.graph.structure.structure` and `nvsim.evaluation.structure.map_structure`.
+    and the figures of `nvsim.graph.structure.structure` and, on one map, `nvsim.evaluation.structure.map_structure`.
+    Of several storeys, coverage is over all of them, and there are
+    storeys                        their number
+    stair_edges                    edges from one storey to another; with stair_edge_validity and so on, of these
     Shares are 0 to 1; of nothing they are 0.
     """
     nodes, edges = judge(graph, occupancy)
     nodes_robot, edges_robot = judge(graph, occupancy, robot_radius)
-    area = reachable(occupancy, trajectory_xy)
-    valid = [id for id, good in nodes.items() if good]
-    covered = visible(occupancy, _places(graph, valid), coverage_range) & area
+    around = _covered(graph, occupancy, [id for id, good in nodes.items() if good], trajectory, coverage_range, seen)
     groups = components(graph)
     return {
         "nodes": len(nodes),
@@ -66,14 +72,16 @@ def evaluate_graph(
         **_validity("edge", "", edges),
         **_validity("node", "_robot", nodes_robot),
         **_validity("edge", "_robot", edges_robot),
-        "coverage": _share(int(covered.sum()), int(area.sum())),
-        **(_seen(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
-        "reachable_m2": _square_metres(area, occupancy),
+        **around,
         "components": len(groups),
         "largest_component": _share(len(groups[0]) if groups else 0, len(nodes)),
         "isolated": sum(len(g) == 1 for g in groups),
         **structure(graph),
-        **map_structure(graph, occupancy, robot_radius),
+        **(
+            _on_stairs(graph, occupancy, edges, edges_robot)
+            if isinstance(occupancy, StoreyMaps)
+            else map_structure(graph, occupancy, robot_radius)
+        ),
     }
 
 
@@ -85,9 +93,43 @@ def _validity(what: str, suffix: str, judged: Mapping[Any, bool]) -> dict[str, f
     return {**figures, f"valid_{what}s{suffix}": valid}
 
 
+def _covered(
+    graph: NavGraph,
+    occupancy: OccupancyMap | StoreyMaps,
+    valid: list[str],
+    trajectory: NDArray[np.floating],
+    reach: float,
+    seen: SupportAt | None,
+) -> dict[str, float]:
+    """What the `valid` viewpoints cover of what can be reached, and of the part of it that is `seen`."""
+    if isinstance(occupancy, StoreyMaps):
+        whole, shown = covered_areas(graph, occupancy, valid, trajectory, reach, seen)
+        known = {"coverage_seen": _share(*shown), "seen_m2": round(shown[1], 2)} if seen is not None else {}
+        return {"coverage": _share(*whole), **known, "reachable_m2": round(whole[1], 2)}
+    area = reachable(occupancy, trajectory[:, :2])
+    covered = visible(occupancy, _places(graph, valid), reach) & area
+    return {
+        "coverage": _share(int(covered.sum()), int(area.sum())),
+        **(_seen(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
+        "reachable_m2": _square_metres(area, occupancy),
+    }
+
+
 def _seen(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
     shown = int((covered & known).sum())
     return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_metres(known, occupancy)}
+
+
+def _on_stairs(
+    graph: NavGraph, maps: StoreyMaps, edges: dict[tuple[str, str], bool], edges_robot: dict[tuple[str, str], bool]
+) -> dict[str, float | int]:
+    between = climbing(graph, maps, list(edges))
+    return {
+        "storeys": len(maps.storeys),
+        "stair_edges": len(between),
+        **_validity("stair_edge", "", {key: edges[key] for key in between}),
+        **_validity("stair_edge", "_robot", {key: edges_robot[key] for key in between}),
+    }
 
 
 def _square_metres(cells: NDArray[np.bool_], occupancy: OccupancyMap) -> float:
@@ -98,5 +140,5 @@ def _places(graph: NavGraph, ids: list[str]) -> NDArray[np.float64]:
     return np.array([graph.viewpoints[id].position[:2] for id in ids], np.float64).reshape(-1, 2)
 
 
-def _share(part: int, whole: int) -> float:
+def _share(part: float, whole: float) -> float:
     return round(part / whole, 5) if whole else 0.0

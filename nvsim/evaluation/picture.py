@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.evaluation.graph import judge
+from nvsim.evaluation.storeys import places_of
 from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
+from nvsim.occupancy.storeys import StoreyMaps
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 # BGR
@@ -27,24 +29,65 @@ _WALK, _EDGE, _MERGE, _NODE, _START, _BAD = (
 
 def draw_graph(
     graph: NavGraph,
-    occupancy: OccupancyMap | None,
-    trajectory_xy: NDArray[np.floating],
+    occupancy: OccupancyMap | StoreyMaps | None,
+    trajectory: NDArray[np.floating],
     path: Path,
     longest_side: int = 1600,
 ) -> Path:
-    """Writes an image (PNG by its suffix) with y upwards: the map, the trajectory (N, 2), edges (steps green, merges
-    violet), viewpoints (starts orange); what is not on free cells is red. Without a map nothing is judged.
+    """Writes an image (PNG by its suffix) with y upwards: the map, the trajectory (N, 2 or 3), edges (steps green,
+    merges violet), viewpoints (starts orange); what is not on free cells is red. Without a map nothing is judged. The
+    storeys of a building lie side by side, the lowest on the left, each with what stands on it and the stairs from it;
+    their trajectory must be (N, 3).
 
     Raises InputError when the disk refuses or the suffix is no image's.
     """
     import cv2
 
-    nodes: dict[str, bool] = {}
-    edges: dict[tuple[str, str], bool] = {}
-    if occupancy is not None:
-        nodes, edges = judge(graph, occupancy)
-    walk = np.asarray(trajectory_xy, np.float64).reshape(-1, 2)
-    places = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
+    judged = judge(graph, occupancy) if occupancy is not None else ({}, {})
+    if isinstance(occupancy, StoreyMaps):
+        side = longest_side // len(occupancy.storeys)
+        floors = places_of(graph, list(graph.viewpoints))[1]
+        storeys = dict(zip(graph.viewpoints, occupancy.nearest(floors).tolist(), strict=True))
+        walked = occupancy.beneath(trajectory[:, 2])
+        drawn = []
+        for k, storey in enumerate(occupancy.storeys):
+            here = NavGraph(
+                graph.scan,
+                {id: v for id, v in graph.viewpoints.items() if storeys[id] == k},
+                {key: e for key, e in graph.edges.items() if k in (storeys[key[0]], storeys[key[1]])},
+            )
+            drawn.append(_drawn(graph, here, judged, storey.occupancy, trajectory[walked == k], side))
+        tallest = max(p.shape[0] for p in drawn)
+        grey = _STATES[int(UNKNOWN)]
+        picture = np.concatenate(
+            [cv2.copyMakeBorder(p, 0, tallest - len(p), 0, 8, cv2.BORDER_CONSTANT, value=grey) for p in drawn], axis=1
+        )
+    else:
+        picture = _drawn(graph, graph, judged, occupancy, trajectory, longest_side)
+    try:
+        done, data = cv2.imencode(path.suffix or ".png", picture)
+    except cv2.error:
+        done, data = False, None
+    if not done or data is None:
+        raise InputError(f"{path} has no suffix of an image; name a .png file.")
+    atomic.write_bytes(path, data.tobytes())
+    return path
+
+
+def _drawn(
+    graph: NavGraph,
+    shown: NavGraph,
+    judged: tuple[dict[str, bool], dict[tuple[str, str], bool]],
+    occupancy: OccupancyMap | None,
+    trajectory: NDArray[np.floating],
+    longest_side: int,
+) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR: the viewpoints and edges of `shown`, whose ends may stand elsewhere in `graph`, over a map."""
+    import cv2
+
+    nodes, edges = judged
+    walk = np.asarray(trajectory, np.float64)[:, :2]
+    places = np.array([v.position[:2] for v in shown.viewpoints.values()], np.float64).reshape(-1, 2)
     low, high = _extent(occupancy, np.concatenate([walk, places]))
     scale = longest_side / float((high - low).max())
     width, height = np.maximum(np.ceil((high - low) * scale), 1).astype(int)
@@ -65,21 +108,14 @@ def draw_graph(
     for a, b in zip(walk[:-1], walk[1:], strict=True):
         if np.hypot(*(a - b)) < 2.0:
             cv2.line(picture, at(a), at(b), _WALK, max(1, round(size)), cv2.LINE_AA, 4)
-    for key, edge in graph.edges.items():
+    for key, edge in shown.edges.items():
         a, b = (graph.viewpoints[id].position for id in key)
         colour = _BAD if edges.get(key) is False else _MERGE if edge.origin == "merge" else _EDGE
         cv2.line(picture, at(a), at(b), colour, max(1, round(1.5 * size)), cv2.LINE_AA, 4)
-    for id, v in graph.viewpoints.items():
+    for id, v in shown.viewpoints.items():
         colour = _BAD if nodes.get(id) is False else _START if v.origin == "start" else _NODE
         cv2.circle(picture, at(v.position), round(5 * size * 16), colour, -1 if v.included else 1, cv2.LINE_AA, 4)
-    try:
-        done, data = cv2.imencode(path.suffix or ".png", picture)
-    except cv2.error:
-        done, data = False, None
-    if not done or data is None:
-        raise InputError(f"{path} has no suffix of an image; name a .png file.")
-    atomic.write_bytes(path, data.tobytes())
-    return path
+    return picture
 
 
 def _extent(

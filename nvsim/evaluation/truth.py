@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, is_storeys, read_storeys
 from nvsim.occupancy.turning import turned
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.built_map import refuse_own_depth, true_map
@@ -57,9 +60,12 @@ def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, An
     return evaluate_floor(found)
 
 
-def true_occupancy(project: Project, path: Path | None, frame: str, heights: Heights | None = None) -> OccupancyMap:
-    """The map at `path`, else the true one of the built-in building or the one built for the project, in the project's
-    aligned frame, cut between `heights` where it has some.
+def true_maps(
+    project: Project, path: Path | None, frame: str, heights: Heights | None = None
+) -> OccupancyMap | StoreyMaps:
+    """The map at `path`, or those of the storeys that a folder or a .json file names, else the true ones of the
+    built-in building or the one built for the project, in the project's aligned frame, cut between `heights` where it
+    has some.
 
     Raises InputError when there is none, or it was made of the project's own models.
     """
@@ -69,22 +75,44 @@ def true_occupancy(project: Project, path: Path | None, frame: str, heights: Hei
             f"{project.layout.root} has no map to judge by; name one with --occupancy MAP, or build one with "
             "`nvsim occupancy build --project`."
         )
-    refuse_own_depth(truth, project)
-    return occupancy_in_aligned_frame(truth, project.need_capture(), frame, heights)
+    if not is_storeys(truth):
+        refuse_own_depth(truth, project)
+    return maps_in_aligned_frame(truth, project.need_capture(), frame, heights)
 
 
-def occupancy_in_aligned_frame(
+def true_occupancy(project: Project, path: Path | None, frame: str, heights: Heights | None = None) -> OccupancyMap:
+    """The same for what judges by one map. Raises InputError also where there are several storeys."""
+    found = true_maps(project, path, frame, heights)
+    if isinstance(found, StoreyMaps):
+        raise InputError(
+            f"{path or project.layout.ground_truth} has maps of several storeys, by which only `nvsim evaluate graph` "
+            "judges; name the map of one with --occupancy MAP."
+        )
+    return found
+
+
+def maps_in_aligned_frame(
     path: Path, capture: Capture, frame: str, heights: Heights | None = None
-) -> OccupancyMap:
-    """The map at `path`, cut between `heights` where it has some, and brought from the capture's own frame when `frame`
-    says so. Raises InputError when that frame is not upright."""
+) -> OccupancyMap | StoreyMaps:
+    """The map at `path`, or those of the storeys that a folder or a .json file names, cut between `heights` where it
+    has some, and brought from the capture's own frame when `frame` says so. Raises InputError when that frame is not
+    upright."""
     from nvsim.occupancy.read import read_map
 
-    occupancy = read_map(path, heights)
+    maps = read_storeys(path, heights) if is_storeys(path) else read_map(path, heights)
     alignment = capture.alignment
     if frame == "aligned" or alignment.is_identity:
-        return occupancy
-    rotation = alignment.rotation
-    if rotation[2, 2] < np.cos(np.radians(2.0)):
+        return maps
+    if alignment.rotation[2, 2] < np.cos(np.radians(2.0)):
         raise InputError(f"{path} cannot be in the capture's frame, which is not z-up; use --map-frame aligned.")
-    return turned(occupancy, rotation[:2, :2], scale=alignment.scale)
+    turn, scale = alignment.rotation[:2, :2], alignment.scale
+    if isinstance(maps, OccupancyMap):
+        return turned(maps, turn, scale=scale)
+    return StoreyMaps(
+        tuple(StoreyMap(scale * s.floor, turned(s.occupancy, turn, scale=scale)) for s in maps.storeys),
+        tuple(replace(s, outline=_turned(s.outline, scale * turn)) for s in maps.stairs),
+    )
+
+
+def _turned(outline: tuple[tuple[float, float], ...], turn: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in np.array(outline) @ turn.T)

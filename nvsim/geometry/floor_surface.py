@@ -47,7 +47,8 @@ class FloorSurface:
         return FloorSurface(heights.astype(np.float32), (float(origin[0]), float(origin[1])), spacing)
 
     def height_at(self, xy: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Heights (...) at world x, y (..., 2): bilinear inside, the nearest border value outside."""
+        """Heights (...) at world x, y (..., 2): bilinear inside, the nearest border value outside. Of points (..., 3) z
+        counts for nothing: there is one floor."""
         rows, columns = self.heights.shape
         c = np.clip((xy[..., 0] - self.origin[0]) / self.spacing, 0, columns - 1)
         r = np.clip((xy[..., 1] - self.origin[1]) / self.spacing, 0, rows - 1)

@@ -15,9 +15,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.storeys import storey_numbers
 from nvsim.graph.components import components
 from nvsim.graph.edits.change import EditError
-from nvsim.graph.storeys import storey_numbers
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 from nvsim.occupancy.types import FREE, OccupancyMap
 

@@ -19,7 +19,10 @@ from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.view_source import Ensemble, ViewSource
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
+"""The floor's height (...) at world points (..., 3), whose z is the height of a camera or of a floor near which it is
+looked for, or at places (..., 2) of a building of one storey."""
 SupportAt = Callable[[NDArray[np.floating]], NDArray[np.bool_]]
+"""Whether the floor at such points is known, (...)."""
 
 DIRECTIONS = 8
 NEAR, DEPTH, WIDTH = 0.05, 0.1, WIDEST  # metres: start of the first row, depth of a row, measured width
@@ -29,6 +32,7 @@ _PITCH = -np.pi / 4
 _FOV = np.radians(100.0)
 # Half of the measured width: the largest radius that can be asked about later.
 _BEYOND = WIDTH / 2
+_LEVEL = 0.3  # metres: a corridor whose floor differs by more from where it begins may lead to another storey
 
 
 def headings(config: MappingConfig) -> NDArray[np.float64]:
@@ -50,10 +54,12 @@ def camera_towards(position: NDArray[np.floating], heading: float, config: Mappi
 
 @dataclass(frozen=True)
 class Corridor:
-    """start and target (x, y) metres, world."""
+    """start and target (x, y) metres, world. eye: world z of the camera over the start, which says on which storey it
+    begins; None where there is one."""
 
     start: tuple[float, float]
     target: tuple[float, float]
+    eye: float | None = None
 
     @property
     def length(self) -> float:
@@ -75,6 +81,25 @@ class Corridor:
         forward = ahead(self.heading, 1.0)
         right = np.array([forward[1], -forward[0]])
         return np.array(self.start) + along[:, None, None] * forward + across[None, :, None] * right
+
+    def ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
+        """(rows, CELLS, 3) the cell centres on the floor. Of storeys over one another it is the floor that leads on
+        from the start: on a slope it is followed row by row."""
+        xy = self.cells()
+        if self.eye is None:
+            return _lifted(xy, np.asarray(floor_at(xy), np.float64))
+        level = float(floor_at(np.array([*self.start, self.eye])))
+        found = np.asarray(floor_at(_lifted(xy, level)), np.float64)
+        if np.abs(found - level).max() > _LEVEL:
+            for row in range(len(xy)):
+                found[row] = floor_at(_lifted(xy[row], level))
+                level = float(np.median(found[row]))
+        return _lifted(xy, found)
+
+    def end(self, floor_at: HeightAt) -> float:
+        """World z of the floor at the target, as `ground` follows it."""
+        row = round((self.length - NEAR) / DEPTH - 0.5)
+        return float(np.median(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +180,8 @@ def measure(
     background's floor, whose normal points up, and adds to the z of the Gaussians' normals. The depth is the
     composite's too: that share of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
     """
-    xy = corridor.cells()
-    pixels, inside, to_floor = _cells_in(view.camera, corridor, floor_at)
+    ground = corridor.ground(floor_at)
+    pixels, inside, to_floor = _pixels_of(view.camera, ground)
     alpha = np.where(inside, _bilinear(view.alpha, pixels), 1.0)
     normal_z = np.where(inside, _bilinear(view.normal_z, pixels), 0.0)
     reach = None
@@ -170,7 +195,7 @@ def measure(
         corridor.length,
         _bytes(alpha),
         _bytes((1.0 - alpha) + normal_z),
-        np.asarray(support(xy), bool),
+        np.asarray(support(ground), bool),
         NEAR,
         DEPTH,
         WIDTH,
@@ -181,9 +206,9 @@ def measure(
     )
 
 
-def nothing_stands(corridor: Corridor, viewpoint: str, support: SupportAt) -> Evidence:
+def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, support: SupportAt) -> Evidence:
     """The evidence of `corridor` on floor that is level and empty, as far as it is known."""
-    known = np.asarray(support(corridor.cells()), bool)
+    known = np.asarray(support(corridor.ground(floor_at)), bool)
     empty, full = np.zeros(known.shape, np.uint8), np.full(known.shape, 255, np.uint8)
     place = viewpoint, -1, corridor.heading, corridor.length
     return Evidence(*place, empty, full, known, NEAR, DEPTH, WIDTH, -1, corridor.target, reach=full, mass=empty)
@@ -196,11 +221,21 @@ def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
 def _cells_in(
     camera: Camera, corridor: Corridor, floor_at: HeightAt
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
-    """(rows, CELLS, 2) pixels of the cell centres on the floor, (rows, CELLS) whether they lie in the image, with a
-    pixel's grace at its border, and (rows, CELLS) their depth, metres."""
-    xy = corridor.cells()
-    points = np.concatenate([xy, np.asarray(floor_at(xy), np.float64)[..., None]], axis=-1)
-    pixels, depth = camera.project(points)
+    """See `_pixels_of`, of the cell centres on the floor."""
+    return _pixels_of(camera, corridor.ground(floor_at))
+
+
+def _lifted(xy: NDArray[np.float64], z: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """(..., 3) places (..., 2) at heights (...) or one height."""
+    return np.concatenate([xy, np.broadcast_to(z, xy.shape[:-1])[..., None]], axis=-1)
+
+
+def _pixels_of(
+    camera: Camera, ground: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
+    """(rows, CELLS, 2) pixels of points (rows, CELLS, 3), (rows, CELLS) whether they lie in the image, with a pixel's
+    grace at its border, and (rows, CELLS) their depth, metres."""
+    pixels, depth = camera.project(ground)
     u, v, k = pixels[..., 0], pixels[..., 1], camera.intrinsics
     inside = (depth > 0) & (u > -1) & (v > -1) & (u < k.width + 1) & (v < k.height + 1)
     return pixels, np.asarray(inside), np.asarray(depth)

@@ -30,6 +30,8 @@ from nvsim.mapping.view_source import Ensemble, ViewSource
 if TYPE_CHECKING:
     from nvsim.mapping.slice_mass import Slice
 
+_SAME_FLOOR = 0.5  # metres
+
 
 class Measurements:
     """rendered_viewpoints  viewpoints that a whole turn was rendered at
@@ -72,7 +74,7 @@ class Measurements:
         wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
         for other in others:
             if other.id != viewpoint.id:
-                towards = Corridor(viewpoint.position[:2], other.position[:2])
+                towards = _corridor(viewpoint, other.position[:2])
                 wanted[view_of(towards, self._config)].append(towards)
         views = self._look_down(viewpoint, wanted, another)
         self._views = (viewpoint.id, views)
@@ -87,28 +89,36 @@ class Measurements:
     def between(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Evidence:
         """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number.
         Where a view has to be rendered for it, the corridors to those of `also` that it shows are measured as well."""
-        corridor = Corridor(viewpoint.position[:2], other.position[:2])
+        corridor = _corridor(viewpoint, other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
         another = self._another(viewpoint)
         if found is not None and self._holds(found, corridor, another):
             return found
         k = view_of(corridor, self._config)
         owner, views = self._views
-        wanted = {other.id: corridor}
+        wanted = {other: corridor}
         if owner != viewpoint.id or not views[0][k].shows(corridor, self._floor_at):
             for third in also:
-                towards = Corridor(viewpoint.position[:2], third.position[:2])
-                if third.id != viewpoint.id and view_of(towards, self._config) == k:
-                    wanted[third.id] = towards
+                towards = _corridor(viewpoint, third.position[:2])
+                if third.id not in (viewpoint.id, other.id) and view_of(towards, self._config) == k:
+                    wanted[third] = towards
             views = self._look_down(viewpoint, {k: list(wanted.values())}, another)
-        for id, towards in wanted.items():
-            self._joins[viewpoint.id, id] = self._measure([view[k] for view in views], viewpoint, -1, towards, id)
+        for end, towards in wanted.items():
+            evidence = self._measure([view[k] for view in views], viewpoint, -1, towards, end.id)
+            if not self._reaches(towards, end):
+                evidence = replace(evidence, support=np.zeros_like(evidence.support))
+            self._joins[viewpoint.id, end.id] = evidence
         return self._joins[viewpoint.id, other.id]
 
     def knows_floor(self, viewpoint: Viewpoint, other: Viewpoint) -> bool:
         """Whether the corridor would pass if nothing stood in it, which needs no rendering."""
-        corridor = Corridor(viewpoint.position[:2], other.position[:2])
-        return decide(nothing_stands(corridor, viewpoint.id, self._support), self._config) == OPEN
+        corridor = _corridor(viewpoint, other.position[:2])
+        empty = nothing_stands(corridor, viewpoint.id, self._floor_at, self._support)
+        return self._reaches(corridor, other) and decide(empty, self._config) == OPEN
+
+    def _reaches(self, corridor: Corridor, other: Viewpoint) -> bool:
+        """Whether a corridor to the place of a viewpoint ends at its floor, and not beneath or over it."""
+        return abs(corridor.end(self._floor_at) - float(self._floor_at(np.array(other.position)))) <= _SAME_FLOOR
 
     def everything(self) -> tuple[Evidence, ...]:
         """All evidence measured or remembered so far; corridors to other viewpoints are numbered from 8."""
@@ -116,7 +126,11 @@ class Measurements:
         return (*self._steps.values(), *(replace(e, direction=i) for i, e in joins))
 
     def _step(self, viewpoint: Viewpoint, k: int) -> Corridor:
-        return Corridor(viewpoint.position[:2], self._lattice.target(viewpoint.id, k))
+        return _corridor(viewpoint, self._lattice.target(viewpoint.id, k))
+
+    def arrival(self, viewpoint: Viewpoint, target: tuple[float, float]) -> tuple[float, float, float]:
+        """World x, y, z of the camera that has gone from a viewpoint to `target` (x, y), as high above the floor."""
+        return *target, _corridor(viewpoint, target).end(self._floor_at) + viewpoint.height
 
     def _holds(self, evidence: Evidence, corridor: Corridor, another: int | None) -> bool:
         heard = another is None or evidence.second is not None
@@ -151,3 +165,7 @@ class Measurements:
         if submap not in self._slices:
             self._slices[submap] = Slice(ensemble.gaussians(submap))
         return self._slices[submap].mass(corridor, self._floor_at, viewpoint.height)
+
+
+def _corridor(viewpoint: Viewpoint, target: tuple[float, float]) -> Corridor:
+    return Corridor(viewpoint.position[:2], target, viewpoint.position[2])

@@ -44,7 +44,7 @@ class Slice:
         centre is d away: A is S as seen from above, B is A widened by the variance of a place in the cell, and `share`
         what of the Gaussian lies in the slice above the cell's centre. Several cover it independently, as in alpha.
         """
-        floor = np.ascontiguousarray(floor_at(corridor.cells()), np.float64)
+        floor = np.ascontiguousarray(corridor.ground(floor_at)[..., 2])
         left = np.ones((corridor.rows, CELLS))
         start, forward = np.array(corridor.start), ahead(corridor.heading, 1.0)
         _cover(self._rows, self._radius, start, forward, floor, ABOVE_FLOOR, max(top, ABOVE_FLOOR), left)

@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
 from nvsim.mapping.corridor import SupportAt
+from nvsim.submaps.storeys import storeys_of
 
 _SPACING = 0.4  # metres between the places that are looked at
 _JUMP = 1.5  # metres between neighbours beyond which the trajectory is not taken as connected
 _CELL = 0.1  # metres, of the grid that clearance is measured on
 _REACH = 3.0  # metres, the largest clearance that is told apart
+_UPRIGHT = 3.0  # how much farther a metre upwards is than one along the floor, where storeys lie over one another
 
 
 class Walk:
@@ -26,6 +28,8 @@ class Walk:
         self._positions = np.asarray(positions, np.float64).reshape(-1, 3)
         self._support = support
         self._tree = cKDTree(self._positions[:, :2])
+        self._storeys = storeys_of(self._positions)
+        self._upright = cKDTree(self._positions * [1, 1, _UPRIGHT]) if len(self._storeys.levels) > 1 else None
         kept, broken = [0], []
         jump = False
         for i in range(1, len(self._positions)):
@@ -37,53 +41,77 @@ class Walk:
         self.places = self._positions[kept]
         self.joined = ~np.array(broken, bool)
         self._low = self.places[:, :2].min(axis=0) - _REACH
-        self._free = self._clearances()
-        self.clearance = self.clearance_at(self.places[:, :2])
+        self._free = [self._clearances(float(level)) for level in self._storeys.levels]
+        self.clearance = self.clearance_at(self.places)
 
-    def distance(self, xy: NDArray[np.floating]) -> float:
-        """Metres from (2,) to the nearest camera, seen from above."""
-        return float(self._tree.query(np.asarray(xy))[0])
+    def storey(self, z: float) -> int:
+        """The storey of a camera at world z, from 0 for the lowest; 0 where there is one."""
+        return int(self._storeys.nearest(z))
 
-    def height(self, xy: NDArray[np.floating]) -> float:
-        """World z of the nearest camera (paper, section III-D)."""
-        return float(self._positions[int(self._tree.query(np.asarray(xy))[1]), 2])
+    def distance(self, place: NDArray[np.floating]) -> float:
+        """Metres from (2,) or (3,) to the nearest camera, on the storey that z is near, seen from above."""
+        return float(self._nearest(place)[0])
+
+    def height(self, place: NDArray[np.floating]) -> float:
+        """World z of the camera nearest to (2,) or (3,), on the storey that z is near (paper, section III-D)."""
+        return float(self._positions[int(self._nearest(place)[1]), 2])
+
+    def _nearest(self, places: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """(...) metres from places (..., 2) or (..., 3) to the nearest camera, seen from above, and which it is."""
+        places = np.asarray(places)
+        if self._upright is None or places.shape[-1] < 3:
+            distance, nearest = self._tree.query(places[..., :2])
+            return distance, nearest
+        nearest = self._upright.query(places * [1, 1, _UPRIGHT])[1]
+        return np.linalg.norm(self._positions[nearest, :2] - places[..., :2], axis=-1), nearest
 
     def in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
-        """Whether all floor on the straight line between two places (2,) is supported."""
-        count = max(2, int(np.ceil(np.hypot(*(b - a)) / 0.05)) + 1)
+        """Whether all floor on the straight line between two places (2,), or cameras (3,), is supported."""
+        count = max(2, int(np.ceil(np.hypot(*(b - a)[:2]) / 0.05)) + 1)
         share = np.linspace(0.0, 1.0, count)[:, None]
         return bool(np.all(self._support(a + share * (b - a))))
 
     def beside(self, clearance: float, spacing: float) -> NDArray[np.float64]:
         """(K, 3) places on known floor within 3 m of a camera and in its height, the one with the most clearance of
-        every square `spacing` metres wide: those with the most first, none with less than `clearance`, metres."""
-        row, column = np.nonzero(self._free >= clearance)
+        every square `spacing` metres wide: those with the most first, none with less than `clearance`, metres; one
+        storey after the other."""
+        return np.concatenate([self._beside(storey, clearance, spacing) for storey in range(len(self._free))])
+
+    def _beside(self, storey: int, clearance: float, spacing: float) -> NDArray[np.float64]:
+        row, column = np.nonzero(self._free[storey] >= clearance)
         xy = self._low + (np.stack([column, row], axis=1) + 0.5) * _CELL
-        distance, nearest = self._tree.query(xy)
-        free = np.round(self._free[row, column], 6)
+        distance, nearest = self._nearest(np.column_stack([xy, np.full(len(xy), self._storeys.levels[storey])]))
+        free = np.round(self._free[storey][row, column], 6)
         order = np.lexsort((column, row, -free))
         order = order[distance[order] < _REACH]
         square = np.floor(xy[order] / spacing).astype(np.int64)
         order = order[np.sort(np.unique(square, axis=0, return_index=True)[1])]
         return np.column_stack([xy[order], self._positions[nearest[order], 2]])
 
-    def clearance_at(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(N,) metres from (N, 2) to the nearest floor that nothing supports, at most 3; 0 far from the cameras."""
-        index = np.floor((np.asarray(xy, np.float64) - self._low) / _CELL).astype(np.int64)[:, ::-1]
-        inside = ((index >= 0) & (index < self._free.shape)).all(axis=1)
+    def clearance_at(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(N,) metres from (N, 2) or (N, 3) to the nearest floor that nothing supports, on the storey that z is near,
+        at most 3; 0 far from the cameras."""
+        places = np.asarray(places, np.float64)
+        on = self._storeys.nearest(places[:, 2]) if places.shape[1] > 2 else np.zeros(len(places), np.int64)
+        index = np.floor((places[:, :2] - self._low) / _CELL).astype(np.int64)[:, ::-1]
+        inside = ((index >= 0) & (index < self._free[0].shape)).all(axis=1)
         found = np.zeros(len(index))
-        found[inside] = self._free[index[inside, 0], index[inside, 1]]
+        for storey, free in enumerate(self._free):
+            here = inside & (on == storey)
+            found[here] = free[index[here, 0], index[here, 1]]
         return np.minimum(found, _REACH)
 
-    def _clearances(self) -> NDArray[np.float64]:
-        """(rows, columns) metres from the cells around the places to the nearest floor that nothing supports."""
+    def _clearances(self, level: float) -> NDArray[np.float64]:
+        """(rows, columns) metres from the cells around the places to the nearest floor that nothing supports, on the
+        storey of cameras at the height `level`."""
         from scipy.ndimage import distance_transform_edt
 
         high = self.places[:, :2].max(axis=0) + _REACH
         columns, rows = grid_size(self._low, high, _CELL, "the cameras")
         x = self._low[0] + (np.arange(columns) + 0.5) * _CELL
         y = self._low[1] + (np.arange(rows) + 0.5) * _CELL
-        known = np.pad(np.asarray(self._support(np.stack(np.meshgrid(x, y), axis=-1)), bool), 1)
+        points = np.stack([*np.meshgrid(x, y), np.full((rows, columns), level)], axis=-1)
+        known = np.pad(np.asarray(self._support(points), bool), 1)
         return np.asarray(distance_transform_edt(known)[1:-1, 1:-1] * _CELL)
 
 

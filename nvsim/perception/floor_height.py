@@ -3,7 +3,7 @@ be to within a few decimetres, the cloud then says it to within a centimetre."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ _PATCH = 0.25  # floor points are condensed to one median per patch of this size
 _TOLERATED = 0.05  # metres: floor points this far from their neighbours' floor lose most of their say
 _MOST_HEIGHTS = 250_000  # nodes; the equations of a fit over more take gigabytes
 _LEVEL = 0.02  # resolution of the histograms of heights
+_TREAD, _SUPPLE = 0.25, 0.005  # metres between the nodes, and stiffness, of the slope of a stair
+_SLAB = 0.12, 0.5  # metres from a ceiling to the floor above it, at least and at most
 
 
 def estimate_floor(
@@ -49,13 +51,15 @@ def estimate_floor(
     positions: NDArray[np.floating],
     camera_height: float | None = None,
     config: FloorHeightConfig | None = None,
+    above_another: bool = False,
 ) -> FloorSurface:
     """The floor below a trajectory with camera positions (N, 3), metres, z up.
 
     The camera height is the lowest level below the cameras that many of them share (given: `camera_height` metres).
     Camera positions minus that height are a first floor; then the dominant level of the cloud near it, patch by patch,
     corrects it where it continues its neighbours, so that ramps are followed and tables, a camera height apart from
-    the expected floor, never come into question. Between and beyond, the surface is smooth.
+    the expected floor, never come into question. Between and beyond, the surface is smooth. `above_another` says that a
+    storey lies beneath, whose ceiling is not taken for the floor over it.
     Raises InputError when neither the cloud nor `camera_height` says how high the cameras were carried.
     """
     config = config or FloorHeightConfig()
@@ -63,7 +67,7 @@ def estimate_floor(
     if len(walk) == 0:
         raise InputError("The capture has no frame with a pose, so there is no floor to look for; check the capture.")
     points = _below(cloud, walk, config)
-    found = None if points is None else _carried_height(points, walk, camera_height, config)
+    found = None if points is None else _carried_height(points, walk, camera_height, config, above_another)
     height = found if found is not None else camera_height
     if height is None:
         raise InputError(
@@ -81,7 +85,7 @@ def estimate_floor(
         return surface
     # Twice coarse, then fine: each round moves the expected floor towards the level that the cloud shows.
     for window in (0.1, 0.06) if trusted else (config.window, config.window, config.window, 0.12, 0.12, 0.06):
-        patches = _patches(points, surface, window)
+        patches = _patches(points, surface, window, min(window, _SLAB[0]) if above_another else window)
         if len(patches) == 0:
             break
         xyz = np.concatenate([patches, below])
@@ -115,13 +119,15 @@ def _below(cloud: Cloud | None, walk: Float64, config: FloorHeightConfig) -> Flo
 
 
 def _carried_height(
-    points: Float64, walk: Float64, camera_height: float | None, config: FloorHeightConfig
+    points: Float64, walk: Float64, camera_height: float | None, config: FloorHeightConfig, above_another: bool
 ) -> float | None:
     """How high the cameras were above the floor: the lowest level below the cameras that a good part of them share.
 
     Every camera votes with the heights of the points within 1.2 m of it, each height once per patch; a table is below
     a few cameras only and stands on the floor, so that the floor is the lowest of the strong levels. A given
-    `camera_height` is a level that must be confirmed within 20 % of it. None where no level stands out.
+    `camera_height` is a level that must be confirmed within 20 % of it. Where the storey is `above_another`, the lowest
+    level may be a ceiling: then the strong one that lies the thickness of a floor over it. None where no level stands
+    out.
     """
     from scipy.spatial import cKDTree
 
@@ -147,14 +153,29 @@ def _carried_height(
         return None
     peaks = np.flatnonzero((smooth >= np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1)) & (smooth > 0))
     strong = peaks[smooth[peaks] >= 0.4 * smooth.max()]
-    return float(level[strong.max()])
+    lowest = level[strong.max()]
+    if above_another:
+        over = lowest - level[strong]
+        lowest = min((lowest, *level[strong][(over > _SLAB[0]) & (over < _SLAB[1])]))
+    return float(lowest)
 
 
-def _patches(points: Float64, surface: FloorSurface, window: float) -> Float64:
-    """(M, 3) one floor point per patch: the median of the points around the dominant height above the expected floor
-    within `window` metres, where that level is shared by the patches around it."""
+def stair_floor(
+    positions: NDArray[np.floating], carried: float, config: FloorHeightConfig | None = None
+) -> FloorSurface:
+    """The slope through the treads of a stair that cameras (N, 3), metres, z up, climbed `carried` metres above it. A
+    cloud is not asked: its treads are levels of their own."""
+    config = config or FloorHeightConfig()
+    walk = np.asarray(positions, np.float64).reshape(-1, 3)
+    grid = _Grid.around(walk, replace(config, spacing=_TREAD))
+    return grid.fit(walk - np.array([0.0, 0.0, carried]), np.ones(len(walk)), _SUPPLE)
+
+
+def _patches(points: Float64, surface: FloorSurface, window: float, below: float) -> Float64:
+    """(M, 3) one floor point per patch: the median of the points around the dominant height from `below` metres under
+    the expected floor to `window` metres over it, where that level is shared by the patches around it."""
     above = points[:, 2] - surface.height_at(points[:, :2])
-    keep = np.abs(above) <= window
+    keep = (above >= -below) & (above <= window)
     points, above = points[keep], above[keep]
     if len(points) == 0:
         return np.empty((0, 3))

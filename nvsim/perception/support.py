@@ -37,7 +37,8 @@ class FloorSupport:
     blocked: Mask | None = None
 
     def at(self, xy: NDArray[np.floating]) -> Mask:
-        """Whether world points (..., 2) are supported, (...) bool; False outside the grid."""
+        """Whether world points (..., 2) are supported, (...) bool; False outside the grid. Of points (..., 3) z counts
+        for nothing: there is one floor."""
         with np.errstate(invalid="ignore"):
             c = np.floor((xy[..., 0] - self.origin[0]) / self.spacing)
             r = np.floor((xy[..., 1] - self.origin[1]) / self.spacing)

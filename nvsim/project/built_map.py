@@ -26,9 +26,9 @@ def built_map(project: Project) -> Path | None:
 
 
 def true_map(project: Project) -> Path | None:
-    """The file of the map that a project is compared with: the truth of the built-in building, else the built one."""
-    truth = project.layout.ground_truth / "map.yaml"
-    return truth if truth.is_file() else built_map(project)
+    """The file of the map that a project is compared with, or the folder with those of the storeys: the truth of the
+    built-in building, else the built one."""
+    return project.layout.true_map or built_map(project)
 
 
 def refuse_own_depth(map: Path, project: Project) -> None:

@@ -6,40 +6,86 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.stacked_floor import Floor, StackedFloor
+from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
 
 if TYPE_CHECKING:
     from nvsim.project.project import Project
 
 _SPACING = 0.5  # metres
+_FINE = 0.1  # metres, where storeys lie over one another: the floor beside a stair lies a wall away from its treads
+_STAIR = 0.6  # metres from the cameras on a stair to its sides
 _MARGIN = 8.0  # metres around the cameras
 
 
-def floor_of(project: Project) -> FloorSurface:
-    """One surface over the trajectory and what can be seen from it; flat at z = 0 while no floor was estimated."""
-    from scipy.spatial import cKDTree
-
+def floor_of(project: Project) -> Floor:
+    """One surface over the trajectory and what can be seen from it; flat at z = 0 while no floor was estimated. Of
+    storeys over one another a surface for each."""
     surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
     known = {index: s for index, s in surfaces.items() if s is not None}
     if not known:
         return FloorSurface.flat(0.0)
+    submaps = [s for s in project.submaps("floors") if s.index in known]
+    positions = np.concatenate([s.positions for s in submaps])
+    owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
+    storeys = storeys_of(positions)
+    if len(storeys.levels) > 1:
+        return stacked_floor(positions, owners, known, storeys)
     if len(known) == 1:
         return next(iter(known.values()))
-    submaps = [s for s in project.submaps("floors") if s.index in known]
-    places = np.concatenate([s.positions[:, :2] for s in submaps])
-    owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
-    low, high = places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN
-    columns, rows = (side + 1 for side in grid_size(low, high, _SPACING, "the cameras"))
-    x, y = low[0] + _SPACING * np.arange(columns), low[1] + _SPACING * np.arange(rows)
+    return _joined(positions[:, :2], positions[:, :2], owners, known, _SPACING)
+
+
+def stacked_floor(
+    positions: NDArray[np.float64],
+    owners: NDArray[np.int64],
+    surfaces: dict[int, FloorSurface],
+    storeys: TrajectoryStoreys,
+) -> StackedFloor:
+    """The floor of each storey, from the `surfaces` of the submaps that own (N,) the cameras at `positions` (N, 3):
+    that of the submap whose camera on the storey passed nearest, and beneath cameras on a stair that of the stair."""
+    from scipy.spatial import cKDTree
+
+    floors = []
+    for k in range(len(storeys.levels)):
+        level, stair = storeys.part == 2 * k, np.abs(storeys.part - 2 * k) == 1
+        surface = _joined(positions[:, :2], positions[level, :2], owners[level], surfaces, _FINE)
+        if stair.any():
+            slope = _joined(positions[:, :2], positions[stair, :2], owners[stair], surfaces, _FINE)
+            rows, columns = surface.heights.shape
+            x, y = (surface.origin[a] + _FINE * np.arange(n) for a, n in enumerate((columns, rows)))
+            distance, _ = cKDTree(positions[stair, :2]).query(np.stack(np.meshgrid(x, y), axis=-1))
+            heights = np.where(distance <= _STAIR, slope.heights, surface.heights)
+            surface = FloorSurface(heights, surface.origin, _FINE)
+        floors.append(surface)
+    return StackedFloor(tuple(floors))
+
+
+def _joined(
+    around: NDArray[np.float64],
+    places: NDArray[np.float64],
+    owners: NDArray[np.int64],
+    surfaces: dict[int, FloorSurface],
+    spacing: float,
+) -> FloorSurface:
+    """One surface over the places `around` (M, 2), in nodes `spacing` metres apart: of the owner (N,) of the nearest of
+    `places` (N, 2)."""
+    from scipy.spatial import cKDTree
+
+    low, high = around.min(axis=0) - _MARGIN, around.max(axis=0) + _MARGIN
+    columns, rows = (side + 1 for side in grid_size(low, high, spacing, "the cameras"))
+    x, y = low[0] + spacing * np.arange(columns), low[1] + spacing * np.arange(rows)
     xy = np.stack(np.meshgrid(x, y), axis=-1)
     nearest = owners[cKDTree(places).query(xy)[1]]
     heights = np.zeros((rows, columns), np.float32)
-    for index, surface in known.items():
+    for index, surface in surfaces.items():
         chosen = nearest == index
         heights[chosen] = surface.height_at(xy[chosen])
-    return FloorSurface(heights, (float(low[0]), float(low[1])), _SPACING)
+    return FloorSurface(heights, (float(low[0]), float(low[1])), spacing)
 
 
 def floor_beneath(project: Project) -> Callable[[float, float, float], float] | None:

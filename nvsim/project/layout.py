@@ -55,6 +55,12 @@ class Layout:
         return self.root / "ground_truth"
 
     @property
+    def true_map(self) -> Path | None:
+        """The true map of the built-in building, or the folder with those of its storeys; None where there is none."""
+        one, several = self.ground_truth / "map.yaml", self.ground_truth / "storeys.json"
+        return one if one.is_file() else self.ground_truth if several.is_file() else None
+
+    @property
     def depth(self) -> Path:
         """Depth maps of the images and the clouds that they make together."""
         return self.in_use("depth")

@@ -14,6 +14,7 @@ from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.provenance import Provenance
 from nvsim.occupancy.ray_grid import RayGrid
@@ -109,7 +110,13 @@ def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height:
     cloud = capture.cloud
     if project is not None:
         if any(project.surface(s.index) is not None for s in project.submaps("floors")):
-            return floor_of(project)
+            floor = floor_of(project)
+            if isinstance(floor, StackedFloor):
+                raise InputError(
+                    f"{project.layout.root} has storeys over one another, which one map cannot show; "
+                    "build the map of a capture of one storey."
+                )
+            return floor
         cloud = project.scan()
     if cloud is None or not cloud.is_dense:
         cloud = _seen(rays) if rays.source != "trained" else cloud

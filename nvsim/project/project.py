@@ -33,7 +33,9 @@ from nvsim.submaps.types import Submap
 if TYPE_CHECKING:
     from nvsim.capture.types import Capture, Cloud
     from nvsim.geometry.floor_surface import FloorSurface
+    from nvsim.geometry.stacked_floor import Floor
     from nvsim.occupancy.types import OccupancyMap
+    from nvsim.perception.stacked_support import StackedSupport
     from nvsim.perception.support import FloorSupport
     from nvsim.splats.scene import SceneModel
 
@@ -198,7 +200,7 @@ class Project:
             self._scan = stamp, load_scan(self)
         return self._scan[1]
 
-    def scan_on(self, floor: FloorSurface) -> Cloud | None:
+    def scan_on(self, floor: Floor) -> Cloud | None:
         """The same with the noise of images taken off `floor`, so that floor is not taken for obstacles."""
         from nvsim.depth.floor_noise import calmed
 
@@ -259,11 +261,16 @@ class Project:
 
         return FloorSurface.load(path)
 
-    def support(self) -> FloorSupport | None:
+    def support(self) -> FloorSupport | StackedSupport | None:
+        """The floor that is known; None while no floors were found. Raises InputError for a damaged file."""
         if not os.path.lexists(self.layout.support):
             return None
+        from nvsim.perception.stacked_support import StackedSupport, is_stacked
         from nvsim.perception.support import FloorSupport
+        from nvsim.project.floor_heights import floor_of
 
+        if is_stacked(self.layout.support):
+            return StackedSupport.load(self.layout.support, floor_of(self))
         return FloorSupport.load(self.layout.support)
 
     def scene(self, memory_budget: int | None = None, live: bool = False) -> SceneModel | None:
@@ -285,21 +292,26 @@ class Project:
     @property
     def may_have_occupancy(self) -> bool:
         """Whether there are the files that `occupancy` is made of."""
-        maps = self.layout.ground_truth / "map.yaml", self.layout.occupancy
-        return any(path.is_file() for path in (*maps, self.layout.support))
+        truth = self.layout.true_map
+        if truth is not None:
+            return truth.is_file()
+        return self.layout.occupancy.is_file() or self.layout.support.is_file()
 
     def occupancy(self) -> OccupancyMap | None:
         """The map that a user may compare the graph with: the truth of the built-in building, else the one that was
-        built of the capture, else what the cloud and the floor masks say."""
+        built of the capture, else what the cloud and the floor masks say; None of several storeys, which one map cannot
+        show."""
         from nvsim.project.built_map import true_map
 
         truth = true_map(self)
         if truth is not None:
             from nvsim.occupancy.read import read_map
 
-            return read_map(truth)
+            return read_map(truth) if truth.is_file() else None
+        from nvsim.perception.support import FloorSupport
+
         capture, support = self.capture(), self.support()
-        if capture is None or support is None:
+        if capture is None or not isinstance(support, FloorSupport):
             return None
         from nvsim.project.observed import observed_occupancy
 

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.submaps.storeys import storeys_of
 from nvsim.submaps.types import Submap
 
 # Ward linkage holds all pairs of its points: 2000 points are 16 MB and half a second, 20000 would be 1.6 GB.
 _MOST_CLUSTERED = 2000
 _THINNING = 0.25
+_APART = 1e4  # metres, which keep storeys and stairs over one another in clusters of their own
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,10 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
     """Cuts a trajectory into submaps: Ward clusters of the camera positions (N, 3) in metres, ordered by their first
     frame, each with the frames within `overlap` of its core. The same positions give the same submaps.
 
-    There are never more submaps than distinct positions. With `count` None it is the smallest number whose largest
-    submap fits the memory budget, or, where the overlap alone breaks the budget, four times the number that the frames
-    without overlap would need. Raises InputError for a count or an overlap that makes no sense.
+    Where storeys lie over one another, each of them and each stair between two has submaps of its own, as long as
+    `count` leaves it some. There are never more submaps than distinct positions. With `count` None it is the smallest
+    number whose largest submap fits the memory budget, or, where the overlap alone breaks the budget, four times the
+    number that the frames without overlap would need. Raises InputError for a count or an overlap that makes no sense.
     """
     config = config or SubmapConfig()
     if config.count is not None and config.count < 1:
@@ -66,12 +69,14 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
     points = np.asarray(positions, np.float64).reshape(-1, 3)
     if len(points) == 0:
         return ()
-    clustered, member = _thinned(points)
+    parts = storeys_of(points).part
+    several = len(np.unique(parts))
+    clustered, member = _thinned(points if several == 1 else points + np.outer(parts, [0.0, 0.0, _APART]))
     most = len(np.unique(clustered, axis=0))
     merges = _ward(clustered)
     if config.count is not None:
         return _cut(points, merges, member, min(config.count, most), config.overlap)
-    needed = -(-len(points) // config.frames_per_submap)
+    needed = max(-(-len(points) // config.frames_per_submap), several)
     count = min(needed, most)
     while True:
         submaps = _cut(points, merges, member, count, config.overlap)

@@ -131,7 +131,7 @@ def beside(scene: Scene, core: np.ndarray) -> list[tuple[int, Camera]]:
     intrinsics = scene.camera(0).intrinsics
     while len(found) < NOVEL:
         frame = int(rng.choice(core))
-        x, y, heading = scene.walk[frame]
+        x, y, heading = scene.walk[frame, :3]
         angle, distance = rng.uniform(0, 2 * np.pi), rng.uniform(NEAREST, FARTHEST)
         spot = np.array([x + distance * np.sin(angle), y + distance * np.cos(angle)])
         gap = np.linalg.norm(scene.walk[core][:, :2] - spot, axis=1).min()

@@ -50,7 +50,7 @@ def test_the_walk_goes_around_the_loop_both_ways(full: Scene) -> None:
 
 def test_the_walk_visits_every_room(full: Scene) -> None:
     for room in full.plan.rooms:
-        assert sum(room.contains(x, y) for x, y, _ in full.walk) >= 15
+        assert sum(room.contains(x, y) for x, y in full.walk[:, :2]) >= 15
 
 
 def test_the_walk_keeps_its_clearance_in_free_space(full: Scene) -> None:
@@ -72,7 +72,7 @@ def test_furniture_has_several_heights_and_there_is_a_step_and_glass(full: Scene
     assert {0.15, 0.40, 0.74} <= tops
     assert any(1.5 < t < 2.2 for t in tops)
     glass = [b for b in full.boxes if b.glass]
-    assert len(glass) == 1 and glass[0].lo[2] == 0 and glass[0].hi[2] == full.solids.height
+    assert len(glass) == 1 and glass[0].lo[2] == 0 and glass[0].hi[2] == full.solids.levels[0, 1]
 
 
 def test_doors_are_as_wide_as_doors(full: Scene) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nvsim.geometry.storeys import storeys
 from nvsim.graph.expression import by_expression
-from nvsim.graph.storeys import storeys
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 
 

@@ -51,7 +51,8 @@ def build(source: Source) -> BuildResult:
     return build_map(source, walk, flat_floor, inside, config, scan="regions")
 
 
-def inside(xy: NDArray[np.floating]) -> NDArray[np.bool_]:
+def inside(points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    xy = points[..., :2]
     return np.asarray(((xy > 0) & (xy < np.array(HALL))).all(axis=-1))
 
 

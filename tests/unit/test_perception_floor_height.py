@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from nvsim.building import BuildingConfig
+from nvsim.building.scene import make_scene
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.perception.floor_height import estimate_floor
+from nvsim.perception.floor_height import estimate_floor, stair_floor
 
 
 def walk_along_x(length: float, height: float, floor=lambda x: 0 * x) -> np.ndarray:
@@ -116,3 +118,32 @@ def test_a_step_beside_the_walk_is_not_taken_for_floor():
     surface = estimate_floor(cloud(ground[~on_step], step), walk)
     under = np.stack(np.meshgrid(np.linspace(4.2, 5.8, 8), np.linspace(1.3, 2.5, 8)), -1)
     assert np.abs(surface.height_at(under)).max() < 0.04
+
+
+@pytest.mark.parametrize("slab", [0.2, 0.3, 0.45])
+@pytest.mark.parametrize("more", [1, 5])
+def test_the_ceiling_of_the_storey_below_is_not_the_floor(slab, more):
+    rng = np.random.default_rng(5)
+    walk = walk_along_x(12, 1.3, lambda x: 0 * x + 3.0)
+    floor = scan(rng, lambda x: 0 * x + 3.0, number=10000)
+    ceiling = scan(rng, lambda x: 0 * x + 3.0 - slab, number=more * 10000)
+    everything = cloud(floor, ceiling, scan(rng, lambda x: 0 * x, number=10000))
+    surface = estimate_floor(everything, walk, above_another=True)
+    assert error_along(surface, walk, lambda x: 0 * x + 3.0) < 0.02
+    assert error_along(estimate_floor(everything, walk), walk, lambda x: 0 * x + 3.0) > 0.15, "which it else would be"
+    alone = cloud(floor)
+    once, again = (estimate_floor(alone, walk, above_another=a).heights for a in (False, True))
+    assert np.abs(once - again).max() < 0.01, "where nobody was below, it changes nothing"
+
+
+def test_a_stair_is_followed_with_its_landings():
+    scene = make_scene(BuildingConfig(seed=1, size="small", storeys=2))
+    flight = scene.plan.flight
+    near = scene.walk[(np.abs(flight.along(scene.walk[:, :2]) - 2.4) < 4) & (np.abs(scene.walk[:, 3] - 1.5) <= 1.5)]
+    surface = stair_floor(np.column_stack([near[:, :2], near[:, 3] + 1.3]), 1.3)
+    along = np.arange(-0.5, 5.5, 0.05)[:, None]
+    middle = flight.foot + along * flight.direction
+    off = surface.height_at(middle) - flight.height_at(middle)
+    assert np.abs(off).max() < 0.06 and np.sqrt((off**2).mean()) < 0.02
+    for rect, height in flight.treads():
+        assert abs(float(surface.height_at(np.array(rect.centre))) - height) < 0.07, "a tread is within half a rise"

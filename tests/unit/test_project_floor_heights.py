@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.project.floor_heights import floor_beneath
+from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.project.floor_heights import floor_beneath, floor_of
 from nvsim.submaps.types import Submap
 
 
@@ -34,3 +36,56 @@ def test_storeys_stay_apart_and_far_from_the_walk_nothing_is_known() -> None:
 def test_without_an_estimated_floor_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(House, "surface", lambda self, submap: None)
     assert floor_beneath(House()) is None  # type: ignore[arg-type]
+
+
+class Villa:
+    """Two storeys over one another and the stair between them along x from 0 to 5 at y = 6, a submap each."""
+
+    def submaps(self, of: str = "submaps") -> list[Submap]:
+        t = np.linspace(0, 2 * np.pi, 40)
+        around = np.column_stack([3 + 3 * np.cos(t), 2 + 2 * np.sin(t), np.full(40, 1.3)])
+        s = np.linspace(0.1, 0.9, 10)
+        stair = np.column_stack([5 * s, np.full(10, 6.0), 1.3 + 3 * s])
+        places = (around, stair, around + [0, 0, 3])
+        return [Submap(i, tuple(range(len(p))), tuple(range(len(p))), p) for i, p in enumerate(places)]
+
+    def surface(self, submap: int) -> FloorSurface:
+        if submap == 1:
+            x = np.arange(-3, 9) * 1.0
+            return FloorSurface(np.tile(np.clip(0.6 * x, 0, 3), (14, 1)).astype(np.float32), (-3.0, -2.0), 1.0)
+        return FloorSurface.flat(1.5 * submap)
+
+
+def test_the_floor_of_a_villa_is_that_of_the_storey_one_is_on() -> None:
+    floor = floor_of(Villa())  # type: ignore[arg-type]
+    assert isinstance(floor, StackedFloor) and len(floor.storeys) == 2
+    rng = np.random.default_rng(0)
+    room = np.column_stack([rng.uniform(-1, 7, 200), rng.uniform(-1, 5.2, 200)])
+    for z, height in ((1.3, 0.0), (4.3, 3.0), (0.0, 0.0), (3.0, 3.0)):
+        np.testing.assert_allclose(floor.height_at(np.column_stack([room, np.full(200, z)])), height, atol=1e-6)
+    assert (floor.height_at(room) == 0).all(), "without a height the lowest"
+    for x in np.arange(0.6, 4.6, 0.2):
+        for z in (1.3, 0.6 * x, 0.6 * x + 1.3, 4.3):
+            assert floor.height_at(np.array([x, 6.1, z])) == pytest.approx(0.6 * x, abs=0.05)
+    for z, height in ((1.3, 0.0), (4.3, 3.0)):
+        assert floor.height_at(np.array([3.0, 5.2, z])) == height, "behind the wall along the stair"
+
+
+def test_submaps_of_one_storey_are_joined_as_ever() -> None:
+    class Bungalow(House):
+        def surface(self, submap: int) -> FloorSurface:
+            heights = np.random.default_rng(submap).normal(size=(40, 60)).astype(np.float32)
+            return FloorSurface(heights, (-10.0, -10.0), 1.0)
+
+        def submaps(self, of: str = "submaps") -> list[Submap]:
+            return [House.submaps(self)[0], House.submaps(self)[2]]
+
+    house = Bungalow()
+    floor = floor_of(house)  # type: ignore[arg-type]
+    assert isinstance(floor, FloorSurface) and floor.spacing == 0.5
+    places = np.concatenate([s.positions[:, :2] for s in house.submaps()])
+    rows, columns = floor.heights.shape
+    for r, c in np.random.default_rng(0).integers((0, 0), (rows, columns), (200, 2)):
+        xy = np.array(floor.origin) + 0.5 * np.array([c, r])
+        owner = (0, 2)[int(cKDTree(places).query(xy)[1] >= 5)]
+        assert floor.heights[r, c] == house.surface(owner).height_at(xy)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
+from nvsim.building.config import Style
 from nvsim.cli import show, window
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.session import working
@@ -22,6 +23,10 @@ class Arguments:
     """Which building; the same seed gives the same one on every machine."""
     small: bool = False
     """Two rooms instead of 300 square metres."""
+    storeys: Literal[1, 2] = 1
+    """Two: as much again above, and a stair that the trajectory goes up and down."""
+    style: Style = "furnished"
+    """glass: partitions and screens of glass, which the scan does not show. bare: plain walls, little furniture."""
     no_window: bool = False
     """Do not open the window at the end."""
     json: bool = False
@@ -42,18 +47,19 @@ def defaults(argv: list[str]) -> Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.building import BuildingConfig, generate
     from nvsim.evaluation.graph import evaluate_graph
-    from nvsim.occupancy.read import read_map
+    from nvsim.evaluation.truth import maps_in_aligned_frame
 
     with working(arguments.project, "demo", arguments.json, create=True) as (project, listen):
-        config = BuildingConfig(seed=arguments.seed, size="small" if arguments.small else "full")
+        size: Literal["full", "small"] = "small" if arguments.small else "full"
+        config = BuildingConfig(seed=arguments.seed, size=size, storeys=arguments.storeys, style=arguments.style)
         generate(project.layout.root, config, listen)
         capture = project.layout.built_in_capture
         pipeline.run(project, capture, CaptureConfig(), arguments.config, listen, arguments.depth)
-        truth = read_map(project.layout.ground_truth / "map.yaml")
-        positions = project.need_capture().positions[:, :2]
+        built, layout = project.need_capture(), project.layout
+        truth = maps_in_aligned_frame(layout.true_map or layout.ground_truth, built, "aligned")
         support = project.support()
         seen = None if support is None else support.at
-        figures = evaluate_graph(project.need_graph(), truth, positions, seen=seen)
+        figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
         project.set_result("graph", figures)
     if not arguments.json:
         show.figures(figures, False, "the graph against the building's true map")

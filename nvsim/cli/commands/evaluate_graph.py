@@ -15,8 +15,9 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot; the built-in building's truth, or else the map that was
-    built in the project, when left out. One that was made of the depth of this project's own models is refused."""
+    """A ROS map.yaml, an OctoMap .bt or .ot, or a storeys.json (or its folder), which names a map for each storey; the
+    built-in building's truth, or else the map that was built in the project, when left out. One that was made of the
+    depth of this project's own models is refused."""
     heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
     """The frame that the map is in: the project's upright one, or the capture's own."""
@@ -30,18 +31,18 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
-    from nvsim.evaluation.truth import true_occupancy
+    from nvsim.evaluation.truth import true_maps
     from nvsim.project.built_map import true_map
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
-        walk = capture.positions[:, :2]
+        walk = capture.positions
         truth = arguments.occupancy or true_map(project)
         if truth is None and arguments.picture is not None:
             draw_graph(graph, project.occupancy(), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
-        occupancy = true_occupancy(project, truth, arguments.map_frame, arguments.heights)
+        occupancy = true_maps(project, truth, arguments.map_frame, arguments.heights)
         support = project.support()
         seen = None if support is None else support.at
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)

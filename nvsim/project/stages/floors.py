@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import shutil
 import time
 from dataclasses import replace
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
-from nvsim.files.atomic import replacing
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.project import ledger, results
-from nvsim.project.config import CaptureConfig, held_out
+from nvsim.project.config import held_out
 from nvsim.project.corrections import corrected_frames, corrections_key, discard_corrections
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
@@ -22,7 +20,13 @@ from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scan import depth_in_use, depth_maps
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
+from nvsim.project.stages.surfaces import floor_surfaces
 from nvsim.project.work import StageName
+from nvsim.submaps.storeys import storeys_of
+
+if TYPE_CHECKING:
+    from nvsim.capture.types import Cloud
+    from nvsim.perception.support import FloorSupport
 
 STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
@@ -65,11 +69,8 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
         shutil.rmtree(layout.floor, ignore_errors=True)
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, "floor heights"))
-    surface_of: dict[int, FloorSurface] = {}
-    for submap in submaps:
-        surface = _surface(project, submap.index, capture.positions[list(submap.frames)], config)
-        for frame in submap.core:
-            surface_of[frame] = surface
+    surfaces = floor_surfaces(project, submaps, config)
+    surface_of = {frame: surfaces[submap.index] for submap in submaps for frame in submap.core}
     seen = depth_maps(project)
     segment_capture(capture, surface_of.__getitem__, layout.masks, listen=listen, depth_of=seen)
     support_key = _support_key(project, key)
@@ -109,19 +110,6 @@ def _is_whole(project: Project) -> bool:
     return all(part is not None for part in found) and all(masks)
 
 
-def _surface(project: Project, submap: int, positions: np.ndarray, config: CaptureConfig) -> FloorSurface:
-    from nvsim.perception.floor_height import estimate_floor
-
-    with contextlib.suppress(InputError):  # a damaged one is made again
-        found = project.surface(submap)
-        if found is not None:
-            return found
-    surface = estimate_floor(project.scan(), positions, config.camera_height)
-    with replacing(project.layout.surface(submap)) as path:
-        np.savez(path, heights=surface.heights, origin=np.array(surface.origin), spacing=surface.spacing)
-    return surface
-
-
 def supporting_frames(project: Project) -> list[int]:
     """Indices of the frames whose masks count as support: those not held out."""
     count = len(project.need_capture().frames)
@@ -138,19 +126,34 @@ def _support_key(project: Project, masks_key: str) -> str:
 
 def _support(project: Project) -> float:
     """Commits the supported floor; returns its area in square metres."""
+    from nvsim.perception.stacked_support import StackedSupport
+
+    frames, floor = supporting_frames(project), floor_of(project)
+    if isinstance(floor, StackedFloor):
+        storeys, cloud = storeys_of(project.need_capture().positions), project.scan_on(floor)
+        found = StackedSupport(
+            floor,
+            tuple(
+                _supported(project, [i for i in frames if storeys.on(k)[i]], surface, cloud)
+                for k, surface in enumerate(floor.storeys)
+            ),
+        )
+        found.save(project.layout.support)
+        return found.area
+    support = _supported(project, frames, floor, project.scan_on(floor))
+    support.save(project.layout.support)
+    return float(support.cells.sum() * support.spacing**2)
+
+
+def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
+    """The floor that the masks of `frames` and the cloud support."""
     from nvsim.perception.segment import read_mask
     from nvsim.perception.support import observe, walked
 
-    capture, frames = project.need_capture(), supporting_frames(project)
-    floor = floor_of(project)
-    support = observe(
-        [capture.frames[i].camera for i in frames],
-        (read_mask(project.mask_path(i)) for i in frames),
-        floor,
-        project.scan_on(floor),
+    capture = project.need_capture()
+    return observe(
+        [capture.frames[i].camera for i in frames], (read_mask(project.mask_path(i)) for i in frames), floor, cloud
     ).trodden(walked(capture.positions[frames], floor))
-    support.save(project.layout.support)
-    return float(support.cells.sum() * support.spacing**2)
 
 
 def floors_key(project: Project) -> str:

@@ -7,13 +7,14 @@ import time
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress
+from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.project import ledger
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_key
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig, split
+from nvsim.submaps.storeys import storeys_of
 from nvsim.submaps.types import Submap
 
 STAGE: StageName = "submaps"
@@ -32,6 +33,10 @@ def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Subma
     ledger.begin(project, STAGE, key)
     positions = project.need_capture().positions
     submaps = split(positions, config)
+    parts = len(np.unique(storeys_of(positions).part))
+    if len(submaps) < parts:
+        text = f"The trajectory has {parts} storeys and stairs; fewer submaps mix their floors, so set no count."
+        listen(Warning(text, STAGE))
     listen_to_what_is_replaced(project, STAGE, listen)
     cut = project.store_cut(submaps)
     summary = {"submaps": len(submaps), "frames": [len(s.frames) for s in submaps]}

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
+
+if TYPE_CHECKING:
+    from nvsim.geometry.stacked_floor import StackedFloor
 
 
 def readers() -> list[Reader]:
@@ -18,6 +22,8 @@ def readers() -> list[Reader]:
         Reader("octomap", _octomap, _read, share=2),
         Reader("floor surface", _surface, _project_surface),
         Reader("floor support", _support, _load_support),
+        Reader("floor support of storeys", _stacked_support, _load_stacked_support),
+        Reader("storeys", _storeys, _read_storeys),
     ]
 
 
@@ -118,3 +124,45 @@ def _load_support(path: Path) -> object:
     from nvsim.perception.support import FloorSupport
 
     return FloorSupport.load(path).at(np.zeros((3, 2)))
+
+
+def _stacked_floor() -> StackedFloor:
+    from nvsim.geometry.floor_surface import FloorSurface
+    from nvsim.geometry.stacked_floor import StackedFloor
+
+    return StackedFloor((FloorSurface.flat(0.0), FloorSurface.flat(3.0)))
+
+
+def _stacked_support() -> list[Seed]:
+    from nvsim.perception.stacked_support import StackedSupport
+    from nvsim.perception.support import FloorSupport
+
+    with workshop() as folder:
+        storeys = tuple(FloorSupport(np.eye(n, dtype=bool), (0.0, 1.0), 0.08) for n in (12, 9))
+        StackedSupport(_stacked_floor(), storeys).save(folder / "support.npz")
+        files = files_in(folder)
+    return each(files, "support.npz", {"support.npz": "zip"})
+
+
+def _load_stacked_support(path: Path) -> object:
+    from nvsim.perception.stacked_support import StackedSupport, is_stacked
+
+    return is_stacked(path), StackedSupport.load(path, _stacked_floor()).at(np.zeros((3, 3)))
+
+
+def _storeys() -> list[Seed]:
+    from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps, write_storeys
+    from nvsim.occupancy.types import OccupancyMap
+
+    with workshop() as folder:
+        maps = tuple(StoreyMap(3.0 * k, OccupancyMap(_cells(), 0.05, (-1.0, 2.0))) for k in (0, 1))
+        write_storeys(StoreyMaps(maps, (Stair(0, 1, ((0.0, 2.2), (0.4, 2.2), (0.4, 2.6))),)), folder)
+        files = files_in(folder)
+    return each(files, "storeys.json", {"storeys.json": "text"})
+
+
+def _read_storeys(path: Path) -> object:
+    from nvsim.occupancy.storeys import read_storeys
+
+    maps = read_storeys(path)
+    return maps.nearest(np.zeros(2)), maps.beneath(np.ones(2)), [s.holds(np.zeros((2, 2))) for s in maps.stairs]

@@ -1,5 +1,5 @@
-"""The storeys of a building, from how high its viewpoints stand: where many stand at one height there is a floor, and
-what lies between two floors, stairs and landings, belongs to both."""
+"""The storeys of a building, from how high viewpoints or cameras are: where many are at one height there is a floor,
+and what lies between two floors, stairs and landings, belongs to both."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 APART = 1.8  # metres between two floors at least: a door and what is above it
 BAND = 0.5  # metres by which a floor may rise and fall within a storey
-FEW = 3  # viewpoints that make a floor, at least
-SHARE = 0.03  # of all viewpoints, likewise
+FEW = 3  # that make a floor, at least
+SHARE = 0.03  # of all, likewise
 _BIN = 0.1  # metres
 
 

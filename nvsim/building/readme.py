@@ -1,0 +1,51 @@
+"""What the truth of a building says about itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.building.scene import CAMERA_HEIGHT, Scene
+from nvsim.building.truth import HIGH, LOW, RESOLUTION
+from nvsim.capture.types import Cloud
+
+TRUTH_EVERY = 10  # frames
+
+
+def readme(scene: Scene, cloud: Cloud, novel: int) -> str:
+    moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
+    c = scene.config
+    floors = " and ".join(f"{s.floor:g}" for s in scene.storeys)
+    rooms = sum(len(s.plan.rooms) for s in scene.storeys)
+    area = sum(s.plan.extent.area for s in scene.storeys)
+    options = "".join(f", {o}" for o in (c.style, f"{c.storeys} storeys") if o not in ("furnished", "1 storeys"))
+    world = f"World: metres, z up, floor at z = {floors}; cameras level, {CAMERA_HEIGHT} m above the floor."
+    return f"""The truth of a built-in building (seed {c.seed}, {c.size}{options}): for evaluation, never an input.
+
+{rooms} rooms on {area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m,
+{len(cloud.points)} points. {world}
+
+floor/      every frame: the floor is visible here, rugs included, also through glass; people are not floor
+transient/  every frame: a person is visible here
+depth/      every {TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass,
+            people included
+normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
+novel/      {novel} views from beside the trajectory, turned 35 to 145 degrees off it, without people and noise;
+            holdout_frames.txt has their poses, novel_floor/ their true floor
+{_maps(scene)}"""
+
+
+def _maps(scene: Scene) -> str:
+    solid = f"occupied is anything solid between {LOW}"
+    if len(scene.storeys) == 1:
+        return f"""map.pgm     ROS map_server, {RESOLUTION} m: {solid} and {HIGH} m (glass and the step
+map.yaml    included, people not), free the floor connected with the trajectory, the rest unknown
+"""
+    return f"""storey_N/   map.pgm and map.yaml of each storey, ROS map_server, {RESOLUTION} m: {solid}
+            and {HIGH} m above its floor (glass and the platforms included, people not), free the floor connected with
+            the trajectory there, the rest unknown
+storeys.json  the height of each floor, metres, its map, and the outline of the treads of the stair
+
+The treads of the stair are floor in the masks and free in both maps: one walks on them and they look up. Risers are
+not floor. On the stair cameras keep their height above the line through the middles of the treads, and look down by
+20 degrees on the way down.
+"""

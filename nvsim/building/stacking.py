@@ -1,0 +1,108 @@
+"""The storeys of a building: one plan, or two over one another with a stair in a strip along one side of both."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from nvsim.building.config import BuildingConfig
+from nvsim.building.flight import LENGTH, Flight
+from nvsim.building.layouts import ENTRY, make_plan, outer
+from nvsim.building.plan import (
+    HEIGHT,
+    INNER_WALL,
+    OUTER_WALL,
+    SLAB,
+    Opening,
+    Plan,
+    Rect,
+    Room,
+    Stop,
+    Storey,
+    Wall,
+    turned,
+)
+
+_STRIP = 1.4  # metres from the middle of its inner wall to that of the outer one
+_LANDING = 1.1  # metres from the end of the flight to the middle of the door
+_SHORT = 0.8  # the same at the foot
+_BEFORE = 1.75  # metres from the foot to the wall before it
+
+
+def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.random.Generator) -> tuple[Storey, ...]:
+    """The lowest storey first; `rng` decides it and the building's outer walls, `upper` what is above it."""
+    glazed = config.style == "glass"
+    if config.storeys == 1:
+        return (Storey(turned((make_plan(config.size, rng, glazed),), rng)[0], 0.0),)
+    below = make_plan(config.size, rng, glazed)
+    above = _refurnished(below, upper) if config.size == "full" else make_plan("small", upper, glazed, below.extent)
+    return tuple(
+        Storey(plan, k * (HEIGHT + SLAB)) for k, plan in enumerate(turned(_joined(config.size, below, above), rng))
+    )
+
+
+def _refurnished(plan: Plan, rng: np.random.Generator) -> Plan:
+    """The same walls; other uses of the rooms, and other floors."""
+    rooms = [r for r in plan.rooms if r.kind not in ("corridor", "meeting")]
+    kinds, floors = rng.permutation([r.kind for r in rooms]), rng.permutation([r.floor for r in rooms])
+    changed = [replace(r, kind=str(k), floor=str(f)) for r, k, f in zip(rooms, kinds, floors)]
+    return replace(plan, rooms=(*changed, *plan.rooms[len(rooms) :]))
+
+
+def _joined(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
+    """Both plans with the strip beyond their far side, the upper one as its mirror image in x: its tour begins and ends
+    on the other side, where the stair arrives."""
+    width, depth = below.extent.x1, below.extent.y1
+    middle = depth + (_STRIP + INNER_WALL / 2 - OUTER_WALL / 2) / 2
+    foot = _BEFORE if size == "small" else round(width - below.walls[4].line / 2 - _LANDING - LENGTH, 2)
+    head = round(foot + LENGTH, 6)
+    flight = Flight((foot, middle), (head, middle), round(_STRIP - INNER_WALL / 2 - OUTER_WALL / 2, 6))
+    ways = ((), ()) if size == "small" else (_to_the_far_room(below), _to_the_near_room(above))
+    entry, landing = round(foot - _SHORT, 2), round(head + _LANDING, 2)
+    low = _with_strip(below, flight, entry, (foot - _BEFORE, foot), (foot - _BEFORE, head + INNER_WALL / 2))
+    arrive = (*ways[0], Stop(entry, depth - ENTRY), Stop(entry, middle))
+    low = replace(low, stops=(*low.stops, *arrive))
+    far = head + 2 * _LANDING if width - head > 3 * _LANDING else width
+    high = _with_strip(above.flipped_x(), flight, landing, (foot, far), (foot - INNER_WALL / 2, far))
+    way = [replace(s, x=width - s.x) for s in ways[1]]
+    leave = (Stop(landing, middle), Stop(landing, depth - ENTRY), *way[::-1])
+    high = replace(high, stops=(*leave, *high.stops, *leave[::-1], Stop(entry, middle)))
+    return low, high
+
+
+def _with_strip(
+    plan: Plan, flight: Flight, door: float, room: tuple[float, float], closed: tuple[float, float]
+) -> Plan:
+    """The plan with the strip beyond its far side: a room of it from `room[0]` to `room[1]` with a door at x = `door`,
+    walls across it at x = `closed`. Where the room does not hold the flight, this is one of its own."""
+    width, depth = plan.extent.x1, plan.extent.y1
+    beyond = round(depth + _STRIP, 2)
+    across = [Wall("y", x, depth, beyond) for x in closed if 0.2 < x < width - 0.2]
+    walls = (*outer(width, beyond), Wall("x", depth, 0.0, width), *plan.walls[4:], *across)
+    rooms = [*plan.rooms, Room("stairs", "stairs", "tiles", (Rect(room[0], depth, room[1], beyond),))]
+    x0, _, x1, _ = flight.rect.corners
+    if room[1] <= x0:
+        rooms.append(Room("flight", "flight", "tiles", (Rect(x0, depth, x1, beyond),)))
+    opening = Opening("x", depth, door, 1.1)
+    return replace(
+        plan,
+        extent=Rect(0, 0, width, beyond),
+        rooms=tuple(rooms),
+        walls=walls,
+        openings=(*plan.openings, opening),
+        flight=flight,
+    )
+
+
+def _to_the_far_room(plan: Plan) -> tuple[Stop, ...]:
+    """From the end of a full building's tour to the room in the middle of its far side."""
+    into = max((o for o in plan.openings if o.along == "x"), key=lambda o: o.line)
+    return Stop(into.centre, plan.stops[-1].y), Stop(into.centre, into.line + ENTRY)
+
+
+def _to_the_near_room(plan: Plan) -> tuple[Stop, ...]:
+    """From the end of a full building's tour, and from its beginning, to the room in its far corner."""
+    end = plan.stops[-1]
+    into = min((o for o in plan.openings if o.along == "y" and o.centre == end.y), key=lambda o: o.line)
+    return end, Stop(into.line - ENTRY, end.y)

@@ -1,0 +1,172 @@
+"""The maps of a building with several storeys, one for each, and the stairs that join them.
+
+On disk a folder with `storeys.json`, which names a map for every storey, the height of its floor, and the outline of
+every stair seen from above:
+
+    {"storeys": [{"floor": 0.0, "map": "storey_0/map.yaml"}, {"floor": 3.0, "map": "storey_1/map.yaml"}],
+     "stairs": [{"from": 0, "to": 1, "outline": [[1.0, 2.0], [5.8, 2.0], [5.8, 3.2], [1.0, 3.2]]}]}
+
+The treads of a stair are free in the maps of both storeys that it joins.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import read_json
+from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.ros import write_ros_map
+from nvsim.occupancy.types import OccupancyMap
+
+NAME = "storeys.json"
+_AGAIN = "write it as resources/docs/evaluation.md says"
+_MOST = 1000  # storeys, stairs, and corners of an outline
+_LARGEST = 1 << 22  # bytes
+_FARTHEST = 1e7  # metres
+
+
+@dataclass(frozen=True, eq=False)
+class StoreyMap:
+    """floor: metres, world z; of its map the cells say what stands on it."""
+
+    floor: float
+    occupancy: OccupancyMap
+
+
+@dataclass(frozen=True)
+class Stair:
+    """lower, upper  indices of the storeys that it joins
+    outline       (x, y) metres of the corners of its treads from above, in order
+    """
+
+    lower: int
+    upper: int
+    outline: tuple[tuple[float, float], ...]
+
+    def holds(self, xy: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) whether places (N, 2) lie on it: a ray from them crosses the outline an odd number of times."""
+        corners = np.array(self.outline, np.float64)
+        x, y = np.asarray(xy, np.float64).reshape(-1, 2).T[..., None]
+        (x0, y0), (x1, y1) = corners.T, np.roll(corners, -1, axis=0).T
+        crosses = (y0 > y) != (y1 > y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left = x < x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+        return np.asarray((crosses & left).sum(axis=1) % 2 == 1)
+
+
+@dataclass(frozen=True, eq=False)
+class StoreyMaps:
+    """storeys, the lowest first, and the stairs between them."""
+
+    storeys: tuple[StoreyMap, ...]
+    stairs: tuple[Stair, ...] = ()
+
+    def nearest(self, floors: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(N,) the storeys whose floors are nearest to the heights (N,), metres, world z."""
+        levels = np.array([s.floor for s in self.storeys])
+        return np.asarray(np.abs(np.asarray(floors)[:, None] - levels).argmin(axis=1), np.int64)
+
+    def beneath(self, heights: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(N,) the storeys that cameras at the heights (N,), metres, world z, are carried through: the highest with its
+        floor below them, else the lowest."""
+        levels = np.array([s.floor for s in self.storeys])
+        return np.asarray(np.maximum(np.searchsorted(levels, heights) - 1, 0), np.int64)
+
+
+def write_storeys(maps: StoreyMaps, folder: Path) -> Path:
+    """Writes a ROS map for every storey into `folder`/storey_N and then `folder`/storeys.json; returns its path.
+
+    Raises InputError when the disk refuses.
+    """
+    for k, storey in enumerate(maps.storeys):
+        write_ros_map(storey.occupancy, folder / f"storey_{k}" / "map.yaml")
+    data = {
+        "storeys": [{"floor": s.floor, "map": f"storey_{k}/map.yaml"} for k, s in enumerate(maps.storeys)],
+        "stairs": [{"from": s.lower, "to": s.upper, "outline": [list(c) for c in s.outline]} for s in maps.stairs],
+    }
+    atomic.write_text(folder / NAME, json.dumps(data, indent=1) + "\n")
+    return folder / NAME
+
+
+def is_storeys(path: Path) -> bool:
+    """Whether `read_storeys` reads it: a folder, or a .json file."""
+    return path.is_dir() or path.suffix.lower() == ".json"
+
+
+def read_storeys(path: Path, heights: Heights | None = None) -> StoreyMaps:
+    """The maps that `path` names: a folder with `storeys.json`, or that file. An OctoMap, which may be that of all
+    storeys, is cut between `heights` over the floor of the storey. Raises InputError with the reason."""
+    path = Path(path)
+    path = path / NAME if path.is_dir() else path
+    with reading(path, "a list of storeys", _AGAIN):
+        return _read(path, heights)
+
+
+def _read(path: Path, heights: Heights | None) -> StoreyMaps:
+    from nvsim.occupancy.octomap import read_octomap
+    from nvsim.occupancy.read import OCTOMAP, read_map
+
+    data = read_json(path, "a list of storeys", _AGAIN, _LARGEST)
+    rows = _rows(path, data, "storeys")
+    if not rows:
+        raise InputError(f"{path} names no storey; write one with its floor and its map.")
+    floors = [_height(path, number, row) for number, row in enumerate(rows)]
+    if any(b - a < 0.5 for a, b in zip(floors, floors[1:])):
+        raise InputError(f"{path}: the floors {floors} do not rise by 0.5 m or more; name the lowest storey first.")
+    stairs = tuple(_stair(path, n, row, len(rows)) for n, row in enumerate(_rows(path, data, "stairs")))
+    maps = []
+    for floor, row in zip(floors, rows):
+        file = path.parent / row["map"]
+        cut = file.suffix.lower() in OCTOMAP
+        maps.append(StoreyMap(floor, read_octomap(file, heights, floor) if cut else read_map(file)))
+    return StoreyMaps(tuple(maps), stairs)
+
+
+def _rows(path: Path, data: object, name: str) -> list[dict[str, Any]]:
+    rows = data.get(name, []) if isinstance(data, dict) else None
+    if not isinstance(rows, list) or len(rows) > _MOST or not all(isinstance(row, dict) for row in rows):
+        raise InputError(f"{path} has no list of at most {_MOST} {name}; see `nvsim evaluate graph --help`.")
+    return rows
+
+
+def _height(path: Path, number: int, row: dict[str, Any]) -> float:
+    floor, name = row.get("floor"), row.get("map")
+    if (
+        not _is_length(floor)
+        or floor is None
+        or not isinstance(name, str)
+        or not name.isprintable()
+        or not 0 < len(name) <= 500
+    ):
+        raise InputError(
+            f"{path}: storey {number} needs the height of its 'floor' in metres and the name of its 'map'."
+        )
+    return float(floor)
+
+
+def _stair(path: Path, number: int, row: dict[str, Any], storeys: int) -> Stair:
+    lower, upper, outline = row.get("from"), row.get("to"), row.get("outline")
+    if type(lower) is not int or type(upper) is not int or not 0 <= lower < upper < storeys:
+        raise InputError(f"{path}: stair {number} must lead 'from' a storey 'to' a higher one, counted from 0.")
+    if not isinstance(outline, list) or not 3 <= len(outline) <= _MOST:
+        raise InputError(f"{path}: stair {number} needs an 'outline' of at least three corners [x, y].")
+    corners = []
+    for corner in outline:
+        if not isinstance(corner, list) or len(corner) != 2 or not all(map(_is_length, corner)):
+            raise InputError(f"{path}: stair {number} has the corner {str(corner)[:60]}; write [x, y] in metres.")
+        corners.append((float(corner[0]), float(corner[1])))
+    return Stair(lower, upper, tuple(corners))
+
+
+def _is_length(value: object) -> bool:
+    """Whether it is a number of metres; NaN is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _FARTHEST

@@ -1,0 +1,85 @@
+"""Known floor of storeys over one another: one grid for each, chosen by how high one is."""
+
+from __future__ import annotations
+
+import zipfile
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files.atomic import replacing
+from nvsim.files.regular import opened
+from nvsim.files.stored_arrays import read_arrays
+from nvsim.geometry.stacked_floor import Floor, StackedFloor
+from nvsim.perception.support import FloorSupport, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class StackedSupport:
+    """floor    where the storeys lie
+    storeys  what is known of the floor of each, the lowest first
+    """
+
+    floor: StackedFloor
+    storeys: tuple[FloorSupport, ...]
+
+    @property
+    def area(self) -> float:
+        """Square metres; of stairs on both storeys that they join."""
+        return float(sum(s.cells.sum() * s.spacing**2 for s in self.storeys))
+
+    def at(self, points: NDArray[np.floating]) -> Mask:
+        """Whether the floor of the storey at world points (..., 3), as `StackedFloor.storey_at` chooses it, is
+        supported, (...) bool; of places (..., 2) that of the lowest."""
+        chosen = self.floor.storey_at(points)
+        found: Mask = np.zeros(chosen.shape, bool)
+        for k, support in enumerate(self.storeys):
+            here = chosen == k
+            if here.any():
+                found[here] = support.at(points[here])
+        return found
+
+    def save(self, path: Path) -> None:
+        """Writes an .npz. Raises InputError when the disk refuses."""
+        rows, columns = np.max([s.cells.shape for s in self.storeys], axis=0)
+        padded = [
+            np.pad(s.cells, ((0, rows - s.cells.shape[0]), (0, columns - s.cells.shape[1]))) for s in self.storeys
+        ]
+        with replacing(path) as temporary, open(temporary, "wb") as file:
+            np.savez_compressed(
+                file,
+                storeys=np.stack(padded),
+                origins=np.array([s.origin for s in self.storeys]),
+                spacing=np.array(self.storeys[0].spacing),
+            )
+
+    @staticmethod
+    def load(path: Path, floor: Floor) -> StackedSupport:
+        """Reads what `save` wrote. Raises InputError for a file that is missing or something else."""
+        again = "run `nvsim floors --project` again"
+        wanted = {"storeys": ("bui", 3), "origins": ("fi", 2), "spacing": ("fi", 0)}
+        arrays = read_arrays(path, "a floor support of several storeys", wanted, again)
+        cells, origins, spacing = arrays["storeys"].astype(bool), arrays["origins"], float(arrays["spacing"])
+        fits = isinstance(floor, StackedFloor) and cells.shape[0] == len(floor.storeys) and cells.size > 0
+        if (
+            not fits
+            or origins.shape != (len(cells), 2)
+            or not np.isfinite([*origins.flat, spacing]).all()
+            or spacing <= 0
+        ):
+            raise InputError(f"The floor support {path} cannot be read (its numbers make no sense); {again}.")
+        assert isinstance(floor, StackedFloor)
+        return StackedSupport(
+            floor, tuple(FloorSupport(c, (float(x), float(y)), spacing) for c, (x, y) in zip(cells, origins))
+        )
+
+
+def is_stacked(path: Path) -> bool:
+    """Whether `StackedSupport.save` wrote the file; False for anything else, damaged files as well."""
+    with suppress(InputError, OSError, zipfile.BadZipFile), opened(path) as file, zipfile.ZipFile(file) as archive:
+        return "storeys.npy" in archive.namelist()
+    return False

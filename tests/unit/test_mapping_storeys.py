@@ -1,0 +1,130 @@
+"""Corridors, the trajectory and evidence where storeys lie over one another: a stair between two floors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from stairwell import SLOPE, known_floor, stairwell
+
+from nvsim.graph.types import Viewpoint
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import Corridor
+from nvsim.mapping.lattice import Lattice
+from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.walk import Walk
+from nvsim.render.types import RenderOutput
+
+EYE = 1.3
+FLOOR = stairwell()
+SUPPORT = known_floor(FLOOR)
+
+
+def true_floor(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Along the stair and its landings."""
+    return np.clip(SLOPE * (x - 2), 0, 3)
+
+
+def walk() -> NDArray[np.float64]:
+    """Around the lower room, up the stair, around the upper one."""
+    t = np.linspace(0, 2 * np.pi, 60)
+    x = np.arange(1.0, 8.0, 0.35)
+    stair = np.column_stack([x, np.full(len(x), 0.5), true_floor(x) + EYE])
+    lower = np.column_stack([3 + 2.5 * np.cos(t), 3.5 + 1.5 * np.sin(t), np.full(60, EYE)])
+    upper = np.column_stack([6 + 2.5 * np.cos(t), -2 + 1.2 * np.sin(t), np.full(60, 3 + EYE)])
+    over = np.column_stack([8 + 0 * t, np.linspace(0.5, 4, 60), np.full(60, 3 + EYE)])
+    return np.concatenate([lower, stair, over, upper])
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.5, 3.0), (3.4, 5.9), (5.5, 8.0), (8.0, 5.5), (4.6, 2.1), (4.2, 1.7)])
+def test_a_corridor_follows_the_floor_up_and_down_a_stair(start: float, end: float) -> None:
+    corridor = Corridor((start, 0.5), (end, 0.5), float(true_floor(np.array(start))) + EYE)
+    ground = corridor.ground(FLOOR.height_at)
+    np.testing.assert_array_equal(ground[..., :2], corridor.cells())
+    middle = ground[:, 5:13]  # within the walls beside the stair
+    np.testing.assert_allclose(middle[..., 2], true_floor(middle[..., 0]), atol=0.07)
+    assert corridor.end(FLOOR.height_at) == pytest.approx(float(true_floor(np.array(end))), abs=0.07)
+    assert SUPPORT.at(middle).all()
+
+
+@pytest.mark.parametrize(("eye", "height"), [(EYE, 0.0), (3 + EYE, 3.0)])
+def test_a_corridor_in_a_room_stays_on_its_storey(eye: float, height: float) -> None:
+    corridor = Corridor((8.0, 4.0), (10.5, 4.0), eye)
+    assert (corridor.ground(FLOOR.height_at)[..., 2] == height).all()
+    assert SUPPORT.at(corridor.ground(FLOOR.height_at)).all()
+
+
+def test_the_nearest_camera_is_that_of_the_storey() -> None:
+    path = Walk(walk(), SUPPORT.at)
+    assert [path.storey(z) for z in (0.0, EYE, 2.5, 3.2, 3 + EYE)] == [0, 0, 0, 1, 1]
+    below, above = np.array([8.0, 3.5, EYE]), np.array([8.0, 3.5, 3 + EYE])
+    assert path.height(below) == pytest.approx(EYE) and path.distance(below) == pytest.approx(2.5, abs=0.05)
+    assert path.height(above) == pytest.approx(3 + EYE) and path.distance(above) < 0.05
+    assert path.distance(above[:2]) < 0.05, "seen from above alone it is a camera of either"
+    on_stair = np.array([5.2, 0.5, true_floor(np.array(5.2)) + EYE])
+    assert path.height(on_stair) == pytest.approx(on_stair[2], abs=0.15)
+    beside = np.array([5.2, 1.4, EYE])  # in the lower room, behind the wall along the stair
+    assert path.height(beside) == pytest.approx(EYE)
+
+
+def test_lines_and_clearance_are_those_of_the_storey() -> None:
+    path = Walk(walk(), SUPPORT.at)
+    a, b = np.array([1.5, 3.0, EYE]), np.array([6.0, 3.0, EYE])
+    up = np.array([0, 0, 3.0])
+    assert path.in_line(a, b) and not path.in_line(a + up, b + up)
+    foot, head = np.array([1.2, 0.5, EYE]), np.array([7.8, 0.5, 3 + EYE])
+    assert path.in_line(foot, head), "up the stair"
+    for place, clearance in zip(path.places, path.clearance, strict=True):
+        on_stair = 2.3 < place[0] < 6.7 and 0 < place[1] < 1
+        assert 0.35 < clearance < 0.7 if on_stair else clearance > 0.25
+    rooms = path.beside(0.3, 0.5)
+    assert {round(z, 1) for z in rooms[:, 2] if abs(z - EYE) < 0.01 or abs(z - 3 - EYE) < 0.01} == {EYE, 3 + EYE}
+    assert SUPPORT.at(rooms).all()
+
+
+def test_of_one_storey_the_height_of_a_place_counts_for_nothing() -> None:
+    flat = walk()[:60]
+    known = SUPPORT.storeys[0].at
+    path = Walk(flat, known)
+    for place in np.random.default_rng(0).uniform((-1, 0, -5), (7, 6, 9), (50, 3)):
+        nearest = float(np.hypot(*(flat[:, :2] - place[:2]).T).min())
+        assert path.distance(place) == path.distance(place[:2]) == pytest.approx(nearest)
+        assert path.height(place) == path.height(place[:2]) == EYE and path.storey(place[2]) == 0
+
+
+class Clear:
+    """Views in which nothing stands."""
+
+    def views(self, position, cameras, masks):  # type: ignore[no-untyped-def]
+        shape = masks[0].shape
+        return 0, [RenderOutput(alpha=np.zeros(shape, np.float32), normal=np.zeros((*shape, 3), np.float32))] * len(
+            masks
+        )
+
+
+def viewpoint(id: str, x: float, y: float, floor: float) -> Viewpoint:
+    return Viewpoint(id, (x, y, floor + EYE), EYE)
+
+
+def test_a_corridor_does_not_join_what_lies_over_one_another() -> None:
+    config = MappingConfig()
+    measurements = Measurements(Clear(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    a, same, over = viewpoint("a", 8, 2, 0), viewpoint("b", 9, 3, 0), viewpoint("c", 9, 3, 3)
+    assert measurements.between(a, same).support.all() and not measurements.between(a, over).support.any()
+    assert measurements.between(viewpoint("d", 8, 2, 3), over).support.all()
+    up = measurements.between(viewpoint("e", 3.4, 0.5, 0.84), viewpoint("f", 5.8, 0.5, 2.28)).support
+    assert up[:, 5:13].all(), "up the stair they are joined"
+
+
+def test_a_step_arrives_on_the_floor_that_it_follows() -> None:
+    config = MappingConfig()
+    measurements = Measurements(Clear(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    for x, y, floor, target, arrives in (
+        (1.0, 0.5, 0.0, (3.5, 0.5), 0.9),
+        (6.0, 0.5, 2.4, (8.5, 0.5), 3.0),
+        (4.2, 0.5, 1.32, (1.7, 0.5), 0.0),
+        (8.0, 2.0, 0.0, (8.0, 4.5), 0.0),
+        (8.0, 2.0, 3.0, (8.0, 4.5), 3.0),
+    ):
+        found = measurements.arrival(viewpoint("v", x, y, floor), target)
+        assert found[:2] == target and found[2] == pytest.approx(arrives + EYE, abs=0.07)
