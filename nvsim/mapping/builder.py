@@ -84,7 +84,7 @@ def build_map(
     lattice = Lattice(config)
     measurements = Measurements(source, floor_at, support, config, lattice, known)
     walk = Walk(trajectory, support)
-    survey = Survey(GraphBuilder(scan), lattice, measurements, walk, floor_at, config)
+    survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
     search = Search(survey)
 
     def measured() -> NavGraph:
@@ -205,7 +205,7 @@ class _Explorer:
             for i in self._gaps():
                 for k in [i + d for n in range(_TRIES) for d in (-n, n + 1)]:
                     free = 0 <= k < len(self._walk.places) and k not in self._tried
-                    if free and not self._search.draft.near(self._walk.places[k, :2], _CROWD):
+                    if free and not self._search.draft.near(self._walk.places[k], _CROWD):
                         progress = self._start(k) or progress
                         break
                 if progress:
@@ -225,8 +225,8 @@ class _Explorer:
 
     def _coverer(self, place: NDArray[np.floating]) -> str | None:
         """The nearest viewpoint in line with a place of the trajectory."""
-        for viewpoint in self._search.draft.near(place[:2], self._config.cover_distance):
-            if self._walk.in_line(np.array(viewpoint.position[:2]), place[:2]):
+        for viewpoint in self._search.draft.near(place, self._config.cover_distance):
+            if self._walk.in_line(np.array(viewpoint.position), place):
                 return viewpoint.id
         return None
 

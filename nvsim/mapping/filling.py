@@ -45,7 +45,7 @@ class Filling:
                 seen = self._seen(halfway)
                 if not seen or apart(seen[0], halfway[:2]) < self._config.merge_radius:
                     continue
-                if self._walk.in_line(halfway[:2], place[:2]):
+                if self._walk.in_line(halfway, place):
                     tries += 1
                     yield from self._stand(halfway, seen)
 
@@ -55,11 +55,11 @@ class Filling:
 
     def _seen(self, place: NDArray[np.floating]) -> list[Viewpoint]:
         """Viewpoints a step away that known floor leads straight to, the nearest first."""
-        near = self._draft.near(place[:2], self._config.tau_dist)
-        return [v for v in near if self._walk.in_line(np.array(v.position[:2]), place[:2])]
+        near = self._draft.near(place, self._config.tau_dist)
+        return [v for v in near if self._walk.in_line(np.array(v.position), place)]
 
     def _stand(self, place: NDArray[np.floating], seen: list[Viewpoint]) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
-        viewpoint = self._survey.viewpoint(place[:2], "step", float(place[2]))
+        viewpoint = self._survey.viewpoint(place, "step")
         seen = [v for v in seen if self._survey.knows_floor(viewpoint, v)][:_LINKS]
         if not seen or viewpoint.id in self._tried:
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from nvsim.graph.types import Edge, EdgeOrigin, Evidence, NavGraph, Viewpoint, e
 from nvsim.mapping.corridor import DIRECTIONS
 
 _BUCKET = 2.5  # metres
+STEEPEST = 0.8  # metres upwards for one along the floor, of stairs
+SAME_FLOOR = 0.6  # metres by which cameras over one floor differ in height
 SAME = 0.01  # metres: two ways of steps that lead to one place
 
 
@@ -20,8 +23,9 @@ class GraphBuilder:
     evidence    id -> direction -> evidence
     """
 
-    def __init__(self, scan: str) -> None:
-        self.scan = scan
+    def __init__(self, scan: str, storey_of: Callable[[float], int] = lambda z: 0) -> None:
+        """`storey_of` gives the storey of a camera at a world z."""
+        self.scan, self._storey_of = scan, storey_of
         self.viewpoints: dict[str, Viewpoint] = {}
         self.evidence: dict[str, dict[int, Evidence]] = {}
         self._edges: dict[tuple[str, str], Edge] = {}
@@ -68,8 +72,10 @@ class GraphBuilder:
     def are_joined(self, a: str, b: str) -> bool:
         return b in self._joined[a]
 
-    def near(self, xy: NDArray[np.floating], reach: float) -> list[Viewpoint]:
-        """Viewpoints within `reach` metres of (2,) as seen from above, the nearest first."""
+    def near(self, place: NDArray[np.floating], reach: float) -> list[Viewpoint]:
+        """Viewpoints within `reach` metres of a camera (3,) as seen from above, the nearest first; none that is higher
+        or lower than a stair leads within that distance."""
+        xy = place[:2]
         steps = math.ceil(reach / _BUCKET)
         x, y = _bucket((float(xy[0]), float(xy[1])))
         found = []
@@ -77,7 +83,8 @@ class GraphBuilder:
             for j in range(y - steps, y + steps + 1):
                 for id in self._buckets.get((i, j), ()):
                     distance = apart(self.viewpoints[id], xy)
-                    if distance <= reach:
+                    height = abs(self.viewpoints[id].position[2] - float(place[2]))
+                    if distance <= reach and height <= STEEPEST * distance + SAME_FLOOR:
                         found.append((round(distance, 6), id))
         return [self.viewpoints[id] for _, id in sorted(found)]
 
@@ -109,10 +116,12 @@ class GraphBuilder:
         evidence = {(id, k): self.evidence[id][k] for id in self.viewpoints for k in sorted(self.evidence[id])}
         return NavGraph(self.scan, self.viewpoints, self._edges, evidence)
 
-    def id_at(self, xy: NDArray[np.floating]) -> str:
-        """32 hex digits from the scan and the place to the millimetre: the same in every run."""
-        x, y = (round(float(value) * 1000) for value in xy)
-        return hashlib.blake2b(f"{self.scan} {x} {y}".encode(), digest_size=16).hexdigest()
+    def id_at(self, place: NDArray[np.floating]) -> str:
+        """32 hex digits from the scan, the place (3,) to the millimetre, and its storey: the same in every run."""
+        x, y = (round(float(value) * 1000) for value in place[:2])
+        storey = self._storey_of(float(place[2]))
+        name = f"{self.scan} {x} {y}" + (f" {storey}" if storey else "")
+        return hashlib.blake2b(name.encode(), digest_size=16).hexdigest()
 
 
 def apart(viewpoint: Viewpoint, xy: NDArray[np.floating] | tuple[float, float]) -> float:

@@ -39,11 +39,10 @@ class Search:
     def start(self, position: NDArray[np.floating]) -> bool:
         """Puts a viewpoint on the trajectory (3,) and joins it to those around. False when nobody can stand there, when
         a viewpoint is there already, or when the graph is full."""
-        xy = position[:2]
-        id = self.draft.id_at(xy)
+        id = self.draft.id_at(position)
         if id in self.draft.viewpoints or id in self._refused or self._is_full():
             return False
-        viewpoint = self._survey.viewpoint(xy, "start", float(position[2]))
+        viewpoint = self._survey.viewpoint(position, "start")
         self._lattice.begin(id, viewpoint.position[:2])
         around = self._survey.around(viewpoint)
         if self._config.standing and not can_stand(around, self._config):
@@ -53,7 +52,7 @@ class Search:
         # The corridors to the viewpoints around are decided before the steps, which then find them joined.
         self._look_around(viewpoint)
         links = 0
-        for other in self.draft.near(xy, self._config.tau_dist):
+        for other in self.draft.near(position, self._config.tau_dist):
             if links < _LINKS and other.id != id and self._join(viewpoint, other) == OPEN:
                 links += 1
         self._step_out(viewpoint)
@@ -97,7 +96,7 @@ class Search:
 
     def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> Decision:
         """Where an open corridor leads: to an existing viewpoint, to a new one, or nowhere for the reason returned."""
-        target = np.array(evidence.target)
+        target = self._survey.arrival(viewpoint, evidence.target)
         if self._config.max_distance and self._walk.distance(target) > self._config.max_distance:
             return "distance"
         around = [v for v in self.draft.near(target, self._config.merge_radius) if v.id != viewpoint.id]
@@ -115,7 +114,7 @@ class Search:
             return "return"
         if self._is_full():
             return "limit"
-        self.draft.put(self._survey.viewpoint(target, "step", self._walk.height(target)))
+        self.draft.put(self._survey.viewpoint(target, "step"))
         self.draft.join(viewpoint.id, id, "step")
         self._lattice.take(id, viewpoint.id, evidence.direction)
         self._queue.append(id)

@@ -144,7 +144,7 @@ class Settling:
             for evidence in list(draft.evidence[id].values()):
                 if evidence.decision != OPEN:
                     continue
-                at = [v for v in draft.near(np.array(evidence.target), SAME) if v.id != id]
+                at = [v for v in draft.near(self._survey.arrival(viewpoint, evidence.target), SAME) if v.id != id]
                 if not at:
                     self._survey.keep(replace(evidence, decision="served"))
                 elif not draft.are_joined(id, at[0].id):
@@ -153,14 +153,14 @@ class Settling:
 
     def _room(self, id: str) -> float:
         """Decimetres to the nearest floor that nobody knows."""
-        place = np.array([self._draft.viewpoints[id].position[:2]])
+        place = np.array([self._draft.viewpoints[id].position])
         return round(10 * float(self._survey.walk.clearance_at(place)[0]))
 
     def _near(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
         """Others within reach that known floor leads straight to, the nearest first."""
-        here = np.array(viewpoint.position[:2])
+        here = np.array(viewpoint.position)
         others = (v for v in self._draft.near(here, reach) if v.id != viewpoint.id)
-        return [v for v in others if self._survey.walk.in_line(here, np.array(v.position[:2]))]
+        return [v for v in others if self._survey.walk.in_line(here, np.array(v.position))]
 
     def _is_open(self, a: Viewpoint, b: Viewpoint, spare: float = 0.0) -> bool:
         """Whether the corridor between two viewpoints passes, both ways where that is asked, with `spare` metres of

@@ -33,16 +33,24 @@ class Survey:
         self.draft, self.lattice, self.walk, self.config = draft, lattice, walk, config
         self._measurements, self._floor_at = measurements, floor_at
 
-    def viewpoint(self, xy: NDArray[np.floating], origin: ViewpointOrigin, z: float) -> Viewpoint:
-        """A viewpoint that stands at (2,), its camera at the height z; the graph does not hold it yet."""
-        floor = float(self._floor_at(np.asarray(xy, np.float64)))
-        return Viewpoint(self.draft.id_at(xy), (float(xy[0]), float(xy[1]), z), z - floor, -1, True, origin)
+    def viewpoint(self, place: NDArray[np.floating], origin: ViewpointOrigin) -> Viewpoint:
+        """A viewpoint whose camera is at a place (3,); the graph does not hold it yet."""
+        x, y, z = (float(value) for value in place)
+        floor = float(self._floor_at(np.asarray(place, np.float64)))
+        return Viewpoint(self.draft.id_at(place), (x, y, z), z - floor, -1, True, origin)
+
+    def arrival(self, viewpoint: Viewpoint, target: tuple[float, float]) -> NDArray[np.float64]:
+        """(3,) the camera over `target` (x, y), where a step from a viewpoint leads: at the height of the camera of the
+        trajectory that is nearest to where it arrives."""
+        place = np.array(self._measurements.arrival(viewpoint, target))
+        place[2] = self.walk.height(place)
+        return place
 
     def around(self, viewpoint: Viewpoint) -> list[Evidence]:
         """The evidence of the eight directions, undecided."""
         # That far the viewpoints are that steps may merge with.
         reach = self.config.tau_dist + self.config.merge_radius
-        return self._measurements.around(viewpoint, self.draft.near(np.array(viewpoint.position[:2]), reach))
+        return self._measurements.around(viewpoint, self.draft.near(np.array(viewpoint.position), reach))
 
     def take(self, viewpoint: Viewpoint, around: Iterable[Evidence]) -> None:
         """Puts a viewpoint into the graph with the decisions about its eight directions."""

@@ -66,7 +66,9 @@ def algorithm_1(
                 new = v[current] + TAU_DIST * np.array([np.sin(heading), np.cos(heading)])
                 apart = [float(np.hypot(*(place - new))) for place in v]
                 if min(apart) <= EXACT:  # of equally near ones the first by id
-                    reached = min(range(len(v)), key=lambda i: (round(apart[i], 6), names.id_at(v[i])))
+                    reached = min(
+                        range(len(v)), key=lambda i: (round(apart[i], 6), names.id_at(np.append(v[i], height)))
+                    )
                 else:
                     v.append(new)
                     reached = len(v) - 1
