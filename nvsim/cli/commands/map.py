@@ -32,7 +32,7 @@ class Arguments(ProjectArguments):
 def defaults(argv: list[str]) -> Arguments:
     name = given(argv, "--preset", "paper" if "--paper" in argv else "nvsim")
     config = MappingConfig.paper() if name == "paper" else MappingConfig()
-    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), paper=name == "paper", config=config)
+    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:

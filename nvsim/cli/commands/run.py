@@ -39,7 +39,7 @@ def defaults(argv: list[str]) -> Arguments:
     name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
     config = RunConfig(train=preset(name), map=MappingConfig.paper() if paper else MappingConfig())
     return Arguments(
-        cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), paper=paper, config=config
+        cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config
     )
 
 
