@@ -38,9 +38,7 @@ def defaults(argv: list[str]) -> Arguments:
     paper = "--paper" in argv
     name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
     config = RunConfig(train=preset(name), map=MappingConfig.paper() if paper else MappingConfig())
-    return Arguments(
-        cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config
-    )
+    return Arguments(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:

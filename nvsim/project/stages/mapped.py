@@ -92,6 +92,8 @@ def run(
         project.layout.partial_map.unlink(missing_ok=True)  # of a map that was begun with other settings
         listen(Log("The navigation graph is up to date.", STAGE))
         return
+    capture = project.need_capture()
+    start = start_of(capture, config.start)
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
@@ -106,7 +108,6 @@ def run(
         partial.unlink(missing_ok=True)
     # What a build that was cut off had measured, or the last one: the graph does not show it all.
     remembered = _evidence(partial) or (_evidence(project.layout.measured_map) if reapply else None)
-    capture = project.need_capture()
     scan = scan_name(project)
     result = build_map(
         SceneViews(scene, config, backend),
@@ -115,7 +116,7 @@ def run(
         support.at,
         config,
         scan=scan,
-        start=start_of(capture, config.start),
+        start=start,
         previous=previous,
         remembered=remembered,
         listen=listen,
