@@ -116,7 +116,7 @@ class Layout:
     @property
     def measured_map(self) -> Path:
         """All evidence that the last map was built from, also of places that its graph does not have."""
-        return self.checkpoints / "map.measured"
+        return self.root / "map.measured"
 
     @property
     def partial_map(self) -> Path:

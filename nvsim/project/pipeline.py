@@ -31,5 +31,5 @@ def run(
     }
     for stage in STAGES:
         runs[stage]()
-        if stage == "import":
+        if stage == "import" and config.map.start:
             mapped.start_of(project.need_capture(), config.map.start)  # refused now, not after the training
