@@ -97,6 +97,8 @@ class LineEditor(Editor):
         self.line = _Line(self._step, self)
         if field.optional:
             self.line.setPlaceholderText("automatic" if field.kind in ("count", "number") else "left out")
+        if field.default == "":
+            self.line.setPlaceholderText("left out")
         if field.kind == "several":
             self.line.setPlaceholderText("all")
             self.line.setToolTip(
@@ -130,6 +132,8 @@ class LineEditor(Editor):
         if not text:
             if self.field.optional:
                 return None
+            if self.field.default == "":
+                return ""
             raise ValueError(f"{self.field.name} is empty; give it a value or reset it.")
         try:
             return int(text) if kind == "count" else float(text.replace(",", ".")) if kind == "number" else text

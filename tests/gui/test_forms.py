@@ -192,3 +192,11 @@ def test_the_command_is_copied_as_it_stands(qtbot: QtBot, form: CommandForm, tmp
 @pytest.mark.parametrize(("value", "text"), [(5e-5, "5e-05"), (0.1, "0.1"), (20000.0, "20000"), (1 / 3, repr(1 / 3))])
 def test_numbers_keep_every_digit(value: float, text: str) -> None:
     assert number_text(value) == text and float(text) == value
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_form_that_nobody_touched_can_be_started(verb: str, qtbot: QtBot, tmp_path: Path) -> None:
+    form = CommandForm(verb, verb, PROJECT, Settings(tmp_path))
+    qtbot.addWidget(form)
+    form.finish_building()
+    assert form.changed() == {}, "what is left out by default is no change"
