@@ -194,7 +194,7 @@ def test_numbers_keep_every_digit(value: float, text: str) -> None:
     assert number_text(value) == text and float(text) == value
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", [verb for verb in VERBS if not verb.startswith("export")])  # these need a folder
 def test_a_form_that_nobody_touched_can_be_started(verb: str, qtbot: QtBot, tmp_path: Path) -> None:
     form = CommandForm(verb, verb, PROJECT, Settings(tmp_path))
     qtbot.addWidget(form)
