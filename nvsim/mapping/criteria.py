@@ -102,6 +102,10 @@ DECISIONS: Mapping[Decision, Words] = {
 """Why no edge came of a corridor: the criteria's decisions, then those of the search."""
 
 
+SPARED: frozenset[Decision] = frozenset({"spare", "served"})
+"""Of these: the corridor is free, and settling left the edge out."""
+
+
 def lacking(evidence: Evidence, config: MappingConfig) -> tuple[str, ...]:
     """The families that `config` names and `evidence`, or the second opinion in it, holds no plane of."""
     told = [one for one in (evidence, evidence.second) if one is not None]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import OPEN
+from nvsim.mapping.criteria import OPEN, SPARED
 from nvsim.mapping.evidence_stack import EvidenceStack, words
 from nvsim.mapping.graph_builder import SAME
 
@@ -70,7 +70,7 @@ class Rethresholder:
         self._pair(count)
         self._match_edges(row)
         # What settling leaves out stays out: another way leads there.
-        stored = np.array([e.decision in ("open", "spare") for e in self._evidence], bool)
+        stored = np.array([e.decision == OPEN or e.decision in SPARED for e in self._evidence], bool)
         self._stored = _either(self._forward, stored) | _either(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
         self._stopped = np.array([e.decision in words()[1:] and not e.joins for e in self._evidence], bool)
@@ -187,7 +187,7 @@ class Rethresholder:
         """Of evidence `i`. What settling, or the search, found besides the thresholds stays as it was: the evidence
         holds no answer to that."""
         was = self._evidence[i].decision
-        if was in ("spare", "served"):
+        if was in SPARED:
             return was
         if code != _OPEN:
             return words()[code]

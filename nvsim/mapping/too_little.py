@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import DECISIONS, OPEN, standing
+from nvsim.mapping.criteria import DECISIONS, SPARED, standing
 
 _FEW = 3  # viewpoints
 _MOST_UNCOVERED = 0.3  # share of the trajectory
@@ -34,7 +34,7 @@ def too_little(report: Mapping[str, Any], uncovered: NDArray[np.floating], place
         x, y = uncovered[int((apart < 2.0).sum(axis=1).argmax()), :2]
         where = f", and {len(uncovered)} of {places} places of the trajectory have none near, most around "
         where += f"x {x:.1f}, y {y:.1f} m"
-    refused = {word: count for word, count in report["decisions"].items() if word != OPEN and word in DECISIONS}
+    refused = {word: n for word, n in report["decisions"].items() if word in DECISIONS and word not in SPARED}
     if not refused:
         return f"The capture gives only {found}{where}: the cameras cover too little floor; photograph more of it."
     word = max(refused, key=lambda w: (refused[w], w))

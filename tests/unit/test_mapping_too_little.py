@@ -33,6 +33,11 @@ def test_much_of_the_trajectory_without_a_viewpoint_is_too_little_and_its_midst_
     assert DECISIONS["alpha"].remedy in sentence
 
 
+def test_free_corridors_that_settling_left_out_are_no_refusals() -> None:
+    sentence = too_little(report(2, 1, open=2, served=9, spare=8, alpha=4), LINE[2:], 10)
+    assert "4 of 23 directions were refused as something stands" in sentence
+
+
 def test_nothing_refused_and_nothing_found_is_a_sentence_too() -> None:
     assert too_little(report(1, 0), LINE[:0], 1).endswith("photograph more of it.")
 
