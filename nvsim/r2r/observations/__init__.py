@@ -1,1 +1,1 @@
-"""What is seen from every viewpoint, as files in the layout of Matterport3D: strips of faces, depth, views, floor plans."""
+"""What is seen from every viewpoint, as files in Matterport3D's layout: strips, depth, views and floor plans."""
