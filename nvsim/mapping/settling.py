@@ -19,12 +19,14 @@ from nvsim.graph.types import Viewpoint
 from nvsim.mapping.criteria import OPEN
 from nvsim.mapping.filling import Filling
 from nvsim.mapping.graph_builder import SAME
+from nvsim.mapping.shortcuts import Shortcuts
 from nvsim.mapping.survey import Survey
 from nvsim.mapping.ties import untie
 from nvsim.mapping.ways import DETOUR, NEAR, Ways
 
-_SPARE = 0.05  # metres of room at either side that most edges have
-_NARROW = ((2.0, 0.025), (6.0, 0.0))  # times the straight way from which corridors with less of it are joined
+_SPARE = 0.1  # metres of room at either side that most edges have
+_NARROW = ((1.5, 0.05), (2.0, 0.025), (6.0, 0.0))  # times the straight way from which less of it is enough
+_LEAST = 0.025  # metres of it that one edge of a viewpoint that fills up must have
 
 
 class Settling:
@@ -48,6 +50,7 @@ class Settling:
         self._part()
         self._forget()
         self._fill()
+        self._shorten()
         self._part()
         self._forget()
         untie(self._ways)
@@ -124,13 +127,23 @@ class Settling:
         for viewpoint, seen in Filling(self._survey).found():
             if self._should_stop():
                 return
-            if not any(self._is_open(viewpoint, other, _NARROW[0][1]) for other in seen):
+            if not any(self._is_open(viewpoint, other, _LEAST) for other in seen):
                 self._draft.remove(viewpoint.id)
                 continue
             self._ways.add([viewpoint.id])
             self._join([viewpoint.id], self._ways)
             if len(self._draft.viewpoints) >= self._config.max_viewpoints:
                 return
+
+    def _shorten(self) -> None:
+        def join(new: list[str]) -> None:
+            self._ways.add(new)
+            self._join(new, self._ways)
+
+        for _ in Shortcuts(self._survey, self._ways, self._is_open, join).make():
+            if self._should_stop() or len(self._draft.viewpoints) >= self._config.max_viewpoints:
+                return
+            self._progress()
 
     def _write(self) -> None:
         """The edges into the graph, and into the evidence why there is none where the corridor is open."""

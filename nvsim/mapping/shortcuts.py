@@ -1,0 +1,151 @@
+"""Ways over known floor that a graph leads around, and the viewpoints between that make them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Viewpoint
+from nvsim.mapping.criteria import can_stand
+from nvsim.mapping.known_room import KnownRoom
+from nvsim.mapping.survey import Survey
+from nvsim.mapping.ways import Ways
+
+_REACH = 6.0  # metres of the ways that are looked at
+_DETOUR = 1.3  # times as long as the way over known floor, one of the graph may be
+_LOSS = 0.75  # metres that it may be longer in any case
+_GAIN = 0.25  # metres that viewpoints must make the way shorter to stay
+_BETWEEN = 3  # viewpoints on a way, at most
+_BEFORE = 0.8  # metres before the end of a leg within which it may end instead, where there is more room
+_THERE = 0.5  # metres from a place within which a viewpoint stands in for it
+_SHUT = 0.3  # metres around the narrowest place of a corridor that did not pass, which are taken for closed
+_ROUNDS = 3
+_SPACING = 0.05  # metres between the places of a leg that are looked at
+
+Join = Callable[[list[str]], None]
+IsOpen = Callable[[Viewpoint, Viewpoint], bool]
+
+
+class Shortcuts:
+    """Looks for them in the graph of `survey`, whose viewpoints and edges are `ways`."""
+
+    def __init__(self, survey: Survey, ways: Ways, is_open: IsOpen, join: Join) -> None:
+        self._survey, self._draft, self._ways = survey, survey.draft, ways
+        self._is_open, self._join = is_open, join
+        self._room = KnownRoom(survey.walk, survey.config.half_width)
+
+    def make(self) -> Iterator[None]:
+        """Takes one pair of viewpoints after the other that the graph leads a detour between, the nearest first."""
+        for _ in range(_ROUNDS):
+            before = list(self._ways)
+            for metres, a, b in self._detours():
+                yield
+                if self._is_detour(a, b, metres):
+                    self._shorten(a, b)
+            if list(self._ways) == before:
+                return
+
+    def _detours(self) -> list[tuple[float, str, str]]:
+        """Metres over known floor and the ends, the shortest first."""
+        ids, pairs = sorted(self._ways), []
+        places = np.array([self._draft.viewpoints[id].position for id in ids])
+        for i, id in enumerate(ids[:-1]):
+            others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
+            along = self._ways.all_metres(id, _most(_REACH))
+            apart = np.linalg.norm(places[others, :2] - places[i, :2], axis=1)
+            # A straight way is the shortest that can be: most pairs are settled without looking at the floor.
+            far = [j for j, metres in zip(others, apart, strict=True) if along.get(ids[j], np.inf) > _most(metres)]
+            if far:
+                lengths = self._room.lengths(places[i], places[far], _REACH)
+                pairs += [(round(float(metres), 3), id, ids[j]) for j, metres in zip(far, lengths, strict=True)]
+        return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
+
+    def _is_detour(self, a: str, b: str, metres: float) -> bool:
+        if np.isinf(metres) or a not in self._ways or b not in self._ways:
+            return False
+        return self._ways.metres(a, b, _most(metres)) > _most(metres)
+
+    def _shorten(self, a: str, b: str) -> None:
+        """Puts viewpoints on the way over known floor and joins them, if its legs pass; they go again where that
+        makes the graph's way hardly shorter."""
+        ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
+        was = self._ways.metres(a, b)
+        stops = self._stops(*(np.array(end.position) for end in ends))
+        there = [*stops, ends[1]] if stops else []
+        here, new = ends[0], list[str]()
+        for stop in there:
+            viewpoint = stop if isinstance(stop, Viewpoint) else self._stand(stop)
+            if viewpoint is None:
+                self._room.shut(np.asarray(stop), _SHUT)
+                break
+            if viewpoint.id not in self._ways and viewpoint.id not in new:
+                new.append(viewpoint.id)
+            if viewpoint.id != here.id and not self._is_open(here, viewpoint):
+                self._shut(here, viewpoint)
+                break
+            here = viewpoint
+        else:
+            if new:
+                self._join(new)
+            if self._ways.metres(a, b, was) <= was - _GAIN:
+                return
+        for id in new:
+            if id in self._ways:
+                self._ways.remove(id)
+            self._draft.remove(id)
+
+    def _stops(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Places between two cameras that straight, wide legs join; none where there is no such way, none is needed, or
+        too many are."""
+        way = self._room.way(start, end, _REACH)
+        if not len(way):
+            return []
+        way = np.concatenate([way, end[None]])
+        stops, at = [], 0
+        while len(stops) <= _BETWEEN:
+            ahead = [j for j in range(at + 1, len(way)) if self._is_leg(way[at], way[j])]
+            if not ahead:
+                return []
+            at = ahead[-1]
+            if at == len(way) - 1:
+                return stops
+            late = [j for j in ahead if np.hypot(*(way[at] - way[j])[:2]) <= _BEFORE]
+            at = late[int(np.argmax(np.round(self._room.clearance(way[late]), 2)))]
+            stops.append(way[at])
+        return []
+
+    def _is_leg(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+        near = np.hypot(*(b - a)[:2]) <= self._survey.config.reach
+        return bool(near and self._room.is_wide(_along(a, b)[1:-1]).all())
+
+    def _stand(self, place: NDArray[np.float64]) -> Viewpoint | None:
+        """The viewpoint at a place, or one that is near enough; None where nobody can stand."""
+        place = np.array([*place[:2], self._survey.walk.height(place)])
+        near = [v for v in self._draft.near(place, _THERE) if v.id in self._ways]
+        if near:
+            return near[0]
+        viewpoint = self._survey.viewpoint(place, "step")
+        self._survey.lattice.begin(viewpoint.id, viewpoint.position[:2])
+        around = self._survey.around(viewpoint)
+        if not can_stand(around, self._survey.config):
+            return None
+        self._survey.take(viewpoint, around)
+        return self._draft.viewpoints[viewpoint.id]
+
+    def _shut(self, a: Viewpoint, b: Viewpoint) -> None:
+        leg = _along(np.array(a.position), np.array(b.position))
+        inner = leg[len(leg) // 5 : -(len(leg) // 5) or None]
+        self._room.shut(inner[int(np.argmin(self._room.clearance(inner)))], _SHUT)
+
+
+def _most(metres: float) -> float:
+    """Metres from which on a way of the graph is a detour."""
+    return max(_DETOUR * metres, metres + _LOSS)
+
+
+def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 3) places from one to the other."""
+    count = max(4, int(np.ceil(np.hypot(*(b - a)[:2]) / _SPACING)) + 1)
+    return np.asarray(a + np.linspace(0, 1, count)[:, None] * (b - a))

@@ -1,0 +1,106 @@
+"""Ways over known floor against the geodesics of a map, and graphs that follow them where they would go round."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from columns import Columns, fill, flat_floor, room
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from nvsim.evaluation.structure import map_structure
+from nvsim.mapping.builder import build_map
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.known_room import ERROR, KnownRoom
+from nvsim.mapping.shortcuts import Shortcuts
+from nvsim.mapping.walk import Walk
+from nvsim.occupancy.geodesic import Geodesics
+from nvsim.occupancy.paths import standing_room
+from nvsim.occupancy.types import OCCUPIED, OccupancyMap
+
+HALF_WIDTH = 0.3
+
+
+def cluttered(seed: int) -> OccupancyMap:
+    """A room of 6 by 5 metres with boxes in it."""
+    rng, occupancy = np.random.default_rng(seed), room(6, 5)
+    for x, y in rng.uniform((1.2, 0), (5.5, 4.5), (7, 2)):
+        width, depth = rng.uniform(0.2, 1.2, 2)
+        occupancy = fill(occupancy, x, y, x + width, y + depth, OCCUPIED)
+    return occupancy
+
+
+def known(occupancy: OccupancyMap) -> tuple[KnownRoom, NDArray[np.float64]]:
+    """The room of a walk along the left wall, and places all over the map."""
+    xy = np.column_stack([np.full(40, 0.6), np.linspace(0.5, 4.5, 40)])
+    walk = Walk(np.column_stack([xy, np.full(len(xy), 1.2)]), Columns(occupancy).support)
+    x, y = np.meshgrid(np.arange(0.5, 3.5, 0.4), np.arange(0.5, 4.6, 0.4))
+    return KnownRoom(walk, HALF_WIDTH), np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 1.2)])
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_lengths_are_the_geodesics_of_the_map(seed: int) -> None:
+    occupancy = cluttered(seed)
+    floor, places = known(occupancy)
+    start = np.array([0.65, 2.55, 1.2])
+    found = floor.lengths(start, places, 8.0)
+    # Cells of 10 cm tell the room to half a cell either way.
+    strict, loose = (
+        Geodesics(standing_room(occupancy, HALF_WIDTH + by), occupancy).lengths(start[:2], places[:, :2])
+        for by in (0.12, -0.12)
+    )
+    inside = strict < 7.0
+    assert (found[inside] <= strict[inside] * (1 + ERROR) + 0.2).all()
+    outside = np.isfinite(found) & np.isfinite(loose)
+    assert (found[outside] >= loose[outside] * (1 - ERROR) - 0.2).all()
+
+
+def test_a_way_keeps_to_the_middle_and_goes_around_what_was_shut() -> None:
+    occupancy = fill(fill(room(6, 5), 1.5, 2.0, 4.0, 3.0, OCCUPIED), 1.5, 0.0, 4.0, 0.6, OCCUPIED)
+    floor, _ = known(occupancy)
+    start, end = np.array([0.8, 1.6, 1.2]), np.array([3.4, 1.3, 1.2])
+    way = floor.way(start, end, 6.0)
+    assert np.linalg.norm(np.diff(way[:, :2], axis=0), axis=1).max() < 0.25
+    between = way[(way[:, 0] > 1.8) & (way[:, 0] < 3.2)]
+    np.testing.assert_allclose(between[:, 1], 1.3, atol=0.25)
+    floor.shut(np.array([2.5, 1.3, 1.2]), 0.8)
+    assert not len(floor.way(start, end, 3.0)), "the passage is shut, and there is no other in reach"
+    assert len(KnownRoom(floor._walk, 0.9).way(start, end, 6.0)) == 0, "too narrow for a wide robot"
+
+
+def test_no_way_leads_where_no_floor_is_known() -> None:
+    floor, _ = known(room(6, 5))
+    outside = np.array([[-2.0, 2.0, 1.2], [0.8, 2.0, 4.5]])
+    assert np.isinf(floor.lengths(np.array([0.8, 1.6, 1.2]), outside, 6.0)).all(), "another storey is no place here"
+
+
+def offset_doors() -> OccupancyMap:
+    """Two long rooms side by side, joined at their far left, and at their right through an S between two walls."""
+    occupancy = room(12, 6.6)
+    for y, door in ((2.6, 9.0), (3.9, 10.4)):
+        wall = fill(occupancy, 1.2, y - 0.05, 12, y + 0.05, OCCUPIED)
+        occupancy = fill(wall, door, y - 0.1, door + 0.8, y + 0.1, np.uint8(0))
+    return occupancy
+
+
+def detour_of(occupancy: OccupancyMap) -> float:
+    world = Columns(occupancy)
+    corners = [(11.0, 1.3), (0.6, 1.3), (0.6, 5.2), (11.0, 5.2)]
+    parts = [np.linspace(a, b, 30) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+    walk = np.column_stack([np.concatenate(parts), np.full(90, 1.2)])
+    graph = build_map(world, walk, flat_floor, world.support, MappingConfig(view_size=96), scan="test").graph
+    return float(map_structure(graph, occupancy)["detour_p95"])
+
+
+def test_the_graph_follows_the_ways_over_known_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    follows = detour_of(offset_doors())
+
+    def nothing(_: Shortcuts) -> Iterator[None]:
+        yield from ()
+
+    monkeypatch.setattr(Shortcuts, "make", nothing)
+    assert detour_of(offset_doors()) > 1.5 > follows, "without them this world has long ways round"
