@@ -94,21 +94,31 @@ class Corridor:
         return _ground(self, floor_at)
 
     def _ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
-        xy = self.cells()
+        ground = np.empty((self.rows, CELLS, 3))
+        ground[..., :2] = self.cells()
         if self.eye is None:
-            return _lifted(xy, np.asarray(floor_at(xy), np.float64))
-        level = float(floor_at(np.array([*self.start, self.eye])))
-        found = np.asarray(floor_at(_lifted(xy, level)), np.float64)
+            ground[..., 2] = floor_at(ground[..., :2])
+            return ground
+        level = ground[..., 2] = _level(self.start, self.eye, floor_at)
+        found = np.asarray(floor_at(ground), np.float64)
         if np.abs(found - level).max() > _LEVEL:
-            for row in range(len(xy)):
-                found[row] = floor_at(_lifted(xy[row], level))
-                level = float(np.median(found[row]))
-        return _lifted(xy, found)
+            for row in ground:
+                row[:, 2] = level
+                row[:, 2] = floor_at(row)
+                level = float(np.median(row[:, 2]))
+            return ground
+        ground[..., 2] = found
+        return ground
 
     def end(self, floor_at: HeightAt) -> float:
         """World z of the floor at the target, as `ground` follows it."""
         row = round((self.length - NEAR) / DEPTH - 0.5)
         return float(np.median(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2]))
+
+
+@lru_cache(maxsize=16)
+def _level(start: tuple[float, float], eye: float, floor_at: HeightAt) -> float:
+    return float(floor_at(np.array([*start, eye])))
 
 
 # The corridors of one viewpoint are asked about several times: what to render, what was seen, where each ends.
@@ -235,8 +245,3 @@ def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, suppo
 
 def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.round(np.clip(values, 0.0, 1.0) * 255).astype(np.uint8)
-
-
-def _lifted(xy: NDArray[np.float64], z: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """(..., 3) places (..., 2) at heights (...) or one height."""
-    return np.concatenate([xy, np.broadcast_to(z, xy.shape[:-1])[..., None]], axis=-1)
