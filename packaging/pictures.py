@@ -26,6 +26,7 @@ from app.panels.jobs import JobPanel
 from app.panels.results import ResultPanel
 from app.session import Session
 from app.start.application import make_application
+from app.thresholds.calibration_panel import CalibrationPanel
 from app.wiring.frames import FramePart
 from app.wiring.inspector import InspectorPart
 from app.wiring.jobs import JobsPart
@@ -33,6 +34,7 @@ from app.wiring.jobs import JobsPart
 SIZE = (1280, 780)
 STEP = 5  # of 256 to which colours are rounded: what an eye does not see, and half of the bytes
 SECONDS = 240.0
+WANT = 0.97  # the validity that a suggestion must surely have; the building is too small for more
 TRAINING = ["--submaps", "1", "--steps", "900", "--image-size", "320"]
 
 
@@ -118,6 +120,17 @@ def shoot(camera: Camera) -> None:
     camera.until(lambda: panel.apply.isEnabled())
     camera.take("window-thresholds")
     panel.reset.click()
+
+    calibration = window.panels["calibration"]
+    assert isinstance(calibration, CalibrationPanel)
+    calibration.want.setValue(WANT)
+    table["calibration"].trigger()
+    camera.docks(calibration=300)
+    camera.until(lambda: calibration.list.topLevelItemCount() > 1)
+    last = calibration.list.topLevelItem(calibration.list.topLevelItemCount() - 1)
+    assert last is not None
+    calibration.list.setCurrentItem(last)
+    camera.take("window-calibration")
 
     camera.docks(jobs=250)
     part = next(p for p in window.parts if isinstance(p, JobsPart))

@@ -4,6 +4,7 @@ window itself knows none of them."""
 from __future__ import annotations
 
 from app.actions import Action
+from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
 from app.wiring.camera_path import CameraPathPart
 from app.wiring.checking import CheckPart
@@ -48,6 +49,7 @@ PARTS: tuple[type[Part], ...] = (
     NewProjectPart,
     ResultPart,
     LogPart,
+    CalibratePart,
     ModePart,
     EditPart,
     ContextPart,

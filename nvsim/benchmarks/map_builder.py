@@ -68,12 +68,12 @@ def measure(max_viewpoints: int = 60) -> dict[str, Any]:
 def hall() -> SubmapModel:
     """The hall: walls and four rows of desks, covered with flat opaque Gaussians; the floor is left empty."""
     (w, d), h = HALL, _HEIGHT
-    parts = [_panel((0, 0), (w, 0), h), _panel((0, d), (w, d), h), _panel((0, 0), (0, d), h), _panel((w, 0), (w, d), h)]
+    parts = [panel((0, 0), (w, 0), h), panel((0, d), (w, d), h), panel((0, 0), (0, d), h), panel((w, 0), (w, d), h)]
     for x in (3.0, 6.5, 10.0, 13.5):
         for y in (3.0, 6.0, 9.0):
             a, b = (x - 0.6, y - 0.4), (x + 0.6, y + 0.4)
             corners = [a, (b[0], a[1]), b, (a[0], b[1])]
-            parts += [_panel(p, q, 0.75) for p, q in zip(corners, corners[1:] + corners[:1])]
+            parts += [panel(p, q, 0.75) for p, q in zip(corners, corners[1:] + corners[:1])]
     means = np.concatenate([p[0] for p in parts]).astype(np.float32)
     quats = np.concatenate([p[1] for p in parts]).astype(np.float32)
     count = len(means)
@@ -84,10 +84,10 @@ def hall() -> SubmapModel:
     return SubmapModel(gaussians, None, None, FloorSurface.flat(0.0))
 
 
-def _panel(
+def panel(
     a: tuple[float, float], b: tuple[float, float], height: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres (N, 3) and quaternions (N, 4) of an upright panel from a to b, in a regular grid."""
+    """Centres (N, 3) and quaternions (N, 4) of an upright panel from a to b, metres, in a regular grid."""
     along = np.array(b) - np.array(a)
     length = float(np.hypot(*along))
     s = (np.arange(max(1, round(length / _SPACING))) + 0.5) * _SPACING / length

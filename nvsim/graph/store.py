@@ -52,7 +52,7 @@ _VIEWPOINT: Mapping[str, type] = {
     "height": float,
     "submap": int,
 }
-_BLOB = "_blob"  # evidence keeps the blob it was read from, so that writing it again costs nothing
+_BLOB = "_blob"  # evidence keeps the blob it was read from or written as, so that writing it again costs nothing
 
 # A row of JSON values, in the order of the fields. Rows that older versions wrote are shorter.
 viewpoint_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Viewpoint)))
@@ -110,7 +110,9 @@ def encode_evidence(evidence: Evidence) -> bytes:
         planes += [second.alpha, second.up, *(getattr(second, name) for name in header["second"][1])]
     text = json.dumps(header, separators=(",", ":")).encode()
     raw = b"".join(plane.tobytes() for plane in planes) + np.packbits(evidence.support).tobytes()
-    return struct.pack("<BI", version, len(text)) + text + zlib.compress(raw, level=6)
+    blob = struct.pack("<BI", version, len(text)) + text + zlib.compress(raw, level=6)
+    evidence.__dict__[_BLOB] = blob
+    return blob
 
 
 def decode_evidence(blob: bytes) -> Evidence:

@@ -32,15 +32,17 @@ _TRIES = 3  # places on either side of a gap in the trajectory that a joining st
 _FEW = 3  # viewpoints; with fewer, the floor beside the trajectory is tried too,
 _BESIDE = 0.5  # metres, at places so far apart
 _HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the trajectory
-_KEEPING = 5.0  # seconds between two savings of what was measured
+_KEEPING = 5.0  # seconds between two savings of what was measured,
+_RARELY = 20  # times as long as one took, at least
 _CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
 
 
 @dataclass(frozen=True, eq=False)
 class BuildResult:
-    """`report` is JSON-able: viewpoints, edges, components, starts, rendered_viewpoints, rendered_views, seconds,
-    viewpoints_per_s, decisions (word -> count), walk_uncovered (places), isolated_removed, limited, stopped.
-    `measured` is all evidence, as a graph of nothing else: also of viewpoints that the graph does not have."""
+    """`report` is JSON-able: viewpoints, edges, components, starts, rendered_viewpoints, rendered_views, seconds in all
+    and search_seconds before the settling, viewpoints_per_s, decisions (word -> count), walk_uncovered (places),
+    isolated_removed, limited, stopped. `measured` is all evidence, as a graph of nothing else: also of viewpoints that
+    the graph does not have."""
 
     graph: NavGraph
     report: dict[str, Any]
@@ -101,7 +103,7 @@ def build_map(
         explorer.cover()
         explorer.bridge()
         explorer.beside()
-    draft = search.draft
+    draft, searched = search.draft, time.monotonic()
     if config.settle and not should_stop():
         Settling(survey, should_stop, explorer.progress).run()
     if not draft.viewpoints and not should_stop():
@@ -126,6 +128,7 @@ def build_map(
         "rendered_viewpoints": measurements.rendered_viewpoints,
         "rendered_views": measurements.rendered_views,
         "seconds": round(seconds, 3),
+        "search_seconds": round(searched - started, 3),
         "viewpoints_per_s": round(measurements.rendered_viewpoints / max(seconds, 1e-9), 3),
         "decisions": dict(sorted(words.items())),
         "walk_uncovered": len(uncovered),
@@ -180,7 +183,7 @@ class _Explorer:
         self._search, self._walk, self._config = search, walk, config
         self._listen, self._should_stop = listen, should_stop
         self._tried: set[int] = set()
-        self._keep, self._kept = keep, time.monotonic()
+        self._keep, self._kept, self._pause = keep, time.monotonic(), _KEEPING
 
     def begin(self, place: NDArray[np.floating]) -> None:
         """Starts at one place (3,), on the trajectory or beside it."""
@@ -258,6 +261,9 @@ class _Explorer:
         found = len(self._search.draft.viewpoints)
         done = found - self._search.waiting
         self._listen(Progress(STAGE, max(0, done), max(1, found), f"{found} viewpoints"))
-        if time.monotonic() - self._kept > _KEEPING:
+        now = time.monotonic()
+        if now - self._kept > self._pause:
             self._keep()
             self._kept = time.monotonic()
+            # It holds more every time.
+            self._pause = max(_KEEPING, _RARELY * (self._kept - now))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import WIDEST, MappingConfig
+from nvsim.mapping.floor_pixels import FloorPixels
 from nvsim.mapping.view_source import Ensemble, ViewSource
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
@@ -48,8 +49,13 @@ def ahead(heading: float, distance: float) -> NDArray[np.float64]:
 def camera_towards(position: NDArray[np.floating], heading: float, config: MappingConfig) -> Camera:
     """A view from a little behind straight down to a little above the horizon: it holds every cell of a corridor within
     22.5 degrees of `heading`."""
-    size = config.view_size
-    return Camera(Intrinsics.from_fov(size, size, _FOV), look(position, heading, _PITCH))
+    x, y, z = (float(v) for v in position)
+    return _camera((x, y, z), float(heading), config.view_size)
+
+
+@lru_cache(maxsize=16)
+def _camera(place: tuple[float, float, float], heading: float, size: int) -> Camera:
+    return Camera(Intrinsics.from_fov(size, size, _FOV), look(np.array(place), heading, _PITCH))
 
 
 @dataclass(frozen=True)
@@ -83,23 +89,49 @@ class Corridor:
         return np.array(self.start) + along[:, None, None] * forward + across[None, :, None] * right
 
     def ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
-        """(rows, CELLS, 3) the cell centres on the floor. Of storeys over one another it is the floor that leads on
-        from the start: on a slope it is followed row by row."""
-        xy = self.cells()
+        """(rows, CELLS, 3) the cell centres on the floor, not to be changed. Of storeys over one another it is the
+        floor that leads on from the start: on a slope it is followed row by row."""
+        return _ground(self, floor_at)
+
+    def _ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
+        ground = np.empty((self.rows, CELLS, 3))
+        ground[..., :2] = self.cells()
         if self.eye is None:
-            return _lifted(xy, np.asarray(floor_at(xy), np.float64))
-        level = float(floor_at(np.array([*self.start, self.eye])))
-        found = np.asarray(floor_at(_lifted(xy, level)), np.float64)
+            ground[..., 2] = floor_at(ground[..., :2])
+            return ground
+        level = ground[..., 2] = _level(self.start, self.eye, floor_at)
+        found = np.asarray(floor_at(ground), np.float64)
         if np.abs(found - level).max() > _LEVEL:
-            for row in range(len(xy)):
-                found[row] = floor_at(_lifted(xy[row], level))
-                level = float(np.median(found[row]))
-        return _lifted(xy, found)
+            for row in ground:
+                row[:, 2] = level
+                row[:, 2] = floor_at(row)
+                level = float(np.median(row[:, 2]))
+            return ground
+        ground[..., 2] = found
+        return ground
 
     def end(self, floor_at: HeightAt) -> float:
         """World z of the floor at the target, as `ground` follows it."""
         row = round((self.length - NEAR) / DEPTH - 0.5)
         return float(np.median(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2]))
+
+
+@lru_cache(maxsize=16)
+def _level(start: tuple[float, float], eye: float, floor_at: HeightAt) -> float:
+    return float(floor_at(np.array([*start, eye])))
+
+
+# The corridors of one viewpoint are asked about several times: what to render, what was seen, where each ends.
+@lru_cache(maxsize=128)
+def _ground(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
+    found = corridor._ground(floor_at)
+    found.setflags(write=False)
+    return found
+
+
+@lru_cache(maxsize=64)
+def _pixels(camera: Camera, corridor: Corridor, floor_at: HeightAt) -> FloorPixels:
+    return FloorPixels.of(camera, corridor.ground(floor_at))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +149,7 @@ class FloorView:
 
     def shows(self, corridor: Corridor, floor_at: HeightAt) -> bool:
         """Whether every pixel that `corridor` is read from was rendered."""
-        pixels, inside, _ = _cells_in(self.camera, corridor, floor_at)
-        return bool(self.seen[_corners(pixels, inside, self.seen.shape)].all())
+        return bool(self.seen.reshape(-1)[_pixels(self.camera, corridor, floor_at).read].all())
 
 
 def look_down(
@@ -153,8 +184,7 @@ def pixels_read(camera: Camera, corridors: Sequence[Corridor], floor_at: HeightA
     """(H, W) the pixels of a view that `measure` reads `corridors` from."""
     mask = np.zeros((camera.intrinsics.height, camera.intrinsics.width), bool)
     for corridor in corridors:
-        pixels, inside, _ = _cells_in(camera, corridor, floor_at)
-        mask[_corners(pixels, inside, mask.shape)] = True
+        mask.reshape(-1)[_pixels(camera, corridor, floor_at).read] = True
     return mask
 
 
@@ -180,14 +210,13 @@ def measure(
     background's floor, whose normal points up, and adds to the z of the Gaussians' normals. The depth is the
     composite's too: that share of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
     """
-    ground = corridor.ground(floor_at)
-    pixels, inside, to_floor = _pixels_of(view.camera, ground)
-    alpha = np.where(inside, _bilinear(view.alpha, pixels), 1.0)
-    normal_z = np.where(inside, _bilinear(view.normal_z, pixels), 0.0)
+    ground, pixels = corridor.ground(floor_at), _pixels(view.camera, corridor, floor_at)
+    alpha = np.where(pixels.inside, pixels.values(view.alpha), 1.0)
+    normal_z = np.where(pixels.inside, pixels.values(view.normal_z), 0.0)
     reach = None
     if view.depth is not None:
-        share = _bilinear(view.depth, pixels) / np.maximum(to_floor, 1e-6) + (1.0 - alpha)
-        reach = _bytes(np.where(inside, share, 0.0))
+        share = pixels.values(view.depth) / np.maximum(pixels.depth, 1e-6) + (1.0 - alpha)
+        reach = _bytes(np.where(pixels.inside, share, 0.0))
     return Evidence(
         viewpoint,
         direction,
@@ -216,52 +245,3 @@ def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, suppo
 
 def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.round(np.clip(values, 0.0, 1.0) * 255).astype(np.uint8)
-
-
-def _cells_in(
-    camera: Camera, corridor: Corridor, floor_at: HeightAt
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
-    """See `_pixels_of`, of the cell centres on the floor."""
-    return _pixels_of(camera, corridor.ground(floor_at))
-
-
-def _lifted(xy: NDArray[np.float64], z: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """(..., 3) places (..., 2) at heights (...) or one height."""
-    return np.concatenate([xy, np.broadcast_to(z, xy.shape[:-1])[..., None]], axis=-1)
-
-
-def _pixels_of(
-    camera: Camera, ground: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
-    """(rows, CELLS, 2) pixels of points (rows, CELLS, 3), (rows, CELLS) whether they lie in the image, with a pixel's
-    grace at its border, and (rows, CELLS) their depth, metres."""
-    pixels, depth = camera.project(ground)
-    u, v, k = pixels[..., 0], pixels[..., 1], camera.intrinsics
-    inside = (depth > 0) & (u > -1) & (v > -1) & (u < k.width + 1) & (v < k.height + 1)
-    return pixels, np.asarray(inside), np.asarray(depth)
-
-
-def _neighbours(pixels: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
-    """Of pixels (..., 2), whose centres lie at halves: the columns and rows of the four pixels around, border pixels
-    for what is outside, u0, u1, v0, v1, and how far between them, fu, fv."""
-    height, width = shape
-    u = np.clip(pixels[..., 0] - 0.5, 0, width - 1)
-    v = np.clip(pixels[..., 1] - 0.5, 0, height - 1)
-    u0, v0 = u.astype(np.int64), v.astype(np.int64)
-    return u0, np.minimum(u0 + 1, width - 1), v0, np.minimum(v0 + 1, height - 1), u - u0, v - v0
-
-
-def _corners(
-    pixels: NDArray[np.float64], inside: NDArray[np.bool_], shape: tuple[int, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns (n,) of all pixels that `_bilinear` reads for those `inside`."""
-    u0, u1, v0, v1, *_ = (a.astype(np.int64) for a in _neighbours(pixels[inside], shape))
-    return np.concatenate([v0, v0, v1, v1]), np.concatenate([u0, u1, u0, u1])
-
-
-def _bilinear(picture: NDArray[np.float32], pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(...) values at pixels (..., 2)."""
-    u0, u1, v0, v1, fu, fv = _neighbours(pixels, picture.shape)
-    top = picture[v0, u0] * (1 - fu) + picture[v0, u1] * fu
-    bottom = picture[v1, u0] * (1 - fu) + picture[v1, u1] * fu
-    return np.asarray(top * (1 - fv) + bottom * fv, np.float64)

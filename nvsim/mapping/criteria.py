@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,9 +185,8 @@ def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, f
 def under(evidence: Evidence, config: MappingConfig) -> NDArray[np.bool_]:
     """(rows, cells) the cells within the robot's radius of the viewpoint; a point-like robot stands on the first ones
     as well."""
-    along, across = _centres(evidence)
-    reach = max(config.half_width, evidence.near + evidence.depth)
-    return np.asarray(np.hypot(along[:, None], across[None, :]) <= reach)
+    grid = _Grid.of(evidence)
+    return _under(grid, max(config.half_width, grid.near + grid.depth))
 
 
 def answers(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
@@ -204,14 +205,42 @@ def answers(evidence: Evidence, length: float, heading: float, config: MappingCo
 def corridor_of(evidence: Evidence, config: MappingConfig) -> Part:
     """The rows up to the end of the step and the robot's radius beyond, the cells within its radius of the middle; at
     least one of each, so that a point-like robot has a corridor as well."""
-    along, across = _centres(evidence)
-    rows = max(1, int((along - evidence.depth / 2 < evidence.length + config.half_width - 1e-9).sum()))
-    inside = np.flatnonzero(np.abs(across) <= max(config.half_width, evidence.width / evidence.alpha.shape[1]) + 1e-9)
+    grid = _Grid.of(evidence)
+    return _part(grid, evidence.length, config.half_width)
+
+
+class _Grid(NamedTuple):
+    """The cells of evidence; metres."""
+
+    rows: int
+    cells: int
+    near: float
+    depth: float
+    width: float
+
+    @staticmethod
+    def of(evidence: Evidence) -> _Grid:
+        rows, cells = evidence.alpha.shape
+        return _Grid(rows, cells, evidence.near, evidence.depth, evidence.width)
+
+
+@lru_cache(maxsize=64)
+def _under(grid: _Grid, reach: float) -> NDArray[np.bool_]:
+    along, across = _centres(grid)
+    found = np.asarray(np.hypot(along[:, None], across[None, :]) <= reach)
+    found.setflags(write=False)
+    return found
+
+
+@lru_cache(maxsize=1024)
+def _part(grid: _Grid, length: float, half_width: float) -> Part:
+    along, across = _centres(grid)
+    rows = max(1, int((along - grid.depth / 2 < length + half_width - 1e-9).sum()))
+    inside = np.flatnonzero(np.abs(across) <= max(half_width, grid.width / grid.cells) + 1e-9)
     return slice(0, rows), slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def _centres(evidence: Evidence) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _centres(grid: _Grid) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """(rows,) metres ahead and (cells,) metres to the right of the cell centres."""
-    rows, cells = evidence.alpha.shape
-    along = evidence.near + (np.arange(rows) + 0.5) * evidence.depth
-    return along, ((np.arange(cells) + 0.5) / cells - 0.5) * evidence.width
+    along = grid.near + (np.arange(grid.rows) + 0.5) * grid.depth
+    return along, ((np.arange(grid.cells) + 0.5) / grid.cells - 0.5) * grid.width

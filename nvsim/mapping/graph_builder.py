@@ -31,6 +31,7 @@ class GraphBuilder:
         self._edges: dict[tuple[str, str], Edge] = {}
         self._joined: dict[str, set[str]] = {}
         self._buckets: dict[tuple[int, int], list[str]] = {}
+        self._measured_to: dict[str, set[str]] = {}  # id -> where evidence of corridors to it was kept
 
     def put(self, viewpoint: Viewpoint) -> None:
         """Adds a viewpoint, or replaces the one with its id, which must stand at the same place."""
@@ -46,9 +47,16 @@ class GraphBuilder:
             self.cut(id, other)
         self._buckets[_bucket(self.viewpoints[id].position)].remove(id)
         del self.viewpoints[id], self.evidence[id], self._joined[id]
-        for found in self.evidence.values():
+        for other in self._measured_to.pop(id, ()):
+            found = self.evidence.get(other, {})
             for direction in [k for k, e in found.items() if e.joins == id]:
                 del found[direction]
+
+    def keep(self, evidence: Evidence) -> None:
+        """Evidence in place of what was known of the same direction."""
+        self.evidence[evidence.viewpoint][evidence.direction] = evidence
+        if evidence.joins:
+            self._measured_to.setdefault(evidence.joins, set()).add(evidence.viewpoint)
 
     def join(self, a: str, b: str, origin: EdgeOrigin) -> None:
         new = edge(a, b, origin)

@@ -56,6 +56,9 @@ class Measurements:
                 self._joins[evidence.viewpoint, evidence.joins] = evidence
             else:
                 self._steps[evidence.key] = evidence
+        self._numbered: dict[tuple[str, str], tuple[Evidence, Evidence]] = {}
+        self._others: dict[str, int | None] = {}
+        self._ends: dict[tuple[tuple[float, ...], tuple[float, float]], float] = {}
         self._views: tuple[str, list[dict[int, FloorView]]] = ("", [])
         self._ensemble = source if isinstance(source, Ensemble) else None
         self._slices: dict[int, Slice] = {}
@@ -122,15 +125,21 @@ class Measurements:
 
     def everything(self) -> tuple[Evidence, ...]:
         """All evidence measured or remembered so far; corridors to other viewpoints are numbered from 8."""
-        joins = enumerate(self._joins.values(), DIRECTIONS)
-        return (*self._steps.values(), *(replace(e, direction=i) for i, e in joins))
+        for i, (ends, measured) in enumerate(self._joins.items(), DIRECTIONS):
+            # The same objects every time: one that was written remembers its bytes.
+            if ends not in self._numbered or self._numbered[ends][0] is not measured:
+                self._numbered[ends] = measured, replace(measured, direction=i)
+        return (*self._steps.values(), *(numbered for _, numbered in self._numbered.values()))
 
     def _step(self, viewpoint: Viewpoint, k: int) -> Corridor:
         return _corridor(viewpoint, self._lattice.target(viewpoint.id, k))
 
     def arrival(self, viewpoint: Viewpoint, target: tuple[float, float]) -> tuple[float, float, float]:
         """World x, y, z of the camera that has gone from a viewpoint to `target` (x, y), as high above the floor."""
-        return *target, _corridor(viewpoint, target).end(self._floor_at) + viewpoint.height
+        ends = viewpoint.position, target
+        if ends not in self._ends:
+            self._ends[ends] = _corridor(viewpoint, target).end(self._floor_at)
+        return *target, self._ends[ends] + viewpoint.height
 
     def _holds(self, evidence: Evidence, corridor: Corridor, another: int | None) -> bool:
         heard = another is None or evidence.second is not None
@@ -140,7 +149,9 @@ class Measurements:
         """The submap whose opinion is asked beside that of the one that renders the viewpoint."""
         if self._ensemble is None or not self._config.second_opinion:
             return None
-        return self._ensemble.another(np.array(viewpoint.position))
+        if viewpoint.id not in self._others:
+            self._others[viewpoint.id] = self._ensemble.another(np.array(viewpoint.position))
+        return self._others[viewpoint.id]
 
     def _look_down(
         self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]], another: int | None

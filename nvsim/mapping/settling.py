@@ -10,7 +10,7 @@ get one, at the end of a shorter step. The criteria are those of the search thro
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +36,7 @@ class Settling:
         self._survey, self._draft, self._config = survey, survey.draft, survey.config
         self._should_stop, self._progress = should_stop, progress
         self._ways = Ways(survey.draft)
+        self._in_line: dict[tuple[str, str], bool] = {}
 
     def run(self) -> None:
         """Thins, joins, restores what hung together, and fills. A run that is stopped leaves the search's graph."""
@@ -171,15 +172,23 @@ class Settling:
 
     def _near(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
         """Others within reach that known floor leads straight to, the nearest first."""
-        here = np.array(viewpoint.position)
-        others = (v for v in self._draft.near(here, reach) if v.id != viewpoint.id)
-        return [v for v in others if self._survey.walk.in_line(here, np.array(v.position))]
+        here, known = np.array(viewpoint.position), self._in_line
+        others = [v for v in self._draft.near(here, reach) if v.id != viewpoint.id]
+        new = [v for v in others if (viewpoint.id, v.id) not in known]
+        there = np.array([v.position for v in new]).reshape(-1, 3)
+        found = self._survey.walk.all_in_line(np.broadcast_to(here, there.shape), there)
+        known.update(((viewpoint.id, v.id), bool(line)) for v, line in zip(new, found, strict=True))
+        return [v for v in others if known[viewpoint.id, v.id]]
+
+    def _reached(self, viewpoint: Viewpoint) -> Iterator[Viewpoint]:
+        """What is near enough for an edge; looked for when somebody asks."""
+        yield from self._near(viewpoint, self._config.reach)
 
     def _is_open(self, a: Viewpoint, b: Viewpoint, spare: float = 0.0) -> bool:
         """Whether the corridor between two viewpoints passes, both ways where that is asked, with `spare` metres of
         room at either side."""
         for here, there in ((a, b), (b, a)) if self._config.both_ways else ((a, b),):
-            if self._survey.way(here, there, self._near(here, self._config.reach)) != OPEN:
+            if self._survey.way(here, there, self._reached(here)) != OPEN:
                 return False
             if spare and self._survey.known(here, there, spare) != OPEN:
                 return False

@@ -95,4 +95,4 @@ class Survey:
 
     def keep(self, evidence: Evidence) -> None:
         """Evidence in place of what was known of the same direction."""
-        self.draft.evidence[evidence.viewpoint][evidence.direction] = evidence
+        self.draft.keep(evidence)

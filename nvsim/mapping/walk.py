@@ -13,6 +13,7 @@ _SPACING = 0.4  # metres between the places that are looked at
 _JUMP = 1.5  # metres between neighbours beyond which the trajectory is not taken as connected
 _CELL = 0.1  # metres, of the grid that clearance is measured on
 _REACH = 3.0  # metres, the largest clearance that is told apart
+_LOOKED = 0.05  # metres between places of a line at which its floor is asked for
 _UPRIGHT = 3.0  # how much farther a metre upwards is than one along the floor, where storeys lie over one another
 
 
@@ -67,9 +68,20 @@ class Walk:
 
     def in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
         """Whether all floor on the straight line between two places (2,), or cameras (3,), is supported."""
-        count = max(2, int(np.ceil(np.hypot(*(b - a)[:2]) / 0.05)) + 1)
-        share = np.linspace(0.0, 1.0, count)[:, None]
-        return bool(np.all(self._support(a + share * (b - a))))
+        return bool(self.all_in_line(np.asarray(a)[None], np.asarray(b)[None])[0])
+
+    def all_in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) the same for each pair of places (N, 2), or cameras (N, 3); asked together they cost little."""
+        if len(a) == 0:
+            return np.zeros(0, bool)
+        way = b - a
+        count = np.maximum(2, np.ceil(np.hypot(way[:, 0], way[:, 1]) / _LOOKED).astype(np.int64) + 1)
+        first = np.cumsum(count) - count
+        line = np.repeat(np.arange(len(a)), count)
+        share = (np.arange(len(line)) - first[line]) * (1.0 / (count - 1))[line]
+        share[first + count - 1] = 1.0
+        known = np.asarray(self._support(a[line] + share[:, None] * way[line]), bool)
+        return np.asarray(np.logical_and.reduceat(known, first))
 
     def beside(self, clearance: float, spacing: float) -> NDArray[np.float64]:
         """(K, 3) places on known floor within 3 m of a camera and in its height, the one with the most clearance of

@@ -273,10 +273,10 @@ class Project:
             return StackedSupport.load(self.layout.support, floor_of(self))
         return FloorSupport.load(self.layout.support)
 
-    def scene(self, memory_budget: int | None = None, live: bool = False) -> SceneModel | None:
+    def scene(self, memory_budget: int | None = None, live: bool = False, colours: bool = True) -> SceneModel | None:
         """The ensemble of the submap models in use, with `memory_budget` bytes for those in memory (see SceneModel);
         None while there is none. With `live` the models in training stand in for those that were never finished, as
-        long as all are of one cut."""
+        long as all are of one cut. Without `colours` they are grey, and small."""
         submaps, layout = self.submaps("train"), self.layout
         live = live and not self.is_former("train")
         places = [[layout.model(s.index), *([layout.live(s.index)] if live else [])] for s in submaps]
@@ -287,7 +287,9 @@ class Project:
 
         root = self.root
         # A folder goes when its training ends, or when two newer models took its place while this scene was open.
-        return SceneModel(submaps, found, memory_budget, moved=lambda index: results.layout_of(root).model(index))
+        return SceneModel(
+            submaps, found, memory_budget, moved=lambda index: results.layout_of(root).model(index), colours=colours
+        )
 
     @property
     def may_have_occupancy(self) -> bool:

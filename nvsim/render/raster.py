@@ -87,6 +87,15 @@ def _draw_part(
     batch = np.empty((AHEAD, WIDTH), np.float32)
     for tile in range(thread, tiles, threads):
         left, top = (tile % columns) * TILE, (tile // columns) * TILE
+        if offsets[tile] == offsets[tile + 1]:
+            last[tile] = offsets[tile]
+            right, bottom = min(left + TILE, width), min(top + TILE, height)
+            transmittance[top:bottom, left:right] = _F(1)
+            rgb[top:bottom, left:right] = _F(0)
+            if geometry:
+                depth[top:bottom, left:right] = _F(0)
+                normal[top:bottom, left:right] = _F(0)
+            continue
         for y in range(TILE):
             line = planes[y]
             for i in range(TILE):

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.backends import Backend
+from nvsim.render.backends import Backend, chosen
+from nvsim.render.gaussians import render_over
 from nvsim.render.model import render_model
+from nvsim.render.nearby import Nearby, uncoloured
 from nvsim.render.types import RenderOutput
 from nvsim.render.workspace import tiles_of
 from nvsim.splats.scene import SceneModel
-from nvsim.splats.types import SubmapModel
+from nvsim.splats.types import Gaussians, SubmapModel
+
+_nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
 
 
 def render_regions(
@@ -35,10 +40,22 @@ def render_regions(
         if mask.shape != size:
             raise ValueError(f"a mask of {mask.shape} for a view of {size}")
         if mask.any():
-            views.append(render_model(model_of(scene, camera.position), camera, channels, tiles_of(mask), backend))
+            views.append(_view(model_of(scene, camera.position), camera, channels, tiles_of(mask), backend))
         else:
             views.append(_nothing(size, channels))
     return views
+
+
+def _view(
+    model: SubmapModel, camera: Camera, channels: frozenset[str], tiles: NDArray[np.bool_], backend: Backend
+) -> RenderOutput:
+    if "rgb" in channels or chosen(backend) != "numba":
+        return render_model(model, camera, channels, tiles, backend)
+    # Without colours few Gaussians count, and these do not change with the position.
+    if model.gaussians not in _nearby:
+        _nearby[model.gaussians] = Nearby(model.gaussians)
+    gaussians = uncoloured(model.gaussians, _nearby[model.gaussians].rows(camera, tiles))
+    return render_over(gaussians, camera, channels, model.antialiased, tiles, "numba")[0]
 
 
 def model_of(scene: SceneModel | SubmapModel, position: NDArray[np.floating]) -> SubmapModel:

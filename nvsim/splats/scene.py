@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -35,6 +36,7 @@ class SceneModel:
                     border, if it fits without the one in use being let go
     moved           asked for the folder of a submap's model when the known one vanished: its training has ended, or
                     another model took its place
+    colours         whether the models keep theirs; else they are grey, without background, in a fifth of the memory
 
     Raises ValueError when the lists do not match or no submap has a model.
     """
@@ -46,6 +48,7 @@ class SceneModel:
         memory_budget: int | None = None,
         ahead: bool = True,
         moved: Callable[[int], Path] | None = None,
+        colours: bool = True,
     ) -> None:
         if len(submaps) != len(folders):
             raise ValueError(f"{len(submaps)} submaps but {len(folders)} folders")
@@ -56,6 +59,7 @@ class SceneModel:
         self._budget = default_budget() if memory_budget is None else memory_budget
         self._ahead = ahead
         self._moved = moved
+        self._colours = colours
         self._positions = np.concatenate([s.positions for s in self._submaps])
         self._firsts = np.cumsum([0, *(len(s.positions) for s in self._submaps[:-1])])
         self._frames = np.concatenate([s.core for s in self._submaps]).astype(np.int64)
@@ -132,10 +136,14 @@ class SceneModel:
                     self._let_go(keep=0)
             model = None
             try:
-                model = self._with_folder(index, load_model)
+                model = self._with_folder(index, self._load)
             finally:
                 self._end(index, model)
             return model
+
+    def _load(self, folder: Path) -> SubmapModel:
+        model = load_model(folder)
+        return model if self._colours else _grey(model)
 
     def _with_folder(self, index: int, read: Callable[[Path], T]) -> T:
         """What `read` makes of the folder of a model, and of the one that it moved to when it vanishes meanwhile."""
@@ -180,7 +188,7 @@ class SceneModel:
                     self._loading[index] = needed
                     self._let_go(keep=1)
             if fits:
-                model = self._with_folder(index, load_model)
+                model = self._with_folder(index, self._load)
         except Exception:
             # Whoever asks for this model is told what is wrong with it; a guess bothers nobody.
             with self._changed:
@@ -215,6 +223,12 @@ class SceneModel:
         """(submaps,) metres to the nearest core camera of each."""
         squares = np.sum((self._positions - position) ** 2, axis=1)
         return np.asarray(np.sqrt(np.minimum.reduceat(squares, self._firsts)), np.float64)
+
+
+def _grey(model: SubmapModel) -> SubmapModel:
+    """What alpha, depth and normals are drawn from."""
+    grey = replace(model.gaussians, sh=np.zeros((len(model.gaussians), 1, 3), np.float32))
+    return replace(model, gaussians=grey, background=None, texture=None, appearance=None)
 
 
 def default_budget() -> int:

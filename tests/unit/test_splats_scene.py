@@ -11,6 +11,7 @@ import pytest
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.model import render_model
 from nvsim.render.scene import render_scene
 from nvsim.splats import files as files_module
 from nvsim.splats import scene as scene_module
@@ -212,3 +213,17 @@ def test_a_model_that_vanished_is_an_input_error(folders):
     with pytest.raises(InputError, match=r"model\.json"):
         scene.model(1)
     assert scene.loaded == ()
+
+
+def test_without_colours_models_take_a_fifth_of_the_memory_and_show_the_same_shapes(tmp_path):
+    r = np.random.default_rng(0)
+    arrays = (r.normal(0, 1, (500, 3)), r.normal(-3, 0.3, (500, 3)), r.normal(size=(500, 4)), r.normal(0, 1, 500))
+    gaussians = Gaussians(*(np.float32(a) for a in arrays), r.normal(0, 0.3, (500, 16, 3)).astype(np.float32))
+    save_model(SubmapModel(gaussians, None, None, FloorSurface.flat(0.0)), tmp_path / "m")
+    place = [Submap(0, (0,), (0,), np.zeros((1, 3)))]
+    coloured, grey = (SceneModel(place, [tmp_path / "m"], colours=c) for c in (True, False))
+    camera = Camera(Intrinsics.from_fov(40, 40, 1.5), look(np.array([0.0, -3.0, 0.0]), 0.0))
+    whole, shape = (render_model(s.model(0), camera, frozenset({"alpha", "normal", "depth"})) for s in (coloured, grey))
+    for name in ("alpha", "normal", "depth"):
+        np.testing.assert_array_equal(getattr(shape, name), getattr(whole, name))
+    assert grey.memory < 0.25 * coloured.memory

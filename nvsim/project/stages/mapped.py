@@ -95,7 +95,7 @@ def run(
     capture = project.need_capture()
     start = start_of(capture, config.start)
     refresh_support(project, listen)
-    scene, support = project.scene(memory_budget), project.support()
+    scene, support = project.scene(memory_budget, colours=False), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
     previous = project.graph() if reapply else None

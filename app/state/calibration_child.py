@@ -1,0 +1,142 @@
+"""Works out what each threshold buys and costs in a process of its own: that takes some seconds of Python, in which a
+window that did it in a thread would move by jerks. Knows no Qt."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.evaluation.calibration import Calibration
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
+
+NICE = 5  # the window comes first
+_NO_MAP = (
+    "There is no occupancy map to judge by: choose one with Map…, or build one of the capture with "
+    "`nvsim occupancy build --project PROJECT`."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """graph as it is shown, and the thresholds `config` that are tried on it; truth: the file of an occupancy map in
+    the project's frame or, with `in_capture`, in that of the capture; None for the map that the project has; want: the
+    validity that is to be sure."""
+
+    project: Path
+    graph: NavGraph
+    config: MappingConfig
+    truth: Path | None = None
+    in_capture: bool = False
+    want: float = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """What was found, and the map that judged."""
+
+    found: Calibration
+    map: Path
+
+
+class CalibrationChild:
+    """One calibration, which `result` begins."""
+
+    def __init__(self, asked: Asked) -> None:
+        self._asked = asked
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._killed = False
+
+    def result(self) -> Calibrated | None:
+        """Works it out and waits for it; None after `kill`. Raises InputError with the reason when it cannot be."""
+        with tempfile.TemporaryDirectory(prefix="nvsim-calibration-") as folder:
+            _write(Path(folder), self._asked)
+            if not self._begin(folder):
+                return None
+            assert self._process is not None
+            found, words = self._process.communicate()
+        if self._killed:
+            return None
+        if self._process.returncode != 0:
+            lines = words.decode(errors="replace").strip().splitlines()
+            why = lines[-1] if lines else f"its process ended with code {self._process.returncode}"
+            raise InputError(why if self._process.returncode == 2 else f"The thresholds cannot be judged: {why}.")
+        data = json.loads(found)
+        return Calibrated(Calibration(**data["calibration"]), Path(data["map"]))
+
+    def _begin(self, folder: str) -> bool:
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+        command = [sys.executable, "-P", "-m", "app.state.calibration_child", folder]
+        pipe = subprocess.PIPE
+        with self._lock:
+            if self._killed:
+                return False
+            try:
+                self._process = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, env=environment
+                )
+            except OSError as error:
+                raise InputError(f"The thresholds cannot be judged: {error}; close other programs.") from error
+        return True
+
+    def kill(self) -> None:
+        """Ends it; from any thread, also before it began and when it has ended."""
+        with self._lock:
+            self._killed = True
+            if self._process is not None:
+                self._process.kill()
+
+
+def _write(folder: Path, asked: Asked) -> None:
+    from nvsim.files.atomic import write_bytes, write_text
+    from nvsim.graph.store import encode_graph
+
+    write_bytes(folder / "graph", encode_graph(asked.graph))
+    rest: dict[str, Any] = {"project": str(asked.project), "config": asdict(asked.config), "want": asked.want}
+    rest |= {"truth": None if asked.truth is None else str(asked.truth), "in_capture": asked.in_capture}
+    write_text(folder / "asked.json", json.dumps(rest))
+
+
+def _work_out(folder: Path) -> dict[str, Any]:
+    from nvsim.evaluation.calibration import calibrate
+    from nvsim.evaluation.truth import true_occupancy
+    from nvsim.graph.store import decode_graph
+    from nvsim.project.built_map import true_map
+    from nvsim.project.project import Project
+
+    asked = json.loads((folder / "asked.json").read_text())
+    graph, config = decode_graph((folder / "graph").read_bytes()), MappingConfig(**asked["config"])
+    chosen = None if asked["truth"] is None else Path(asked["truth"])
+    with Project.open(Path(asked["project"])) as project:
+        truth = chosen or true_map(project)
+        if truth is None:
+            raise InputError(_NO_MAP)
+        frame = "capture" if chosen is not None and asked["in_capture"] else "aligned"
+        occupancy, positions = true_occupancy(project, truth, frame), project.need_capture().positions
+    found = calibrate(graph, occupancy, positions, config, asked["want"], config.robot_radius)
+    return {"calibration": asdict(found), "map": str(truth)}
+
+
+def main(folder: Path) -> int:
+    """Writes what was found to the standard output as JSON; returns the exit code."""
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    try:
+        print(json.dumps(_work_out(folder)))
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))

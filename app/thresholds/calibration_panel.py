@@ -1,0 +1,223 @@
+"""What each threshold buys and costs: a row for each with the suggested value, and the curves of the one chosen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QPushButton,
+    QSplitter,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.look.labels import Label
+from app.look.plain_text import tip
+from app.state.document import Document
+from app.thresholds.calibration_plot import CalibrationPlot
+from app.thresholds.calibration_words import cells, sentences, status
+from app.thresholds.calibrations import Calibrations
+from app.thresholds.trial import Trial
+from nvsim.evaluation.calibration import Judge
+
+_JUDGES: dict[Judge, str] = {"robot": "Free for the robot", "point": "Free for a point"}
+_COLUMNS = ("Threshold", "Now", "Suggested", "Free", "Covered", "Edges")
+_TIPS = (
+    "",
+    "The value of the slider",
+    "The loosest value whose validity is surely enough, the other thresholds unchanged",
+    "Of the ways that pass, the share that is free on the map: now, and with the suggestion",
+    "Of the floor that the trajectory reaches, what a viewpoint of the graph sees within 2.5 m: the change",
+    "How many edges the graph gains or loses",
+)
+
+
+class CalibrationPanel(QWidget):
+    """mapWanted(): a user wants to choose a map."""
+
+    mapWanted = Signal()
+
+    def __init__(
+        self, calibrations: Calibrations, trial: Trial, document: Document, parent: QWidget | None = None
+    ) -> None:
+        super().__init__(parent)
+        self._calibrations, self._trial, self._document = calibrations, trial, document
+        self.status, self.words = Label(self), Label(self)
+        for label in (self.status, self.words):
+            label.setWordWrap(True)
+        self.list = QTreeWidget(self)
+        self.list.setRootIsDecorated(False)
+        self.list.setUniformRowHeights(True)
+        self.list.setHeaderLabels(list(_COLUMNS))
+        self.list.header().setStretchLastSection(False)
+        for column, text in enumerate(_TIPS):
+            self.list.headerItem().setToolTip(column, tip(text))
+        self.list.currentItemChanged.connect(lambda *_: self._show_chosen())
+        self.take = QPushButton(self)
+        self.take.clicked.connect(self.take_suggestion)
+        self.plot = CalibrationPlot(self)
+        self._lay_out()
+        calibrations.changed.connect(self.refresh)
+        trial.changed.connect(self._on_trial)
+        self.refresh()
+
+    def _lay_out(self) -> None:
+        left = QWidget(self)
+        column = QVBoxLayout(left)
+        column.setContentsMargins(6, 4, 6, 4)
+        column.setSpacing(4)
+        column.addLayout(self._controls(left))
+        row = QHBoxLayout()
+        row.addWidget(self.status, 1)
+        row.addWidget(self.frame)
+        column.addLayout(row)
+        column.addWidget(self.list, 1)
+        row = QHBoxLayout()
+        row.addWidget(self.words, 1)
+        row.addWidget(self.take, 0, Qt.AlignmentFlag.AlignTop)
+        column.addLayout(row)
+        split = QSplitter(Qt.Orientation.Horizontal, self)
+        split.addWidget(left)
+        split.addWidget(self.plot)
+        split.setSizes([480, 500])
+        split.setStretchFactor(1, 1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(split)
+
+    def _controls(self, parent: QWidget) -> QHBoxLayout:
+        row = QHBoxLayout()
+        self.judge = QComboBox(parent)
+        for judge, text in _JUDGES.items():
+            self.judge.addItem(text, judge)
+        self.judge.setToolTip("Whether a way is free where the robot's disc touches nothing, or its middle")
+        self.judge.currentIndexChanged.connect(lambda _: self.refresh())
+        self.want = QDoubleSpinBox(parent)
+        self.want.setRange(0.5, 0.999)
+        self.want.setDecimals(3)
+        self.want.setSingleStep(0.01)
+        self.want.setValue(self._calibrations.want)
+        self.want.setPrefix("surely ")
+        self.want.setToolTip("A value is good enough where the 95 % interval of its validity begins here or above")
+        self.want.valueChanged.connect(self._on_want)
+        self.map = QPushButton("Map…", parent)
+        self.map.setToolTip("Choose the occupancy map that judges: a ROS map.yaml, or an OctoMap .bt or .ot")
+        self.map.clicked.connect(self.mapWanted)
+        self.frame = QCheckBox("in the capture's frame", parent)
+        self.frame.setToolTip("Turns the chosen map as the capture was turned when it was imported")
+        self.frame.toggled.connect(self._on_frame)
+        self.again = QPushButton("Calculate", parent)
+        self.again.setToolTip("Judge the graph under the thresholds of the sliders")
+        self.again.clicked.connect(lambda: self._calibrations.start())
+        for widget in (self.judge, self.want, self.map, self.again):
+            row.addWidget(widget)
+        row.addStretch(1)
+        return row
+
+    def choose_map(self, path: Path) -> None:
+        """This map judges from now on."""
+        self._calibrations.truth = path
+        self._calibrations.start()
+
+    def _on_want(self, value: float) -> None:
+        self._calibrations.want = round(value, 6)
+        self.refresh()
+
+    def _on_frame(self, on: bool) -> None:
+        self._calibrations.in_capture = on
+        if self._calibrations.truth is not None:
+            self._calibrations.start()
+
+    @property
+    def chosen(self) -> str:
+        """The threshold whose curves are shown; "" while there is none."""
+        item = self.list.currentItem()
+        return "" if item is None else str(item.data(0, Qt.ItemDataRole.UserRole))
+
+    @property
+    def _judge(self) -> Judge:
+        return next(j for j in get_args(Judge) if j == self.judge.currentData())
+
+    @property
+    def _suffix(self) -> str:
+        return "" if self._judge == "point" else "_robot"
+
+    def take_suggestion(self) -> None:
+        """The slider of the chosen threshold goes to the suggested value."""
+        if self.obstacle is None:
+            config = self._calibrations.taking(self.chosen, self._judge)
+            assert config is not None
+            self._trial.set_config(config)
+
+    @property
+    def obstacle(self) -> str | None:
+        """Why no suggestion can be taken; None when one can."""
+        if self._calibrations.found is None or not self.chosen:
+            return "nothing is worked out yet"
+        if not self._calibrations.is_of_this_graph:
+            return "the graph has changed since this was worked out"
+        value = self._calibrations.suggestion(self.chosen, self._judge)["threshold"]
+        if value is None:
+            return "no value of this threshold is surely good enough"
+        if abs(self._calibrations.value(self.chosen) - value) < 1e-6:
+            return "the slider has the suggested value"
+        return None
+
+    # Showing ---------------------------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        found, chosen = self._calibrations.found, self.chosen
+        self.frame.setVisible(self._calibrations.truth is not None)
+        with QSignalBlocker(self.frame):
+            self.frame.setChecked(self._calibrations.in_capture)
+        self.again.setEnabled(self._document.project is not None and self._document.graph is not None)
+        with QSignalBlocker(self.list):
+            self.list.clear()
+            for field in found.sweeps if found is not None else ():
+                item = QTreeWidgetItem(cells(self._calibrations, field, self._judge))
+                item.setData(0, Qt.ItemDataRole.UserRole, field)
+                for column in range(1, len(_COLUMNS)):
+                    item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+                self.list.addTopLevelItem(item)
+                if field == chosen or self.list.currentItem() is None:
+                    self.list.setCurrentItem(item)
+            for column in range(len(_COLUMNS)):
+                self.list.resizeColumnToContents(column)
+        self.plot.setVisible(found is not None)
+        self._show_chosen()
+
+    def _on_trial(self) -> None:
+        for row in range(self.list.topLevelItemCount()):
+            item = self.list.topLevelItem(row)
+            assert item is not None
+            for column, text in enumerate(
+                cells(self._calibrations, str(item.data(0, Qt.ItemDataRole.UserRole)), self._judge)
+            ):
+                item.setText(column, text)
+        self._show_chosen()
+
+    def _show_chosen(self) -> None:
+        self.status.setText(status(self._calibrations, self._document, self.chosen))
+        found, field = self._calibrations.found, self.chosen
+        obstacle = self.obstacle
+        self.take.setEnabled(obstacle is None)
+        self.take.setToolTip(
+            "Put the slider of this threshold there; nothing is applied yet" if obstacle is None else tip(f"{obstacle}")
+        )
+        if found is None or not field:
+            self.words.setText("")
+            self.take.setText("Take suggestion")
+            return
+        value = self._calibrations.suggestion(field, self._judge)["threshold"]
+        self.take.setText("Take suggestion" if value is None else f"Take {value:.2f}")
+        self.words.setText(sentences(self._calibrations, field, self._judge))
+        self.plot.show_rows(found.sweeps[field], self._suffix, found.want)
+        self.plot.show_marks(self._calibrations.value(field), value)

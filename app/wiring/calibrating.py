@@ -1,0 +1,74 @@
+"""The page of calibration: its panel beside the sliders, and the map that judges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QFileDialog
+
+from app.actions import Action
+from app.state.document import Document
+from app.state.reasons import Reason, with_graph
+from app.thresholds.calibration_panel import CalibrationPanel
+from app.thresholds.calibrations import Calibrations
+from app.wiring.part import Dock, Part
+from app.wiring.thresholds import ThresholdPart
+from nvsim.graph.difference import Difference
+
+
+def _with_evidence(document: Document) -> Reason:
+    if (first := with_graph(document)) is not None:
+        return first
+    return None if document.project is not None else "a graph file holds no evidence to decide again"
+
+
+class CalibratePart(Part):
+    ACTIONS = (
+        Action(
+            "calibration",
+            "Calibrat&ion",
+            "What every value of a threshold buys and costs, judged by an occupancy map, with a suggestion",
+            "&Graph",
+            9,
+            enabled=_with_evidence,
+        ),
+    )
+
+    def docks(self) -> tuple[Dock, ...]:
+        document, trial = self.workspace.document, self.workspace.part(ThresholdPart).trial
+        self.calibrations = Calibrations(document, trial, self)
+        self.panel = CalibrationPanel(self.calibrations, trial, document)
+        self.panel.mapWanted.connect(self.choose_map)
+        document.projectChanged.connect(self.calibrations.clear)
+        document.contentsChanged.connect(self._on_contents)
+        document.graphChanged.connect(self._on_edit)
+        return (Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"calibration": self.show_panel}
+
+    def store(self, settings: QSettings) -> None:
+        self.calibrations.stop()
+
+    def show_panel(self) -> None:
+        """Brings the page and the sliders to the front, and works it out unless that is done or under way."""
+        for dock in ("thresholds", "calibration"):
+            self.workspace.window.show_dock(dock)
+        if not self.calibrations.busy and not self.calibrations.is_of_this_graph:
+            self.calibrations.start()
+
+    def choose_map(self) -> None:
+        window = self.workspace.window
+        start = str(self.calibrations.truth or self.workspace.document.path or Path.home())
+        name, _ = QFileDialog.getOpenFileName(window, "Judge by", start, "Occupancy maps (*.yaml *.yml *.bt *.ot)")
+        if name:
+            self.panel.choose_map(Path(name))
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "graph" in parts:
+            self.panel.refresh()
+
+    def _on_edit(self, change: Difference) -> None:
+        self.panel.refresh()

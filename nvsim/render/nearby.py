@@ -1,0 +1,123 @@
+"""Which Gaussians may touch a few tiles of a view, found without looking at every one: runs of neighbours are ruled out
+together. What is left is a superset of what the kernels would take, so that the image stays the same to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.render.kernel_types import Float32, Int32, Mask
+from nvsim.render.packed_camera import limit, pack
+from nvsim.splats.types import Gaussians
+
+Float64 = NDArray[np.float64]
+_RUN = 32  # Gaussians that are ruled out together
+_CELL, _CELLS = 0.5, 1024  # metres and number of the cells along which neighbours are found
+_WIDE = np.log(0.3)  # of Gaussians with a larger scale, metres, runs are made apart: they reach far
+_WIDEST = 30 * np.log(2)  # of the logarithm of a scale, as the kernels bound it
+_REACH = math.sqrt(2 * math.log(255))  # standard deviations, as in the kernels
+_GRACE = 1.0  # pixels for what single precision rounds away
+
+
+class Nearby:
+    """The runs of one set of Gaussians, for as long as these stay where they are."""
+
+    def __init__(self, gaussians: Gaussians) -> None:
+        means = gaussians.means
+        whole = np.flatnonzero(np.isfinite(means).all(axis=1))  # the kernels draw no others
+        scale = np.nan_to_num(gaussians.log_scales[whole].max(axis=1), nan=_WIDEST).clip(-_WIDEST, _WIDEST)
+        order = np.lexsort((_along_a_curve(means[whole]), scale > _WIDE))
+        starts = np.arange(0, len(order), _RUN)
+        self._runs = np.full((len(starts), _RUN), -1, np.int32)
+        self._runs.reshape(-1)[: len(order)] = whole[order]
+        placed, empty = means[whole[order]].astype(np.float64), np.zeros((0, 3))
+        low, high = ((a.reduceat(placed, starts) if len(order) else empty) for a in (np.minimum, np.maximum))
+        self._middle, self._half = (low + high) / 2, (high - low) / 2
+        widest = np.maximum.reduceat(scale[order], starts) if len(order) else np.zeros(0)
+        self._scale = np.exp(widest.astype(np.float64))
+
+    def rows(self, camera: Camera, tiles: Mask) -> Int32:
+        """(n,) rows of the Gaussians that `tiles` (lines, columns) of the camera's image may show, ascending."""
+        view = pack(camera, True)
+        limit(view, tiles)
+        rows = np.empty(self._runs.size, np.int32)
+        count = _select(
+            self._middle, self._half, self._scale, self._runs, camera.world_to_camera, view.astype(np.float64), rows
+        )
+        return np.sort(rows[:count])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _select(
+    middle: Float64,  # (runs, 3) metres, world, as half: the box around the Gaussians' centres
+    half: Float64,  # (runs, 3)
+    scale: Float64,  # (runs,) metres, the largest standard deviation
+    runs: Int32,  # (runs, _RUN) rows of the Gaussians, -1 where there are fewer
+    pose: Float64,  # (4, 4) world to camera
+    view: Float64,  # (33,) the camera, see `packed_camera.pack` and `limit`
+    rows: Int32,  # (runs * _RUN,) out
+) -> int:
+    """Writes the rows of the runs that are not ruled out, and returns how many they are."""
+    fx, fy, cx, cy = view[12], view[13], view[14] - 0.5, view[15] - 0.5
+    filtered, nearest = view[25], view[27]
+    longest = max(fx, fy) * view[28]
+    count = 0
+    for run in range(len(runs)):
+        z, deep = pose[2, 3], 0.0
+        for k in range(3):
+            z += pose[2, k] * middle[run, k]
+            deep += abs(pose[2, k]) * half[run, k]
+        far = z + deep
+        if not far > nearest:
+            continue
+        near = max(z - deep, nearest)
+        stretch = scale[run] / near * longest
+        most = _REACH * math.sqrt(stretch * stretch + filtered) + _GRACE
+        x, y, wide, high = pose[0, 3], pose[1, 3], 0.0, 0.0
+        for k in range(3):
+            x += pose[0, k] * middle[run, k]
+            y += pose[1, k] * middle[run, k]
+            wide += abs(pose[0, k]) * half[run, k]
+            high += abs(pose[1, k]) * half[run, k]
+        # x / z over the box: the extremes lie at its nearest or farthest depth.
+        across = (
+            fx * max((x + wide) / near, (x + wide) / far) + cx + most > view[29]
+            and fx * min((x - wide) / near, (x - wide) / far) + cx - most < view[30]
+        )
+        along = (
+            fy * max((y + high) / near, (y + high) / far) + cy + most > view[31]
+            and fy * min((y - high) / near, (y - high) / far) + cy - most < view[32]
+        )
+        if across and along:
+            for k in range(runs.shape[1]):
+                if runs[run, k] >= 0:
+                    rows[count] = runs[run, k]
+                    count += 1
+    return count
+
+
+def uncoloured(gaussians: Gaussians, rows: Int32) -> Gaussians:
+    """Those `rows` of them, in one grey: for views of which nobody asks the colour."""
+    means, log_scales, quats, opacity_logits = (
+        a.take(rows, axis=0) for a in (gaussians.means, gaussians.log_scales, gaussians.quats, gaussians.opacity_logits)
+    )
+    return Gaussians(means, log_scales, quats, opacity_logits, np.zeros((len(rows), 1, 3), np.float32))
+
+
+def _along_a_curve(means: Float32) -> NDArray[np.int64]:
+    """(N,) the place of each (N, 3) along a Morton curve through cells around the median; what lies farther out counts
+    as in the outermost."""
+    if not len(means):
+        return np.zeros(0, np.int64)
+    cells = np.floor((means - np.median(means, axis=0)) / _CELL) + _CELLS // 2
+    index = cells.clip(0, _CELLS - 1).astype(np.int64)
+    code = np.zeros(len(means), np.int64)
+    for bit in range(_CELLS.bit_length() - 1):
+        for axis in range(3):
+            code |= ((index[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return code

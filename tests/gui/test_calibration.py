@@ -1,0 +1,160 @@
+"""The page of calibration: what each threshold buys and costs, and a suggestion that goes to its slider."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import demo_project
+import pytest
+from PySide6.QtCore import QSettings
+from pytestqt.qtbot import QtBot
+
+from app.session import Session
+from app.state.calibration_child import Asked, CalibrationChild
+from app.wiring.calibrating import CalibratePart
+from app.wiring.thresholds import ThresholdPart
+from nvsim.errors import InputError
+from nvsim.evaluation.calibration import calibrate
+from nvsim.mapping.config import MappingConfig
+from nvsim.occupancy.read import read_map
+from nvsim.project.project import Project
+
+WANT = 0.5
+"""The demo room has few ways."""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=0)
+
+
+def asked(project: Path, **other: object) -> Asked:
+    with Project.open(project) as opened:
+        return replace(Asked(project, opened.need_graph(), MappingConfig(), want=WANT), **other)
+
+
+@pytest.fixture
+def part(qtbot: QtBot, settings: QSettings, project: Path) -> Iterator[CalibratePart]:
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(project)
+    document = session.document
+    qtbot.waitUntil(lambda: document.graph is not None and document.contents.occupancy is not None, timeout=20_000)
+    part = session.window.part(CalibratePart)
+    part.panel.want.setValue(WANT)
+    yield part
+    session.close()
+
+
+def done(part: CalibratePart, qtbot: QtBot) -> None:
+    qtbot.waitUntil(lambda: not part.calibrations.busy, timeout=60_000)
+
+
+def test_the_process_finds_what_the_library_finds(project: Path) -> None:
+    given = asked(project)
+    got = CalibrationChild(given).result()
+    assert got is not None
+    with Project.open(project) as opened:
+        map_file = opened.layout.ground_truth / "map.yaml"
+        positions = opened.need_capture().positions
+    config = given.config
+    own = calibrate(given.graph, read_map(map_file), positions, config, WANT, config.robot_radius)
+    assert got.map == map_file
+    for name in ("now", "sweeps", "suggested"):
+        assert getattr(got.found, name) == json.loads(json.dumps(getattr(own, name)))
+
+
+def test_a_project_without_a_map_says_what_is_missing(project: Path) -> None:
+    for file in (project / "ground_truth").glob("map.*"):
+        file.unlink()
+    with pytest.raises(InputError, match=r"no occupancy map to judge by: choose one with Map"):
+        CalibrationChild(asked(project)).result()
+
+
+def test_a_chosen_map_that_is_none_is_one_sentence(project: Path) -> None:
+    (project / "nothing.yaml").write_text("image: nothing.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    with pytest.raises(InputError, match=r"nothing\.pgm"):
+        CalibrationChild(asked(project, truth=project / "nothing.yaml")).result()
+
+
+def test_what_nobody_wants_any_more_ends_at_once(project: Path) -> None:
+    child = CalibrationChild(asked(project))
+    child.kill()
+    assert child.result() is None
+
+
+def test_the_page_shows_a_row_and_curves_for_every_threshold_that_decides(part: CalibratePart, qtbot: QtBot) -> None:
+    part.show_panel()
+    assert part.calibrations.busy and "every value" in part.panel.status.text()
+    done(part, qtbot)
+    found, panel = part.calibrations.found, part.panel
+    assert found is not None and panel.list.topLevelItemCount() == len(found.sweeps) > 3
+    for row, field in enumerate(found.sweeps):
+        panel.list.setCurrentItem(panel.list.topLevelItem(row))
+        assert panel.chosen == field
+        x, y = panel.plot.curves["coverage"].getData()
+        assert x.tolist() == [r["threshold"] for r in found.sweeps[field]]
+        assert y.tolist() == [r["coverage"] for r in found.sweeps[field]]
+        now = getattr(part.workspace.document.contents.thresholds, field)
+        assert [line.value() for line in panel.plot.now] == [now, now]
+        suggested = part.calibrations.suggestion(field, "robot")["threshold"]
+        assert all(line.isVisible() == (suggested is not None) for line in panel.plot.suggested)
+        assert f"{found.now['validity_robot']:.3f}" in panel.words.text()
+    assert not panel.grab().isNull()
+
+
+def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtbot: QtBot) -> None:
+    part.show_panel()
+    done(part, qtbot)
+    panel, sliders = part.panel, part.workspace.part(ThresholdPart).panel
+    judge = panel.judge.currentData()
+    before = part.workspace.document.contents.thresholds
+    for row in range(panel.list.topLevelItemCount()):
+        panel.list.setCurrentItem(panel.list.topLevelItem(row))
+        if panel.obstacle is None:
+            break
+    assert panel.obstacle is None, "this room has a suggestion to take"
+    field = panel.chosen
+    value = part.calibrations.suggestion(field, judge)["threshold"]
+    assert panel.take.text() == f"Take {value:.2f}" and panel.take.isEnabled()
+    panel.take.click()
+    assert sliders.rows[field].figure.value() == pytest.approx(value)
+    assert part.workspace.document.contents.thresholds == before
+    assert panel.obstacle == "the slider has the suggested value" and not panel.take.isEnabled()
+    assert panel.plot.now[0].value() == pytest.approx(value)
+    other = next(f for f in part.calibrations.found.sweeps if f != field)
+    assert part.calibrations.moved(other) == (field,) and part.calibrations.moved(field) == ()
+    panel.list.setCurrentItem(next(i for i in map(panel.list.topLevelItem, range(9)) if i.data(0, 256) == other))
+    assert "Other sliders have moved" in panel.status.text()
+
+
+def test_what_was_worked_out_for_an_earlier_graph_is_not_taken(part: CalibratePart, qtbot: QtBot) -> None:
+    part.show_panel()
+    done(part, qtbot)
+    editing = part.workspace.document.editing
+    editing.run("remove_viewpoints", {"ids": [next(iter(editing.graph.viewpoints))]})
+    assert "graph has changed" in part.panel.status.text()
+    assert part.panel.obstacle == "the graph has changed since this was worked out" and not part.panel.take.isEnabled()
+    part.panel.again.click()
+    done(part, qtbot)
+    assert part.calibrations.is_of_this_graph and "judged by" in part.panel.status.text()
+
+
+def test_what_cannot_be_judged_is_said_on_the_page(part: CalibratePart, qtbot: QtBot, tmp_path: Path) -> None:
+    part.panel.choose_map(tmp_path / "gone.yaml")
+    done(part, qtbot)
+    assert "gone.yaml" in part.panel.status.text() and not part.panel.take.isEnabled()
+
+
+def test_closing_the_window_ends_the_process(part: CalibratePart, qtbot: QtBot) -> None:
+    part.show_panel()
+    qtbot.waitUntil(lambda: part.calibrations._child._process is not None, timeout=10_000)
+    pid = part.calibrations._child._process.pid
+    part.workspace.window.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
