@@ -73,12 +73,11 @@ class Shortcuts:
         ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
         was = self._ways.metres(a, b)
         stops = self._stops(*(np.array(end.position) for end in ends))
-        there = [*stops, ends[1]] if stops else []
         here, new = ends[0], list[str]()
-        for stop in there:
-            viewpoint = stop if isinstance(stop, Viewpoint) else self._stand(stop)
+        for place in [*stops, None] if stops else []:
+            viewpoint = ends[1] if place is None else self._stand(place)
             if viewpoint is None:
-                self._room.shut(np.asarray(stop), _SHUT)
+                self._room.shut(np.array(place), _SHUT)
                 break
             if viewpoint.id not in self._ways and viewpoint.id not in new:
                 new.append(viewpoint.id)
@@ -103,7 +102,8 @@ class Shortcuts:
         if not len(way):
             return []
         way = np.concatenate([way, end[None]])
-        stops, at = [], 0
+        stops: list[NDArray[np.float64]] = []
+        at = 0
         while len(stops) <= _BETWEEN:
             ahead = [j for j in range(at + 1, len(way)) if self._is_leg(way[at], way[j])]
             if not ahead:
