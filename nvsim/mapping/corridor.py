@@ -1,4 +1,4 @@
-"""Corridors on the floor and how they are read out of views that look down on it.
+"""Corridors on the floor, and the lattice directions that they are measured in.
 
 A corridor is measured wider than any robot that may be asked about, in cells of equal ground area, so that the same
 evidence answers for another robot. Directions: number k is `lattice_offset` + 45 k degrees, 0 is +y, right is positive.
@@ -6,17 +6,14 @@ evidence answers for another robot. Directions: number k is `lattice_offset` + 4
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import WIDEST, MappingConfig
-from nvsim.mapping.view_source import Ensemble, ViewSource
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 """The floor's height (...) at world points (..., 3), whose z is the height of a camera or of a floor near which it is
@@ -27,9 +24,6 @@ SupportAt = Callable[[NDArray[np.floating]], NDArray[np.bool_]]
 DIRECTIONS = 8
 NEAR, DEPTH, WIDTH = 0.05, 0.1, WIDEST  # metres: start of the first row, depth of a row, measured width
 CELLS = 18  # across the width: 0.05 m each
-_PITCH = -np.pi / 4
-# 5 degrees behind straight down and above the horizon, so that a corridor between two directions fits either view.
-_FOV = np.radians(100.0)
 # Half of the measured width: the largest radius that can be asked about later.
 _BEYOND = WIDTH / 2
 _LEVEL = 0.3  # metres: a corridor whose floor differs by more from where it begins may lead to another storey
@@ -43,13 +37,6 @@ def headings(config: MappingConfig) -> NDArray[np.float64]:
 def ahead(heading: float, distance: float) -> NDArray[np.float64]:
     """(2,) world x, y offset."""
     return distance * np.array([np.sin(heading), np.cos(heading)])
-
-
-def camera_towards(position: NDArray[np.floating], heading: float, config: MappingConfig) -> Camera:
-    """A view from a little behind straight down to a little above the horizon: it holds every cell of a corridor within
-    22.5 degrees of `heading`."""
-    size = config.view_size
-    return Camera(Intrinsics.from_fov(size, size, _FOV), look(position, heading, _PITCH))
 
 
 @dataclass(frozen=True)
@@ -102,62 +89,6 @@ class Corridor:
         return float(np.median(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2]))
 
 
-@dataclass(frozen=True, eq=False)
-class FloorView:
-    """A view of the floor: alpha (H, W), normal_z (H, W), the world z of the Gaussians' normals, and where depth was
-    rendered depth (H, W), that of the Gaussians times alpha, metres along the optical axis; all float32 and right where
-    `seen` (H, W) is true."""
-
-    submap: int
-    camera: Camera
-    alpha: NDArray[np.float32]
-    normal_z: NDArray[np.float32]
-    seen: NDArray[np.bool_]
-    depth: NDArray[np.float32] | None = None
-
-    def shows(self, corridor: Corridor, floor_at: HeightAt) -> bool:
-        """Whether every pixel that `corridor` is read from was rendered."""
-        pixels, inside, _ = _cells_in(self.camera, corridor, floor_at)
-        return bool(self.seen[_corners(pixels, inside, self.seen.shape)].all())
-
-
-def look_down(
-    source: ViewSource,
-    position: NDArray[np.floating],
-    wanted: Mapping[int, Sequence[Corridor]],
-    floor_at: HeightAt,
-    config: MappingConfig,
-    submap: int | None = None,
-) -> dict[int, FloorView]:
-    """Renders a view for each lattice direction in `wanted`, of the pixels that its corridors are read from; with
-    `submap` from the model of that one, for which `source` must be an Ensemble."""
-    towards = headings(config)
-    cameras = [camera_towards(position, towards[k], config) for k in wanted]
-    masks = [pixels_read(c, corridors, floor_at) for c, corridors in zip(cameras, wanted.values(), strict=True)]
-    if submap is None:
-        submap, outputs = source.views(np.asarray(position, np.float64), cameras, masks)
-    else:
-        assert isinstance(source, Ensemble)
-        outputs = source.views_of(submap, cameras, masks)
-    views = {}
-    for k, camera, output, mask in zip(wanted, cameras, outputs, masks, strict=True):
-        if output.alpha is None or output.normal is None:
-            raise ValueError("the source rendered no alpha or no normal")
-        normal_z = np.ascontiguousarray(output.normal[..., 2])
-        depth = None if output.depth is None else output.alpha * output.depth
-        views[k] = FloorView(submap, camera, output.alpha, normal_z, mask, depth)
-    return views
-
-
-def pixels_read(camera: Camera, corridors: Sequence[Corridor], floor_at: HeightAt) -> NDArray[np.bool_]:
-    """(H, W) the pixels of a view that `measure` reads `corridors` from."""
-    mask = np.zeros((camera.intrinsics.height, camera.intrinsics.width), bool)
-    for corridor in corridors:
-        pixels, inside, _ = _cells_in(camera, corridor, floor_at)
-        mask[_corners(pixels, inside, mask.shape)] = True
-    return mask
-
-
 def view_of(corridor: Corridor, config: MappingConfig) -> int:
     """The lattice direction whose view shows `corridor`: the nearest. One rule for all corridors, so that evidence is
     the same whether a whole turn was rendered or one view alone."""
@@ -165,103 +96,15 @@ def view_of(corridor: Corridor, config: MappingConfig) -> int:
     return int(np.argmin(np.round(off, 6)))
 
 
-def measure(
-    view: FloorView,
-    viewpoint: str,
-    direction: int,
-    corridor: Corridor,
-    floor_at: HeightAt,
-    support: SupportAt,
-    joins: str = "",
-) -> Evidence:
-    """What `view` shows on the floor cells of `corridor`; the decision is left empty.
-
-    The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
-    background's floor, whose normal points up, and adds to the z of the Gaussians' normals. The depth is the
-    composite's too: that share of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
-    """
-    ground = corridor.ground(floor_at)
-    pixels, inside, to_floor = _pixels_of(view.camera, ground)
-    alpha = np.where(inside, _bilinear(view.alpha, pixels), 1.0)
-    normal_z = np.where(inside, _bilinear(view.normal_z, pixels), 0.0)
-    reach = None
-    if view.depth is not None:
-        share = _bilinear(view.depth, pixels) / np.maximum(to_floor, 1e-6) + (1.0 - alpha)
-        reach = _bytes(np.where(inside, share, 0.0))
-    return Evidence(
-        viewpoint,
-        direction,
-        corridor.heading,
-        corridor.length,
-        _bytes(alpha),
-        _bytes((1.0 - alpha) + normal_z),
-        np.asarray(support(ground), bool),
-        NEAR,
-        DEPTH,
-        WIDTH,
-        view.submap,
-        corridor.target,
-        joins,
-        reach=reach,
-    )
-
-
 def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, support: SupportAt) -> Evidence:
     """The evidence of `corridor` on floor that is level and empty, as far as it is known."""
     known = np.asarray(support(corridor.ground(floor_at)), bool)
     empty, full = np.zeros(known.shape, np.uint8), np.full(known.shape, 255, np.uint8)
     place = viewpoint, -1, corridor.heading, corridor.length
-    return Evidence(*place, empty, full, known, NEAR, DEPTH, WIDTH, -1, corridor.target, reach=full, mass=empty)
-
-
-def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    return np.round(np.clip(values, 0.0, 1.0) * 255).astype(np.uint8)
-
-
-def _cells_in(
-    camera: Camera, corridor: Corridor, floor_at: HeightAt
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
-    """See `_pixels_of`, of the cell centres on the floor."""
-    return _pixels_of(camera, corridor.ground(floor_at))
+    size = NEAR, DEPTH, WIDTH
+    return Evidence(*place, empty, full, known, *size, -1, corridor.target, reach=full, mass=empty, network_up=full)
 
 
 def _lifted(xy: NDArray[np.float64], z: NDArray[np.float64] | float) -> NDArray[np.float64]:
     """(..., 3) places (..., 2) at heights (...) or one height."""
     return np.concatenate([xy, np.broadcast_to(z, xy.shape[:-1])[..., None]], axis=-1)
-
-
-def _pixels_of(
-    camera: Camera, ground: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
-    """(rows, CELLS, 2) pixels of points (rows, CELLS, 3), (rows, CELLS) whether they lie in the image, with a pixel's
-    grace at its border, and (rows, CELLS) their depth, metres."""
-    pixels, depth = camera.project(ground)
-    u, v, k = pixels[..., 0], pixels[..., 1], camera.intrinsics
-    inside = (depth > 0) & (u > -1) & (v > -1) & (u < k.width + 1) & (v < k.height + 1)
-    return pixels, np.asarray(inside), np.asarray(depth)
-
-
-def _neighbours(pixels: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
-    """Of pixels (..., 2), whose centres lie at halves: the columns and rows of the four pixels around, border pixels
-    for what is outside, u0, u1, v0, v1, and how far between them, fu, fv."""
-    height, width = shape
-    u = np.clip(pixels[..., 0] - 0.5, 0, width - 1)
-    v = np.clip(pixels[..., 1] - 0.5, 0, height - 1)
-    u0, v0 = u.astype(np.int64), v.astype(np.int64)
-    return u0, np.minimum(u0 + 1, width - 1), v0, np.minimum(v0 + 1, height - 1), u - u0, v - v0
-
-
-def _corners(
-    pixels: NDArray[np.float64], inside: NDArray[np.bool_], shape: tuple[int, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns (n,) of all pixels that `_bilinear` reads for those `inside`."""
-    u0, u1, v0, v1, *_ = (a.astype(np.int64) for a in _neighbours(pixels[inside], shape))
-    return np.concatenate([v0, v0, v1, v1]), np.concatenate([u0, u1, u0, u1])
-
-
-def _bilinear(picture: NDArray[np.float32], pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(...) values at pixels (..., 2)."""
-    u0, u1, v0, v1, fu, fv = _neighbours(pixels, picture.shape)
-    top = picture[v0, u0] * (1 - fu) + picture[v0, u1] * fu
-    bottom = picture[v1, u0] * (1 - fu) + picture[v1, u1] * fu
-    return np.asarray(top * (1 - fv) + bottom * fv, np.float64)

@@ -11,19 +11,11 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import (
-    DIRECTIONS,
-    Corridor,
-    FloorView,
-    HeightAt,
-    SupportAt,
-    look_down,
-    measure,
-    nothing_stands,
-    view_of,
-)
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, nothing_stands, view_of
 from nvsim.mapping.criteria import OPEN, answers, decide
+from nvsim.mapping.floor_view import FloorView, measure
 from nvsim.mapping.lattice import Lattice
+from nvsim.mapping.looking import look_down
 from nvsim.mapping.opinions import joined
 from nvsim.mapping.view_source import Ensemble, ViewSource
 
@@ -35,7 +27,7 @@ _SAME_FLOOR = 0.5  # metres
 
 class Measurements:
     """rendered_viewpoints  viewpoints that a whole turn was rendered at
-    rendered_views       single views, those of the turns and of second opinions included
+    rendered_views       single views or panoramas, those of the turns and of second opinions included
     """
 
     def __init__(
@@ -100,7 +92,8 @@ class Measurements:
         if owner != viewpoint.id or not views[0][k].shows(corridor, self._floor_at):
             for third in also:
                 towards = _corridor(viewpoint, third.position[:2])
-                if third.id not in (viewpoint.id, other.id) and view_of(towards, self._config) == k:
+                shown = self._config.views == "panorama" or view_of(towards, self._config) == k
+                if third.id not in (viewpoint.id, other.id) and shown:
                     wanted[third] = towards
             views = self._look_down(viewpoint, {k: list(wanted.values())}, another)
         for end, towards in wanted.items():
@@ -147,7 +140,7 @@ class Measurements:
     ) -> list[dict[int, FloorView]]:
         """The views of each model that is asked."""
         place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
-        self.rendered_views += len(models) * len(wanted)
+        self.rendered_views += len(models) * (1 if self._config.views == "panorama" else len(wanted))
         return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
 
     def _measure(
