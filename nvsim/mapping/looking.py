@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.sphere import Sphere
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import Corridor, HeightAt, headings
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, headings
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.floor_view import Eye, FloorView, pixels_read
 from nvsim.mapping.view_source import Ensemble, Panoramas, SeesNormals, ViewSource
@@ -37,12 +37,12 @@ def look_down(
     config: MappingConfig,
     submap: int | None = None,
 ) -> dict[int, FloorView]:
-    """For each lattice direction in `wanted` the view that its corridors are read from; of panoramas the same for all.
+    """For each lattice direction in `wanted` the view that its corridors are read from; a panorama for all directions.
     Only the pixels that are read are rendered, unless a network looks at them: it needs the rest as well. With `submap`
     the model of that one is asked, for which `source` must be an Ensemble."""
     if config.views == "panorama":
         view = _panorama(source, position, wanted, floor_at, config, submap)
-        return dict.fromkeys(wanted, view)
+        return dict.fromkeys(range(DIRECTIONS), view)
     towards = headings(config)
     cameras = [camera_towards(position, towards[k], config) for k in wanted]
     masks = [pixels_read(c, corridors, floor_at) for c, corridors in zip(cameras, wanted.values(), strict=True)]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from nvsim.events import Listener
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
+from nvsim.project.normals_used import check_normals
 from nvsim.project.project import Project
-from nvsim.project.scene_views import check_normals
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
 from nvsim.project.work import STAGES, StageName
 

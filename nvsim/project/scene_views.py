@@ -68,9 +68,3 @@ class SceneViews:
         from nvsim.render.regions import render_regions
 
         return render_regions(model, cameras, masks, self._channels, self._backend)
-
-
-def check_normals(config: MappingConfig) -> None:
-    """Raises InputError where the criteria ask for a network of normals and none is installed, or it is none."""
-    if NETWORK_NORMAL in config.criteria:
-        installed_normals()

@@ -20,7 +20,7 @@ from nvsim.cli.normal_source import FALLS_BACK, asked, papers, say_if_it_falls_b
 from nvsim.errors import InputError
 from nvsim.events import Event
 from nvsim.geometry.rotation import matrix_from_quaternion
-from nvsim.graph.types import Evidence
+from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, ahead, headings
@@ -29,8 +29,9 @@ from nvsim.mapping.families import with_normals
 from nvsim.mapping.floor_view import measure
 from nvsim.mapping.looking import look_down
 from nvsim.mapping.rethreshold import Rethresholder
-from nvsim.project import pipeline
+from nvsim.project import ledger, pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
+from nvsim.project.normals_used import KEY, network_of, of_this_network
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
 from nvsim.splats.types import Background, SubmapModel
@@ -125,6 +126,32 @@ def test_both_must_pass_and_either_is_decided_again_without_rendering(models: Pa
     plain = built(replace(config, criteria=("alpha", "normal"), max_viewpoints=1), start=start).graph
     measured = built(replace(config, isolated=True, max_viewpoints=1), previous=plain, start=start)
     assert measured.report["rendered_viewpoints"] == 1, "a network cannot be asked about what was not measured by it"
+
+
+def test_a_network_looks_at_a_viewpoint_once(models: Path, monkeypatch) -> None:
+    metric3d(models, LEVEL)
+    config = replace(BOTH, views="panorama", panorama_width=256)
+    views, seen = source(painted(np.array([0.0, 0, 1])), config), []
+    look = views.surface_normals.normals
+    monkeypatch.setattr(views.surface_normals, "normals", lambda image, at: seen.append(at.position) or look(image, at))
+    walk = np.array([[1.5, 1.3, 1.3], [4.0, 1.3, 1.3]])
+    report = build_map(views, walk, flat_floor, known, config, scan="n").report
+    assert report["viewpoints"] > 3 and report["rendered_views"] == len(seen) == len(np.unique(seen, axis=0))
+
+
+def test_what_another_network_saw_is_not_taken_for_what_this_one_sees(models: Path, tmp_path: Path) -> None:
+    metric3d(models, LEVEL)
+    config = replace(BOTH, views="panorama", panorama_width=256)
+    seen = {e.key: e for e in around(painted(np.array([0.0, 0, 1])), (4.7, 4.5), config)}
+    graph = NavGraph("n", evidence=seen)
+    with Project.create_or_open(tmp_path / "p.nvsim") as project:
+        ledger.begin(project, "map", "key")
+        ledger.finish(project, "map", 1.0, {KEY: network_of(config)})
+        assert of_this_network(graph, project, config) is graph
+        metric3d(models)
+        stripped = of_this_network(graph, project, config)
+        assert stripped is not None and all(e.network_up is None for e in stripped.evidence.values())
+        assert of_this_network(graph, project, MappingConfig()) is graph and network_of(MappingConfig()) == ""
 
 
 def test_the_flag_names_families_beside_the_others() -> None:

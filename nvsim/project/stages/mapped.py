@@ -20,9 +20,10 @@ from nvsim.project import graph_table, ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph_files import graph_in_file
+from nvsim.project.normals_used import KEY, check_normals, last_network, network_of, of_this_network
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
-from nvsim.project.scene_views import SceneViews, check_normals
+from nvsim.project.scene_views import SceneViews
 from nvsim.project.stages.floors import refresh_support, supporting_frames
 from nvsim.project.thresholds import recorded
 from nvsim.project.work import StageName, lacks
@@ -59,7 +60,7 @@ def run(
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
-    previous = project.graph() if reapply else None
+    previous = of_this_network(project.graph() if reapply else None, project, config)
     if reapply and previous is None:
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
     started = time.monotonic()
@@ -68,7 +69,9 @@ def run(
     if not ledger.begin(project, STAGE, key):
         partial.unlink(missing_ok=True)
     # What a build that was cut off had measured, or the last one: the graph does not show it all.
-    remembered = _evidence(partial) or (_evidence(project.layout.measured_map) if reapply else None)
+    remembered = _evidence(partial)
+    if remembered is None and reapply:
+        remembered = of_this_network(_evidence(project.layout.measured_map), project, config)
     scan = scan_name(project)
     result = build_map(
         SceneViews(scene, config, backend),
@@ -84,6 +87,9 @@ def run(
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
     seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
+    # What is not asked now may be asked again: the evidence goes on holding it.
+    if network := network_of(config) or (last_network(project) if reapply else ""):
+        summary[KEY] = network
     before = graph_in_file(project)
     ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, result.graph))
     write_bytes(project.layout.measured_map, encode_graph(result.measured))
@@ -120,12 +126,14 @@ def start_of(capture: Capture, start: str) -> NDArray[np.float64] | None:
 
 
 def map_key(project: Project, config: MappingConfig) -> str:
-    """What the graph depends on: every trained submap, the floor that corrected masks support, and the thresholds."""
+    """What the graph depends on: every trained submap, the floor that corrected masks support, the thresholds, and the
+    network that is asked."""
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
     asked = ["second opinion"] if config.second_opinion and len(trained) > 1 else []
-    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *corrected)
+    network = [found] if (found := network_of(config)) else []
+    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *network, *corrected)
 
 
 def scan_name(project: Project) -> str:
