@@ -36,12 +36,14 @@ from nvsim.perception.normals_network import normals_file
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
+from tests.benchmarks.straight_looks import off_straight
 
 VALIDITIES = ("node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
 AGREES = "agrees_with_first"
 """Share of the first column's steps that are decided alike."""
-FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES, "seconds_per_viewpoint")
-SHOWN = ("nodes", "edges", *VALIDITIES, *FIGURES)
+FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES, "alpha_too_high", "alpha_off")
+"""The last two: of a cell's alpha, against that of a view straight at it."""
+SHOWN = ("nodes", "edges", *VALIDITIES, *FIGURES, "seconds_per_viewpoint")
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,8 @@ def measured(
     occupancy = true_occupancy(project, truth, "aligned")
     figures = evaluate_graph(result.graph, occupancy, capture.positions, seen=support.at)
     each = seconds / max(1, result.report["rendered_viewpoints"])
-    found = {"seconds_per_viewpoint": round(each, 3), "report": result.report}
+    high, off = off_straight(scene, source, capture.positions, floor, support.at, config)
+    found = {"alpha_too_high": high, "alpha_off": off, "seconds_per_viewpoint": round(each, 3), "report": result.report}
     if first is not None:
         found[AGREES] = agreement(*first, source, floor, support.at, config)
     return {**figures, **found}, result.graph
