@@ -7,6 +7,7 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QFrame,
+    QGridLayout,
     QHBoxLayout,
     QPushButton,
     QScrollArea,
@@ -27,6 +28,7 @@ from nvsim.mapping.families import FAMILIES
 from nvsim.mapping.rethreshold import Rethreshold
 from nvsim.project.work import STAGE, sentence
 
+_ACROSS = 3  # criteria in a row of boxes
 _RULES = {"worst": "Mean, worst row and cell", "mean": "Mean alone (the paper's)"}
 
 
@@ -105,16 +107,16 @@ class ThresholdPanel(QScrollArea):
         row.addWidget(self.both_ways)
         return row
 
-    def _families(self, parent: QWidget, docs: dict[str, str]) -> QHBoxLayout:
-        row = QHBoxLayout()
+    def _families(self, parent: QWidget, docs: dict[str, str]) -> QGridLayout:
+        grid = QGridLayout()
         self.families = {family: QCheckBox(family.capitalize(), parent) for family in FAMILIES}
-        for family, box in self.families.items():
+        for i, (family, box) in enumerate(self.families.items()):
             box.setObjectName(f"criterion_{family}")
             box.setToolTip(tip(docs.get("criteria", "")))
             box.toggled.connect(lambda _: self._choose_families())
-            row.addWidget(box)
-        row.addStretch(1)
-        return row
+            grid.addWidget(box, *divmod(i, _ACROSS))
+        grid.setColumnStretch(_ACROSS, 1)
+        return grid
 
     def _choose_families(self) -> None:
         chosen = tuple(family for family, box in self.families.items() if box.isChecked())

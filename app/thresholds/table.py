@@ -57,6 +57,7 @@ def thresholds() -> tuple[Threshold, ...]:
 FIXED = (
     *("tau_dist", "merge_radius", "checked_merges", "start", "starts", "isolated", "cover_distance", "max_viewpoints"),
     *("standing", "lattice_offset", "jitter", "settle", "reach", "stretch", "view_size", "second_opinion"),
+    *("views", "panorama_width"),
 )
 """What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""
 

@@ -130,6 +130,7 @@ class ThresholdPart(Part):
         preset = settings.preset("map")
         values = settings.changed("map")
         tried = {t.field for t in thresholds()} | {"rule", "both_ways", "criteria"}
+        tried |= {"views", "panorama_width"}  # as the project's evidence was measured, so that it answers
         for field in fields_of("map", preset):
             name = field.path.rpartition(".")[2]
             if name in tried:

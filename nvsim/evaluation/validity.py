@@ -16,7 +16,9 @@ from nvsim.evaluation.validity_cell import Kept, kept_cell, made_cell
 from nvsim.events import Listener, Log
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.occupancy.types import OccupancyMap
+from nvsim.perception.normals_network import normals_file
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key, refresh_support
 from nvsim.project.work import lacks
@@ -104,7 +106,10 @@ def evaluate_validity(
 
 
 def asking(config: MappingConfig, criteria: Criteria) -> MappingConfig | None:
-    """`config` with these criteria alone, beside that of known floor; None where the builder does not know them."""
+    """`config` with these criteria alone, beside that of known floor; None where the builder does not know them, or
+    they ask for a network that is not installed."""
+    if NETWORK_NORMAL in criteria and normals_file() is None:
+        return None
     try:
         return dataclasses.replace(config, criteria=criteria)
     except InputError:
@@ -144,4 +149,4 @@ def _left_out(wanted: dict[Criteria, MappingConfig | None]) -> str:
     names = [" & ".join(criteria) for criteria, found in wanted.items() if found is None]
     if not names:
         return ""
-    return f"Left out: {', '.join(names)}; the map builder knows no such criterion."
+    return f"Left out: {', '.join(names)}; the map builder knows no such criterion, or has no network for it."

@@ -93,7 +93,7 @@ def made_cell(
     again. Raises InputError when the disk refuses."""
     from nvsim.mapping.builder import build_map
     from nvsim.project.floor_heights import floor_of
-    from nvsim.project.stages.mapped import SceneViews
+    from nvsim.project.scene_views import SceneViews
     from nvsim.splats.scene import SceneModel
 
     support = project.support()

@@ -1,9 +1,9 @@
 """Graphs and evidence as bytes: one evidence as a compact blob for a database row, a whole graph as one blob.
 
 An evidence blob is a version byte, the length of a JSON header (uint32, little endian), the header, and the deflated
-cells. Its version is 1 where it holds alpha, up and support alone; what else was measured makes it 2, which programs
-before that refuse. A graph blob is a zip with graph.json and evidence.bin. Floats travel as JSON numbers, which Python
-writes so that they come back equal to the last bit.
+cells. Its version is 1 where it holds alpha, up and support alone; what else was measured makes it 2, and what a
+network or a panorama showed 3, which programs before that refuse. A graph blob is a zip with graph.json and
+evidence.bin. Floats travel as JSON numbers, which Python writes so that they come back equal to the last bit.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from nvsim.graph.types import Edge, Evidence, NavGraph, SecondOpinion, Viewpoint
 
 T = TypeVar("T")
 _VERSION = 1
-_EVIDENCE_VERSION = 2
+_EVIDENCE_VERSIONS = (1, 2, 3)
 _BLOCK = 256
 _FAR = 1e12  # metres
 _MOST_HEADER = 1 << 16  # bytes
-_OPTIONAL = ("reach", "mass")
+_OPTIONAL = ("reach", "mass", "network_up")
 _ARRAYS = ("alpha", "up", "support", *_OPTIONAL)
 _SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in (*_ARRAYS, "second"))
 _CELLS_PER_BYTE = 256
@@ -40,7 +40,7 @@ _CELLS_PER_BYTE = 256
 _FREE, _FREE_TEXT, _EXPANSION = 32 << 20, 4 << 20, 10
 """Bytes that a graph blob may unpack to: so many, and so many for each of its own."""
 _EVIDENCE: Mapping[str, type] = {
-    **dict.fromkeys(("viewpoint", "joins", "decision"), str),
+    **dict.fromkeys(("viewpoint", "joins", "decision", "views"), str),
     **dict.fromkeys(("heading", "length", "near", "depth", "width"), float),
     **dict.fromkeys(("direction", "submap"), int),
     "stale": bool,
@@ -103,11 +103,15 @@ def encode_evidence(evidence: Evidence) -> bytes:
     extra = [name for name in _OPTIONAL if getattr(evidence, name) is not None]
     planes = [evidence.alpha, evidence.up, *(getattr(evidence, name) for name in extra)]
     version = 1
+    if evidence.views == "pitched":
+        del header["views"]
     if extra or evidence.second is not None:
-        version, header["planes"] = _EVIDENCE_VERSION, extra
+        version, header["planes"] = 2, extra
     if (second := evidence.second) is not None:
         header["second"] = second.submap, [name for name in _OPTIONAL if getattr(second, name) is not None]
         planes += [second.alpha, second.up, *(getattr(second, name) for name in header["second"][1])]
+    if "views" in header or "network_up" in (*extra, *header.get("second", (0, ()))[1]):
+        version = 3
     text = json.dumps(header, separators=(",", ":")).encode()
     raw = b"".join(plane.tobytes() for plane in planes) + np.packbits(evidence.support).tobytes()
     blob = struct.pack("<BI", version, len(text)) + text + zlib.compress(raw, level=6)
@@ -119,7 +123,7 @@ def decode_evidence(blob: bytes) -> Evidence:
     """Raises InputError when `blob` is not whole or comes from a newer version."""
     try:
         version, size = struct.unpack_from("<BI", blob)
-        if version not in (1, _EVIDENCE_VERSION):
+        if version not in _EVIDENCE_VERSIONS:
             raise InputError(f"The evidence is of version {version}, newer than this program; install a newer NVSim.")
         if size > _MOST_HEADER:
             raise ValueError("a header too long")
@@ -141,6 +145,8 @@ def decode_evidence(blob: bytes) -> Evidence:
         if not header.keys() <= set(_SCALARS):
             raise ValueError("a header of other things")
         _check_kinds(header, _EVIDENCE)
+        if header.get("views", "panorama") != "panorama":
+            raise ValueError("views of another kind")
         if submap is not None:
             _check_kinds({"submap": submap}, _EVIDENCE)
             header["second"] = SecondOpinion(submap, **dict(zip(others, planes[len(own) :], strict=True)))

@@ -18,11 +18,13 @@ EdgeKey = tuple[str, str]
 EvidenceKey = tuple[str, int]
 ViewpointOrigin = Literal["start", "step", "person", "file"]
 EdgeOrigin = Literal["step", "merge", "person", "file"]
+Views = Literal["pitched", "panorama"]
 Decision = Literal[
     "",
     "open",
     "alpha",
     "normal",
+    "network-normal",
     "depth",
     "slice",
     "unknown",
@@ -86,8 +88,8 @@ def edge(a: str, b: str, origin: EdgeOrigin = "step") -> Edge:
 class SecondOpinion:
     """What the model of another submap that was trained on the same place shows of a corridor.
 
-    submap                   index of that submap
-    alpha, up, reach, mass   as in Evidence
+    submap                               index of that submap
+    alpha, up, reach, mass, network_up   as in Evidence
     """
 
     submap: int
@@ -95,6 +97,7 @@ class SecondOpinion:
     up: NDArray[np.uint8]
     reach: NDArray[np.uint8] | None = None
     mass: NDArray[np.uint8] | None = None
+    network_up: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +118,18 @@ class Evidence:
     target      (x, y) where the step leads
     joins       id of the existing viewpoint that the corridor leads to, "" for a lattice step
     decision    under the thresholds it was built with: "open", or the first criterion that failed: "alpha", "normal",
-                "depth", "slice", "unknown", "disputed" (one of two submap models calls it open), "distance", "limit",
-                "merge", "return" (the corridor back); or why a free corridor got no edge: "spare" (another way is
-                hardly longer), "served" (others stand near its end)
+                "network-normal", "depth", "slice", "unknown", "disputed" (one of two submap models calls it open),
+                "distance", "limit", "merge", "return" (the corridor back); or why a free corridor got no edge:
+                "spare" (another way is hardly longer), "served" (others stand near its end)
     stale       whether the viewpoint, or the one it leads to, stands elsewhere since this was measured
     reach       (rows, cells) uint8, share of the way to the cell's floor that the rendered depth reaches * 255, where
                 what passes every Gaussian reaches it; 0 where a cell lies outside the image. None: not measured
     mass        (rows, cells) uint8, how much of the cell the Gaussians between 0.1 m above the floor and the camera
                 cover, seen from above, * 255. None: not measured
     second      what the model of another submap shows of it, None where none was asked
+    network_up  (rows, cells) uint8, upward component of the normals that a network sees in the rendered view * 255
+                (negative as 0); 0 where a cell lies outside the image. None: not measured
+    views       "pitched": read from a view that looks down along it; "panorama": from one of the viewpoint
     """
 
     viewpoint: str
@@ -144,6 +150,8 @@ class Evidence:
     reach: NDArray[np.uint8] | None = None
     mass: NDArray[np.uint8] | None = None
     second: SecondOpinion | None = None
+    network_up: NDArray[np.uint8] | None = None
+    views: Views = "pitched"
 
     @property
     def key(self) -> tuple[str, int]:

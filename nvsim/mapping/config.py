@@ -19,7 +19,8 @@ class MappingConfig:
     rule: Literal["mean", "worst"] = "worst"
     """mean: the paper's mean over the corridor alone. worst: every row and cell must pass too."""
     criteria: tuple[str, ...] = ("alpha", "normal")
-    """What must pass, joined by commas: alpha, normal, depth, slice. Known floor is asked for whatever stands here."""
+    """What must pass, joined by commas: alpha, normal, network-normal, depth, slice. Known floor is asked for whatever
+    stands here."""
     tau_alpha: float = 0.95
     """Mean accumulated alpha over the corridor must stay below this (tau_alpha)."""
     tau_normal: float = 0.85
@@ -32,6 +33,11 @@ class MappingConfig:
     """Rule worst: the alpha of every cell of 0.05 x 0.1 m must stay below this."""
     row_normal: float = 0.6
     """Rule worst: the mean upward normal component of every row must exceed this."""
+    tau_network_normal: float = 0.85
+    """Criterion network-normal: the mean upward component of the normals that a network sees in the rendered views must
+    exceed this (tau_normal)."""
+    row_network_normal: float = 0.6
+    """Rule worst: the same for the mean of every row."""
     tau_depth: float = 0.95
     """Criterion depth: the mean share of the way to the floor that the rendered depth reaches must exceed this."""
     row_depth: float = 0.9
@@ -84,7 +90,10 @@ class MappingConfig:
     """Settling: two viewpoints with a free way are joined unless the graph's way is at most this many times as long."""
     view_size: int = 192
     """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
-
+    views: Literal["pitched", "panorama"] = "pitched"
+    """pitched: eight square views, one for each direction. panorama: one equirectangular image (the paper's)."""
+    panorama_width: int = 512
+    """Pixels across the panorama, which is half as high; 512 show the floor about as fine as pitched views of 192."""
     second_opinion: bool = True
     """Ask the model of another submap too where it was trained on the same place; an edge needs both."""
 
@@ -95,13 +104,20 @@ class MappingConfig:
                 f"The corridor of a robot of {self.robot_radius} m radius with {self.margin} m margin is not between 0 "
                 f"and {WIDEST} m wide, which is what the evidence can hold; change --robot-radius or --margin."
             )
+        if not 32 <= self.panorama_width <= 8192:
+            raise InputError(
+                f"A panorama {self.panorama_width} pixels wide cannot be rendered; give --panorama-width 32 to 8192."
+            )
 
     @property
     def key(self) -> dict[str, dict[str, object]]:
         """What a map's key holds of it. An option that came later counts where it is used only, so that what was built
         before stays current."""
-        later = tuple(f"_{family}" for family in ("depth", "slice") if family not in self.criteria)
+        unasked = [family for family in ("network-normal", "depth", "slice") if family not in self.criteria]
+        later = tuple(f"_{family.replace('-', '_')}" for family in unasked)
         values = {name: value for name, value in asdict(self).items() if not name.endswith(later)}
+        if self.views == "pitched":
+            del values["views"], values["panorama_width"]
         if self.criteria == MappingConfig.criteria:
             del values["criteria"]
         del values["second_opinion"]  # the stage knows whether there is another submap to ask
@@ -135,4 +151,5 @@ class MappingConfig:
             jitter=0.0,
             settle=False,
             second_opinion=False,
+            views="panorama",
         )

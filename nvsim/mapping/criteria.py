@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criterion import FULL, Criterion, Part
+from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.opinions import opinions
 
 OPEN: Decision = "open"
@@ -32,6 +33,25 @@ CRITERIA: tuple[Criterion, ...] = (
     Criterion("tau_normal", "normal", "mean upward normal", "Mean normal above", "up", "corridor", False),
     Criterion(
         "row_normal", "normal", "least row's upward normal", "Row's normal above", "up", "row", False, worst_only=True
+    ),
+    Criterion(
+        "tau_network_normal",
+        NETWORK_NORMAL,
+        "mean upward normal of the network",
+        "Mean network normal above",
+        "network_up",
+        "corridor",
+        False,
+    ),
+    Criterion(
+        "row_network_normal",
+        NETWORK_NORMAL,
+        "least row's upward normal of the network",
+        "Row's network normal above",
+        "network_up",
+        "row",
+        False,
+        worst_only=True,
     ),
     Criterion("tau_depth", "depth", "mean reach of depth", "Mean reach above", "reach", "corridor", False),
     Criterion(
@@ -67,6 +87,11 @@ DECISIONS: Mapping[Decision, Words] = {
         "not level",
         "what lies in the corridor does not face up",
         "photograph its floor from above, or lower the limits of the upward normal where it is level",
+    ),
+    "network-normal": Words(
+        "not level by the network",
+        "what the network sees in the corridor does not face up",
+        "look at the place in a panorama, or lower the limits of the network's normal where its floor is level",
     ),
     "depth": Words(
         "depth ends early",
@@ -198,6 +223,7 @@ def answers(evidence: Evidence, length: float, heading: float, config: MappingCo
         and turn < 1e-6
         and evidence.near + len(evidence.alpha) * evidence.depth >= length + config.half_width - 1e-9
         and evidence.width >= 2 * config.half_width - 1e-9
+        and evidence.views == config.views
         and not lacking(evidence, config)
     )
 

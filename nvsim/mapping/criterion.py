@@ -14,9 +14,9 @@ from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import FAMILIES
 
-Plane = Literal["alpha", "up", "support", "reach", "mass"]
+Plane = Literal["alpha", "up", "support", "reach", "mass", "network_up"]
 Part = tuple[slice, slice]  # rows and cells of the corridor
-FULL: Mapping[Plane, int] = {"alpha": 255, "up": 255, "support": 1, "reach": 255, "mass": 255}
+FULL: Mapping[Plane, int] = {"alpha": 255, "up": 255, "support": 1, "reach": 255, "mass": 255, "network_up": 255}
 """What a stored value of 1 is in each plane of the evidence."""
 
 

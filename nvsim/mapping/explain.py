@@ -55,8 +55,8 @@ class Measure:
 
 @dataclass(frozen=True)
 class Explanation:
-    """decision  "open", or the first criterion that fails: "alpha", "normal", "depth", "slice", "unknown"; "disputed"
-              where this fails in one of two models alone
+    """decision  "open", or the first criterion that fails: "alpha", "normal", "network-normal", "depth", "slice",
+              "unknown"; "disputed" where this fails in one of two models alone
     measures  in the order in which they are asked, of all that was measured
     corridor  the rows and cells that the robot needs
     obstacle  metres to the first row that something stands in, None where nothing does

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Final, Literal
 
 from nvsim.errors import InputError
 
-FAMILIES = ("alpha", "normal", "depth", "slice")
+NETWORK_NORMAL: Final = "network-normal"
+FAMILIES = ("alpha", "normal", NETWORK_NORMAL, "depth", "slice")
 """In the order in which they are asked."""
-_RESERVED = "network-normal"
+NormalSource = Literal["criteria", "gaussians", "network", "both"]
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
@@ -18,8 +20,18 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
     """
     words = {word.strip() for name in names for word in str(name).split(",")} - {""}
     for word in sorted(words - set(FAMILIES)):
-        why = "waits for a network of surface normals, and none is installed" if word == _RESERVED else "is unknown"
-        raise InputError(f"The criterion {word!r} {why}; --criteria takes {', '.join(FAMILIES)}, joined by commas.")
+        raise InputError(
+            f"The criterion {word!r} is unknown; --criteria takes {', '.join(FAMILIES)}, joined by commas."
+        )
     if not words:
         raise InputError(f"No criterion is named; give --criteria one of {', '.join(FAMILIES)}, or several.")
     return tuple(family for family in FAMILIES if family in words)
+
+
+def with_normals(criteria: Iterable[str], source: NormalSource) -> tuple[str, ...]:
+    """The families with those of the normals that `source` says: of the Gaussians, of a network, or both, of which each
+    must pass; "criteria" leaves them as they are."""
+    if source == "criteria":
+        return tuple(criteria)
+    normals = {"gaussians": ("normal",), "network": (NETWORK_NORMAL,), "both": ("normal", NETWORK_NORMAL)}[source]
+    return chosen((*(family for family in criteria if family not in ("normal", NETWORK_NORMAL)), *normals))

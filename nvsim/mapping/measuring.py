@@ -11,19 +11,12 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import (
-    DIRECTIONS,
-    Corridor,
-    FloorView,
-    HeightAt,
-    SupportAt,
-    look_down,
-    measure,
-    nothing_stands,
-    view_of,
-)
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, nothing_stands, view_of
 from nvsim.mapping.criteria import OPEN, answers, decide
+from nvsim.mapping.families import NETWORK_NORMAL
+from nvsim.mapping.floor_view import FloorView, measure
 from nvsim.mapping.lattice import Lattice
+from nvsim.mapping.looking import look_down
 from nvsim.mapping.opinions import joined
 from nvsim.mapping.view_source import Ensemble, ViewSource
 
@@ -31,11 +24,12 @@ if TYPE_CHECKING:
     from nvsim.mapping.slice_mass import Slice
 
 _SAME_FLOOR = 0.5  # metres
+_KEPT = 1 << 22  # pixels of the views of recent viewpoints that are kept where a network looks at whole views
 
 
 class Measurements:
     """rendered_viewpoints  viewpoints that a whole turn was rendered at
-    rendered_views       single views, those of the turns and of second opinions included
+    rendered_views       single views or panoramas, those of the turns and of second opinions included
     """
 
     def __init__(
@@ -59,7 +53,7 @@ class Measurements:
         self._numbered: dict[tuple[str, str], tuple[Evidence, Evidence]] = {}
         self._others: dict[str, int | None] = {}
         self._ends: dict[tuple[tuple[float, ...], tuple[float, float]], float] = {}
-        self._views: tuple[str, list[dict[int, FloorView]]] = ("", [])
+        self._views: dict[str, list[dict[int, FloorView]]] = {}
         self._ensemble = source if isinstance(source, Ensemble) else None
         self._slices: dict[int, Slice] = {}
         self.rendered_viewpoints = 0
@@ -80,7 +74,7 @@ class Measurements:
                 towards = _corridor(viewpoint, other.position[:2])
                 wanted[view_of(towards, self._config)].append(towards)
         views = self._look_down(viewpoint, wanted, another)
-        self._views = (viewpoint.id, views)
+        self._keep(viewpoint, views)
         self.rendered_viewpoints += 1
         measured = []
         for k, corridor in enumerate(corridors):
@@ -98,14 +92,17 @@ class Measurements:
         if found is not None and self._holds(found, corridor, another):
             return found
         k = view_of(corridor, self._config)
-        owner, views = self._views
+        views = self._views.get(viewpoint.id)
         wanted = {other: corridor}
-        if owner != viewpoint.id or not views[0][k].shows(corridor, self._floor_at):
+        if views is None or k not in views[0] or not views[0][k].shows(corridor, self._floor_at):
             for third in also:
                 towards = _corridor(viewpoint, third.position[:2])
-                if third.id not in (viewpoint.id, other.id) and view_of(towards, self._config) == k:
+                shown = self._config.views == "panorama" or view_of(towards, self._config) == k
+                if third.id not in (viewpoint.id, other.id) and shown:
                     wanted[third] = towards
             views = self._look_down(viewpoint, {k: list(wanted.values())}, another)
+            if self._config.views == "panorama" and self._whole:
+                self._keep(viewpoint, views)
         for end, towards in wanted.items():
             evidence = self._measure([view[k] for view in views], viewpoint, -1, towards, end.id)
             if not self._reaches(towards, end):
@@ -158,8 +155,22 @@ class Measurements:
     ) -> list[dict[int, FloorView]]:
         """The views of each model that is asked."""
         place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
-        self.rendered_views += len(models) * len(wanted)
+        self.rendered_views += len(models) * (1 if self._config.views == "panorama" else len(wanted))
         return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
+
+    @property
+    def _whole(self) -> bool:
+        """Whether views are rendered whole, as a network needs them."""
+        return NETWORK_NORMAL in self._config.criteria
+
+    def _keep(self, viewpoint: Viewpoint, views: list[dict[int, FloorView]]) -> None:
+        """Remembers the views of the last viewpoint; whole ones of several, as they show all of its corridors."""
+        self._views.pop(viewpoint.id, None)
+        pixels = sum({id(view): view.alpha.size for of_model in views for view in of_model.values()}.values())
+        most = max(1, _KEPT // max(1, pixels)) if self._whole else 1
+        while len(self._views) >= most:
+            del self._views[next(iter(self._views))]
+        self._views[viewpoint.id] = views
 
     def _measure(
         self, views: Sequence[FloorView], viewpoint: Viewpoint, k: int, corridor: Corridor, joins: str = ""

@@ -21,6 +21,7 @@ def opinions(evidence: Evidence, config: MappingConfig) -> tuple[Evidence, ...]:
         up=other.up,
         reach=other.reach,
         mass=other.mass,
+        network_up=other.network_up,
         second=None,
     )
     return evidence, second
@@ -28,5 +29,5 @@ def opinions(evidence: Evidence, config: MappingConfig) -> tuple[Evidence, ...]:
 
 def joined(first: Evidence, second: Evidence) -> Evidence:
     """The evidence of one model with that of another, of the same corridor, as its second opinion."""
-    other = SecondOpinion(second.submap, second.alpha, second.up, second.reach, second.mass)
+    other = SecondOpinion(second.submap, second.alpha, second.up, second.reach, second.mass, second.network_up)
     return replace(first, second=other)

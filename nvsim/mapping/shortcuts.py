@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -88,7 +89,8 @@ class Shortcuts:
         else:
             if new:
                 self._join(new)
-            if self._ways.metres(a, b, was) <= was - _GAIN:
+            now = self._ways.metres(a, b, was)
+            if math.isfinite(now) and now <= was - _GAIN:
                 return
         for id in new:
             if id in self._ways:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.sphere import Sphere
+from nvsim.perception.roles import SurfaceNormals
 from nvsim.render.types import RenderOutput
 from nvsim.splats.types import Gaussians
 
@@ -22,8 +24,29 @@ class ViewSource(Protocol):
         cameras: Sequence[Camera],
         masks: Sequence[NDArray[np.bool_]],
     ) -> tuple[int, list[RenderOutput]]:
-        """The submap that renders `position` (3,) and a view with alpha and normal for every camera, and with depth
-        where the criterion of that name asks. Each view needs to be right where its mask (H, W) is true only."""
+        """The submap that renders `position` (3,) and a view with alpha and normal for every camera, with depth where
+        the criterion of that name asks, and with colours where a network of normals looks at them. Each view needs to
+        be right where its mask (H, W) is true only."""
+        ...
+
+
+@runtime_checkable
+class Panoramas(ViewSource, Protocol):
+    """A source that renders panoramas as well."""
+
+    def panorama(self, sphere: Sphere, mask: NDArray[np.bool_], submap: int | None = None) -> tuple[int, RenderOutput]:
+        """As `views`, one equirectangular image whose depth is the distance along the ray; with `submap` from the model
+        of that one."""
+        ...
+
+
+@runtime_checkable
+class SeesNormals(Protocol):
+    """A source with a network that tells normals from the colours of its views."""
+
+    @property
+    def surface_normals(self) -> SurfaceNormals:
+        """Raises InputError where none is installed."""
         ...
 
 

@@ -7,7 +7,6 @@ size and normalised as ImageNet is; points are scaled alike (sam2/utils/transfor
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +15,9 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened
 from nvsim.geometry.camera import Camera
 from nvsim.perception.models import find_model, models_folder
+from nvsim.perception.onnx_session import TYPES, session
 from nvsim.perception.roles import Float32, Image, Mask
 
 if TYPE_CHECKING:
@@ -31,12 +30,6 @@ _MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 _STD = np.array([0.229, 0.224, 0.225], np.float32)
 _LEAST, _MOST = 16, 4096  # pixels of the image that an encoder takes
 _USUAL = 1024  # pixels, where an export leaves the size open
-_TYPES = {
-    "tensor(float)": np.float32,
-    "tensor(float16)": np.float16,
-    "tensor(int64)": np.int64,
-    "tensor(int32)": np.int32,
-}
 
 
 class PromptedNetwork:
@@ -47,9 +40,9 @@ class PromptedNetwork:
     """
 
     def __init__(self, encoder: Path, decoder: Path) -> None:
-        self._encoder, self._decoder = _session(encoder), _session(decoder)
+        self._encoder, self._decoder = session(encoder), session(decoder)
         inputs = self._encoder.get_inputs()
-        if len(inputs) != 1 or len(inputs[0].shape or ()) != 4 or inputs[0].type not in _TYPES:
+        if len(inputs) != 1 or len(inputs[0].shape or ()) != 4 or inputs[0].type not in TYPES:
             raise InputError(f"{encoder} does not take one image of shape (1, 3, H, W); export the encoder of SAM 2.")
         height, width = (n if isinstance(n, int) else _USUAL for n in inputs[0].shape[2:])
         if not all(_LEAST <= n <= _MOST for n in (width, height)):
@@ -105,7 +98,7 @@ class PromptedNetwork:
         small = np.asarray(cv2.resize(image, self._size, interpolation=cv2.INTER_AREA), np.float32)
         values = ((small / 255 - _MEAN) / _STD).transpose(2, 0, 1)[None]
         entry = self._encoder.get_inputs()[0]
-        found = self._encoder.run(None, {entry.name: np.ascontiguousarray(values, _TYPES[entry.type])})
+        found = self._encoder.run(None, {entry.name: np.ascontiguousarray(values, TYPES[entry.type])})
         self._features = {value.shape[1]: value for value in found if value.ndim == 4}
         self._image = image.copy()
         if not set(_CHANNELS) <= set(self._features):
@@ -114,7 +107,7 @@ class PromptedNetwork:
     def _fed(self, entry: NodeArg, points: Float32, inside: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[Any]:
         """What one input of the decoder is given: `points` (K, 2) float32 in pixels of the encoder's image, `inside`
         (K,), `size` height and width of the image that is asked about."""
-        kind, rank, name = _TYPES.get(entry.type, np.float32), len(entry.shape or ()), entry.name
+        kind, rank, name = TYPES.get(entry.type, np.float32), len(entry.shape or ()), entry.name
         value: NDArray[Any]
         if "box" in name:
             value = np.zeros((1, 0, 4))
@@ -143,19 +136,3 @@ def prompted_files() -> tuple[Path, Path] | None:
         missing = ENCODER if encoder is None else DECODER
         raise InputError(f"{models_folder() / missing}.onnx is missing; a prompted model is an encoder and a decoder.")
     return encoder, decoder
-
-
-def _session(path: Path) -> Any:
-    import onnxruntime
-
-    with opened(path):
-        pass  # a pipe is refused, and not waited for
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = os.cpu_count() or 1
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 3
-    try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's classes share no base but this one
-        words = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
-        raise InputError(f"{path} cannot be loaded as an ONNX network ({words}); export it again.") from error

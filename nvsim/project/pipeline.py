@@ -7,6 +7,7 @@ from pathlib import Path
 
 from nvsim.events import Listener
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
+from nvsim.project.normals_used import check_normals
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
 from nvsim.project.work import STAGES, StageName
@@ -29,6 +30,7 @@ def run(
         "train": lambda: trained.run(project, config.train, listen),
         "map": lambda: mapped.run(project, config.map, listen),
     }
+    check_normals(config.map)  # before anything is made
     for stage in STAGES:
         runs[stage]()
         if stage == "import" and config.map.start:

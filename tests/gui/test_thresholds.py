@@ -154,9 +154,22 @@ def test_a_criterion_is_chosen_by_name_and_what_was_not_measured_waits_for_a_bui
     ((_, arguments, _, _),) = ordered
     at = arguments.index("--criteria")
     assert arguments[at + 1 : at + 3] == ["alpha", "slice"]
+    assert "--views" not in arguments
     panel.reset.click()
     tried(part, qtbot)
     assert not trial.refusal and not trial.differs
+
+
+def test_the_map_is_built_again_from_views_like_those_of_its_evidence(
+    part: ThresholdPart, document: Document, tmp_path, monkeypatch, qtbot: QtBot
+) -> None:
+    part.trial.set_config(replace(part.trial.project_config, views="panorama"))
+    document.set_contents(replace(document.contents, path=tmp_path))
+    ordered: list = []
+    monkeypatch.setattr(part.workspace.jobs, "start", lambda *a: ordered.append(a))
+    part.panel.build.click()
+    ((_, arguments, _, _),) = ordered
+    assert arguments[arguments.index("--views") + 1] == "panorama"
 
 
 def test_closing_while_the_evidence_is_summed_up_leaves_nothing(part: ThresholdPart, settings: QSettings) -> None:

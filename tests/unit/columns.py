@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.sphere import Sphere
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.render.types import RenderOutput
 
@@ -34,7 +35,11 @@ class Columns:
         self.rendered += len(cameras)
         return 0, [self._view(camera) for camera in cameras]
 
-    def _view(self, camera: Camera) -> RenderOutput:
+    def panorama(self, sphere: Sphere, mask: NDArray[np.bool_], submap: int | None = None) -> tuple[int, RenderOutput]:
+        self.rendered += 1
+        return 0, self._view(sphere)
+
+    def _view(self, camera: Camera | Sphere) -> RenderOutput:
         rays = camera.rays().astype(np.float64)
         flat = np.hypot(rays[..., 0], rays[..., 1])
         to_floor = flat * camera.position[2] / np.maximum(-rays[..., 2], 1e-6)
@@ -42,7 +47,8 @@ class Columns:
         clear = self._clear_way(tuple(camera.position[:2]))[np.round(turn).astype(int) % _AZIMUTHS]
         alpha = (np.minimum(to_floor, _FAR) > clear).astype(np.float64)
         if self._noise:
-            seed = np.abs(np.round(camera.camera_to_world * 1000)).astype(np.int64).sum()
+            pose = camera.position if isinstance(camera, Sphere) else camera.camera_to_world
+            seed = np.abs(np.round(pose * 1000)).astype(np.int64).sum()
             alpha = np.clip(alpha + np.random.default_rng(int(seed)).normal(0, self._noise, alpha.shape), 0, 1)
         return RenderOutput(alpha=alpha.astype(np.float32), normal=np.zeros((*alpha.shape, 3), np.float32))
 

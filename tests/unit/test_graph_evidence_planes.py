@@ -35,14 +35,15 @@ def plane(seed: int) -> np.ndarray:
 
 PLAIN = Evidence(ID, 3, 0.1, 2.5, plane(0), plane(1), plane(2) > 99, 0.05, 0.1, 0.9, 1, (1 / 3, -2.0), "b" * 32, "open")
 some = st.booleans()
+OPTIONAL = ("reach", "mass", "network_up")
 
 
 @st.composite
 def evidences(draw: st.DrawFn) -> Evidence:
-    own = {name: plane(i) for i, name in enumerate(("reach", "mass"), 3) if draw(some)}
-    extra = {name: plane(i) for i, name in enumerate(("reach", "mass"), 5) if draw(some)}
-    second = SecondOpinion(4, plane(7), plane(8), **extra) if draw(some) else None
-    return replace(PLAIN, second=second, **own)
+    own = {name: plane(i) for i, name in enumerate(OPTIONAL, 3) if draw(some)}
+    extra = {name: plane(i) for i, name in enumerate(OPTIONAL, 6) if draw(some)}
+    second = SecondOpinion(4, plane(9), plane(10), **extra) if draw(some) else None
+    return replace(PLAIN, second=second, views=draw(st.sampled_from(["pitched", "panorama"])), **own)
 
 
 @given(evidences())
@@ -50,8 +51,10 @@ def test_what_was_measured_comes_back_and_nothing_else(found: Evidence) -> None:
     blob = encode_evidence(found)
     back = decode_evidence(blob)
     assert same_evidence(back, found) and encode_evidence(replace(back)) == blob
+    told = [found, *([found.second] if found.second else [])]
+    later = found.views == "panorama" or any(one.network_up is not None for one in told)
     plain = found.reach is found.mass is found.second is None
-    assert blob[0] == (1 if plain else 2), "programs from before refuse what they cannot hold"
+    assert blob[0] == (3 if later else 1 if plain else 2), "programs from before refuse what they cannot hold"
     graph = NavGraph("scan", {ID: Viewpoint(ID, (0, 0, 1))}, {}, {found.key: found})
     assert same_graph(decode_graph(encode_graph(graph)), graph)
 
@@ -60,6 +63,7 @@ def test_every_plane_counts_when_evidence_is_compared() -> None:
     whole = replace(PLAIN, reach=plane(3), mass=plane(4), second=SecondOpinion(4, plane(5), plane(6), plane(7)))
     assert whole.second is not None
     others = [replace(whole, reach=None), replace(whole, mass=plane(9)), replace(whole, second=None)]
+    others += [replace(whole, views="panorama"), replace(whole, network_up=plane(9))]
     others += [replace(whole, second=replace(whole.second, **change))
                for change in ({"submap": 5}, {"up": plane(9)}, {"reach": None})]  # fmt: skip
     assert same_evidence(whole, replace(whole)) and not any(same_evidence(whole, other) for other in others)
@@ -90,6 +94,10 @@ def test_old_evidence_reads_as_it_did_and_plain_evidence_is_written_so() -> None
         {"second": ["x", []]},
         {"second": [True, []]},
         {"reach": "text"},
+        {"planes": ["network_up", "mass"]},
+        {"views": "fisheye"},
+        {"views": "pitched"},
+        {"views": 1},
     ],
 )
 def test_headers_that_are_none_of_ours_are_refused(change: dict[str, object]) -> None:

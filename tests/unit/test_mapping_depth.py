@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import Corridor, FloorView, camera_towards, measure
+from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.criteria import corridor_of, decide
+from nvsim.mapping.floor_view import FloorView, measure
+from nvsim.mapping.looking import camera_towards
 
 CONFIG = MappingConfig(criteria=("depth",), lattice_offset=0.0)
 HEIGHT = 1.5

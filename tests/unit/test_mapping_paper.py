@@ -9,7 +9,7 @@ import pytest
 from columns import Columns, fill, flat_floor, room
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.sphere import Sphere
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.graph_builder import GraphBuilder
@@ -27,9 +27,8 @@ def world() -> OccupancyMap:
 
 def roi(columns: Columns, position: NDArray[np.float64], heading: float) -> tuple[float, float]:
     """Mean alpha and mean upward normal over the floor from 0.05 m ahead to the robot's radius beyond the step, as wide
-    as the robot, in cells of 0.05 x 0.1 m, out of a view that looks down there."""
-    camera = Camera(Intrinsics.from_fov(192, 192, np.radians(100)), look(position, heading, -np.pi / 4))
-    ((_, (view,))) = columns.views(position, [camera], [np.ones((192, 192), bool)])
+    as the robot, in cells of 0.05 x 0.1 m, out of the spherical view of 512 x 256 pixels."""
+    _, view = columns.panorama(Sphere(position, 512, 256), np.ones((256, 512), bool))
     assert view.alpha is not None
     forward = np.array([np.sin(heading), np.cos(heading)])
     right = np.array([forward[1], -forward[0]])
@@ -37,13 +36,12 @@ def roi(columns: Columns, position: NDArray[np.float64], heading: float) -> tupl
     for row in range(27):
         for cell in range(-5, 5):
             at = position[:2] + (0.1 + 0.1 * row) * forward + (cell + 0.5) * 0.05 * right
-            (u, v), depth = camera.project(np.array([*at, 0.0]))
-            if depth <= 0 or not (-1 < u < 193 and -1 < v < 193):
-                values.append(1.0)
-                continue
-            u, v = np.clip(u - 0.5, 0, 191), np.clip(v - 0.5, 0, 191)
+            east, north = at - position[:2]
+            turn, down = np.arctan2(east, north), np.arctan2(position[2], np.hypot(east, north))
+            u = (256 + 512 * turn / (2 * np.pi) - 0.5) % 512
+            v = min(128 + 256 * down / np.pi - 0.5, 255)
             u0, v0 = int(u), int(v)
-            u1, v1, fu, fv = min(u0 + 1, 191), min(v0 + 1, 191), u - int(u), v - int(v)
+            u1, v1, fu, fv = (u0 + 1) % 512, min(v0 + 1, 255), u - u0, v - v0
             top = view.alpha[v0, u0] * (1 - fu) + view.alpha[v0, u1] * fu
             bottom = view.alpha[v1, u0] * (1 - fu) + view.alpha[v1, u1] * fu
             values.append(round(float(top * (1 - fv) + bottom * fv) * 255) / 255)

@@ -37,7 +37,9 @@ def evidences(draw: st.DrawFn) -> Evidence:
     def planes() -> dict[str, np.ndarray]:
         found = {name: (draw(shares) * rng.random(shape) * 255).astype(np.uint8) for name in ("alpha", "up", "reach")}
         mass = (draw(shares) * rng.random(shape) * 255).astype(np.uint8)
-        return {"alpha": found["alpha"], "up": 255 - found["up"], "reach": 255 - found["reach"], "mass": mass}
+        network_up = 255 - (draw(shares) * rng.random(shape) * 255).astype(np.uint8)
+        return {"alpha": found["alpha"], "up": 255 - found["up"], "reach": 255 - found["reach"], "mass": mass,
+                "network_up": network_up}  # fmt: skip
 
     return Evidence(
         A, 0, CORRIDOR.heading, CORRIDOR.length, support=rng.random(shape) >= draw(shares) * 0.5, near=NEAR,

@@ -6,30 +6,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper
+from onnx_samples import I64, F, save, value
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.perception.prompted_network import PromptedNetwork, prompted_files
 
 SIDE = 64
-F, I64 = TensorProto.FLOAT, TensorProto.INT64
-
-
-def save(path: Path, nodes: list, inputs: list, outputs: list, constants: dict[str, np.ndarray]) -> Path:
-    graph = helper.make_graph(
-        nodes, "toy", inputs, outputs, [numpy_helper.from_array(v, n) for n, v in constants.items()]
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
-    onnx.checker.check_model(model)
-    onnx.save(model, path)
-    return path
-
-
-def value(name: str, *shape: int | str, kind: int = F) -> onnx.ValueInfoProto:
-    return helper.make_tensor_value_info(name, kind, list(shape))
 
 
 def encoder(path: Path, names: tuple[str, str, str] = ("high_res_feats_0", "high_res_feats_1", "image_embed")) -> Path:

@@ -9,8 +9,10 @@ from typing import Any, Literal, cast
 import tyro
 
 from nvsim.cli.arguments import Inline, Memory, ProjectArguments, given, memory_budget
+from nvsim.cli.normal_source import asked, papers, say_if_it_falls_back
 from nvsim.cli.session import working
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import NormalSource
 from nvsim.project.stages import mapped
 
 
@@ -22,6 +24,9 @@ class Arguments(ProjectArguments):
     """What the other flags start from: our defaults, or the paper's."""
     paper: bool = False
     """The same as --preset paper."""
+    normal_source: NormalSource = "criteria"
+    """Whose upward normals must pass: the Gaussians', those that a network sees in the rendered views, or both;
+    criteria leaves it to --criteria."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
     memory: Memory = None
@@ -31,12 +36,15 @@ class Arguments(ProjectArguments):
 
 def defaults(argv: list[str]) -> Arguments:
     name = given(argv, "--preset", "paper" if "--paper" in argv else "nvsim")
-    config = MappingConfig.paper() if name == "paper" else MappingConfig()
+    config = papers() if name == "paper" else MappingConfig()
     return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:
     budget = memory_budget(arguments.memory)
+    config = asked(arguments.config, arguments.normal_source)
     with working(arguments.project, "map", arguments.json) as (project, listen):
-        mapped.run(project, arguments.config, listen, arguments.reapply, budget, arguments.backend)
+        if arguments.preset == "paper":
+            say_if_it_falls_back(config, arguments.normal_source, listen)
+        mapped.run(project, config, listen, arguments.reapply, budget, arguments.backend)
     return 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,8 +10,10 @@ import tyro
 
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.capture_argument import CapturePath
+from nvsim.cli.normal_source import asked, papers, say_if_it_falls_back
 from nvsim.cli.session import working
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import NormalSource
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.training.config import Preset, preset
@@ -29,6 +31,9 @@ class Arguments:
     """What the flags of training start from."""
     paper: bool = False
     """The paper's model and the paper's map: the presets splatfacto-i of training and paper of the map."""
+    normal_source: NormalSource = "criteria"
+    """Whose upward normals the map asks: the Gaussians', those that a network sees in the rendered views, or both;
+    criteria leaves it to --map.criteria."""
     depth: DepthUse = "auto"
     """Whether depth is estimated from the images: where the capture has no scan, always, or never."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
@@ -37,11 +42,14 @@ class Arguments:
 def defaults(argv: list[str]) -> Arguments:
     paper = "--paper" in argv
     name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
-    config = RunConfig(train=preset(name), map=MappingConfig.paper() if paper else MappingConfig())
+    config = RunConfig(train=preset(name), map=papers() if paper else MappingConfig())
     return Arguments(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:
+    config = replace(arguments.config, map=asked(arguments.config.map, arguments.normal_source))
     with working(arguments.project, "run", arguments.json, create=True) as (project, listen):
-        pipeline.run(project, arguments.capture, arguments.understood, arguments.config, listen, arguments.depth)
+        if arguments.paper:
+            say_if_it_falls_back(config.map, arguments.normal_source, listen)
+        pipeline.run(project, arguments.capture, arguments.understood, config, listen, arguments.depth)
     return 0

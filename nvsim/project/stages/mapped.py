@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -13,7 +12,6 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
 from nvsim.files.atomic import write_bytes
-from nvsim.geometry.camera import Camera
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
@@ -22,54 +20,17 @@ from nvsim.project import graph_table, ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph_files import graph_in_file
+from nvsim.project.normals_used import KEY, check_normals, last_network, network_of, of_this_network
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
+from nvsim.project.scene_views import SceneViews
 from nvsim.project.stages.floors import refresh_support, supporting_frames
 from nvsim.project.thresholds import recorded
 from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
-from nvsim.render.types import RenderOutput
-from nvsim.splats.scene import SceneModel
-from nvsim.splats.types import Gaussians, SubmapModel
 
 STAGE: StageName = "map"
 _FAR = 10.0  # metres
-
-
-class SceneViews:
-    """The scene model as the builder's source of views, with what the criteria of `config` ask for."""
-
-    def __init__(self, scene: SceneModel, config: MappingConfig, backend: Backend = "auto") -> None:
-        self._scene, self._backend = scene, backend
-        self._channels = frozenset({"alpha", "normal", *(["depth"] if "depth" in config.criteria else [])})
-
-    def views(
-        self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
-    ) -> tuple[int, list[RenderOutput]]:
-        """The submap nearest to `position` and its views of what the masks ask for."""
-        index, model = self._scene.model_at(position)
-        return index, self._rendered(model, cameras, masks)
-
-    def another(self, position: NDArray[np.floating]) -> int | None:
-        """See SceneModel.second."""
-        return self._scene.second(position)
-
-    def views_of(
-        self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
-    ) -> list[RenderOutput]:
-        """The views from the model of one submap."""
-        return self._rendered(self._scene.model(submap), cameras, masks)
-
-    def gaussians(self, submap: int) -> Gaussians:
-        """The Gaussians of a submap's model."""
-        return self._scene.model(submap).gaussians
-
-    def _rendered(
-        self, model: SubmapModel, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
-    ) -> list[RenderOutput]:
-        from nvsim.render.regions import render_regions
-
-        return render_regions(model, cameras, masks, self._channels, self._backend)
 
 
 def run(
@@ -83,7 +44,7 @@ def run(
     """Builds the graph; with `reapply` decides the stored one again and renders only what newly opens. `memory_budget`
     in bytes is for the models in memory, as SceneModel takes it; `backend` draws.
 
-    Raises InputError while no submap is trained.
+    Raises InputError while no submap is trained, and where a network is asked for that is not installed.
     """
     from nvsim.mapping.builder import build_map
 
@@ -92,13 +53,14 @@ def run(
         project.layout.partial_map.unlink(missing_ok=True)  # of a map that was begun with other settings
         listen(Log("The navigation graph is up to date.", STAGE))
         return
+    check_normals(config)
     capture = project.need_capture()
     start = start_of(capture, config.start)
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget, colours=False), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
-    previous = project.graph() if reapply else None
+    previous = of_this_network(project.graph() if reapply else None, project, config)
     if reapply and previous is None:
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
     started = time.monotonic()
@@ -107,7 +69,9 @@ def run(
     if not ledger.begin(project, STAGE, key):
         partial.unlink(missing_ok=True)
     # What a build that was cut off had measured, or the last one: the graph does not show it all.
-    remembered = _evidence(partial) or (_evidence(project.layout.measured_map) if reapply else None)
+    remembered = _evidence(partial)
+    if remembered is None and reapply:
+        remembered = of_this_network(_evidence(project.layout.measured_map), project, config)
     scan = scan_name(project)
     result = build_map(
         SceneViews(scene, config, backend),
@@ -123,6 +87,9 @@ def run(
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
     seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
+    # What is not asked now may be asked again: the evidence goes on holding it.
+    if network := network_of(config) or (last_network(project) if reapply else ""):
+        summary[KEY] = network
     before = graph_in_file(project)
     ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, result.graph))
     write_bytes(project.layout.measured_map, encode_graph(result.measured))
@@ -159,12 +126,14 @@ def start_of(capture: Capture, start: str) -> NDArray[np.float64] | None:
 
 
 def map_key(project: Project, config: MappingConfig) -> str:
-    """What the graph depends on: every trained submap, the floor that corrected masks support, and the thresholds."""
+    """What the graph depends on: every trained submap, the floor that corrected masks support, the thresholds, and the
+    network that is asked."""
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
     asked = ["second opinion"] if config.second_opinion and len(trained) > 1 else []
-    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *corrected)
+    network = [found] if (found := network_of(config)) else []
+    return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *network, *corrected)
 
 
 def scan_name(project: Project) -> str:

@@ -11,7 +11,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_new_viewpoints
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
-from nvsim.project.stages.mapped import SceneViews
+from nvsim.project.scene_views import SceneViews
 from nvsim.project.thresholds import thresholds_of
 from nvsim.project.work import lacks
 
@@ -24,9 +24,12 @@ def measure(
     listen: Listener,
     memory_budget: int | None = None,
 ) -> NewViewpointEvidence:
-    """See `measure_new_viewpoints`; what the project's own map is decided by is measured and asked too. Raises
-    InputError while no submap is trained, or when an id is not in `graph`."""
-    config = replace(config, criteria=(*config.criteria, *thresholds_of(project).criteria))
+    """See `measure_new_viewpoints`; what the project's own map is decided by is measured and asked too, and from such
+    views. Raises InputError while no submap is trained, or when an id is not in `graph`."""
+    own = thresholds_of(project)
+    config = replace(config, criteria=(*config.criteria, *own.criteria))
+    if own.views == "panorama":
+        config = replace(config, views=own.views, panorama_width=own.panorama_width)
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")

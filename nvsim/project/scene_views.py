@@ -1,0 +1,70 @@
+"""The trained models of a project as the map builder's source of views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.geometry.sphere import Sphere
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import NETWORK_NORMAL
+from nvsim.perception.normals_network import NormalsNetwork, installed_normals
+from nvsim.render.backends import Backend
+from nvsim.render.types import RenderOutput
+from nvsim.splats.scene import SceneModel
+from nvsim.splats.types import Gaussians, SubmapModel
+
+
+class SceneViews:
+    """The scene model as the builder's source of views, with what the criteria of `config` ask for."""
+
+    def __init__(self, scene: SceneModel, config: MappingConfig, backend: Backend = "auto") -> None:
+        self._scene, self._backend = scene, backend
+        also = (("depth", "depth"), (NETWORK_NORMAL, "rgb"))
+        self._channels = frozenset({"alpha", "normal", *(channel for name, channel in also if name in config.criteria)})
+
+    def views(
+        self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> tuple[int, list[RenderOutput]]:
+        """The submap nearest to `position` and its views of what the masks ask for."""
+        index, model = self._scene.model_at(position)
+        return index, self._rendered(model, cameras, masks)
+
+    def another(self, position: NDArray[np.floating]) -> int | None:
+        """See SceneModel.second."""
+        return self._scene.second(position)
+
+    def views_of(
+        self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[RenderOutput]:
+        """The views from the model of one submap."""
+        return self._rendered(self._scene.model(submap), cameras, masks)
+
+    def panorama(self, sphere: Sphere, mask: NDArray[np.bool_], submap: int | None = None) -> tuple[int, RenderOutput]:
+        """The submap nearest to the place, or the one that is named, and its equirectangular image where `mask` is."""
+        from nvsim.render.panorama import render_equirectangular
+
+        index, model = self._scene.model_at(sphere.position) if submap is None else (submap, self._scene.model(submap))
+        size = sphere.width, sphere.height
+        channels, heading = self._channels, sphere.heading
+        return index, render_equirectangular(model, sphere.position, *size, channels, heading, self._backend, mask)
+
+    @cached_property
+    def surface_normals(self) -> NormalsNetwork:
+        """The network that the user installed. Raises InputError where there is none."""
+        return installed_normals()
+
+    def gaussians(self, submap: int) -> Gaussians:
+        """The Gaussians of a submap's model."""
+        return self._scene.model(submap).gaussians
+
+    def _rendered(
+        self, model: SubmapModel, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[RenderOutput]:
+        from nvsim.render.regions import render_regions
+
+        return render_regions(model, cameras, masks, self._channels, self._backend)

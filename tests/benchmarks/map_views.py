@@ -1,0 +1,140 @@
+"""One project mapped from pitched views and from panoramas, by the Gaussians' normals and, where one is installed, by
+those of a network: what either costs and how valid it is.
+
+python -m tests.benchmarks.map_views PROJECT --truth MAP [--paper] [--widths 512 1024] [--json]
+
+Nothing in the project changes. MAP is a ROS map.yaml or an OctoMap in the project's frame. The options of `nvsim map`
+are taken as well, and --paper is where they start from; its search knows no limit of distance, and --max-distance 4
+keeps it in the building.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+from nvsim.cli import show
+from nvsim.cli.normal_source import asked
+from nvsim.evaluation.graph import evaluate_graph
+from nvsim.evaluation.truth import true_occupancy
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.builder import build_map
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, view_of
+from nvsim.mapping.criteria import OPEN, decide
+from nvsim.mapping.families import NormalSource
+from nvsim.mapping.floor_view import measure
+from nvsim.mapping.looking import look_down
+from nvsim.perception.normals_network import normals_file
+from nvsim.project.floor_heights import floor_of
+from nvsim.project.project import Project
+from nvsim.project.scene_views import SceneViews
+from tests.benchmarks.straight_looks import off_straight
+
+VALIDITIES = ("node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
+AGREES = "agrees_with_first"
+"""Share of the first column's steps that are decided alike."""
+FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES, "alpha_too_high", "alpha_off")
+"""The last two: of a cell's alpha, against that of a view straight at it."""
+SHOWN = ("nodes", "edges", *VALIDITIES, *FIGURES, "seconds_per_viewpoint")
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: tyro.conf.Positional[Path]
+    truth: Path
+    paper: bool = False
+    widths: tuple[int, ...] = (MappingConfig.panorama_width,)
+    """Pixels across the panoramas."""
+    json: bool = False
+    config: tyro.conf.OmitArgPrefixes[MappingConfig] = field(default_factory=MappingConfig)
+
+
+def main() -> None:
+    config = MappingConfig.paper() if "--paper" in sys.argv else MappingConfig()
+    arguments = tyro.cli(Arguments, description=__doc__, default=Arguments(tyro.MISSING, tyro.MISSING, config=config))
+    sources: tuple[NormalSource, ...] = ("gaussians",) if normals_file() is None else ("gaussians", "network", "both")
+    tried = {"pitched": replace(arguments.config, views="pitched")}
+    for width in arguments.widths:
+        tried[f"panorama {width}"] = replace(arguments.config, views="panorama", panorama_width=width)
+    with Project.open(arguments.project) as project:
+        found: dict[str, dict[str, Any]] = {}
+        first: tuple[NavGraph, MappingConfig] | None = None
+        for name, views in tried.items():
+            for source in sources:
+                config = asked(views, source)
+                found[f"{name}, {source}"], graph = measured(project, arguments.truth, config, first)
+                first = first or (graph, config)
+    if arguments.json:
+        print(json.dumps(found))
+        return
+    rows = [(key, *(_shown(figures, key) for figures in found.values())) for key in SHOWN]
+    show.table(("figure", *found), rows, "the paper's map" if arguments.paper else "the map")
+
+
+def measured(
+    project: Project, truth: Path, config: MappingConfig, first: tuple[NavGraph, MappingConfig] | None
+) -> tuple[dict[str, Any], NavGraph]:
+    """Figures of the map that is built under `config`, and how far it agrees with the `first`; seconds are the
+    processor's for each viewpoint that was looked around from, without those of compiling the kernels."""
+    scene, support, capture = project.scene(), project.support(), project.need_capture()
+    assert scene is not None and support is not None
+    source, floor = SceneViews(scene, config), floor_of(project).height_at
+
+    def built(config: MappingConfig) -> Any:
+        return build_map(source, capture.positions, floor, support.at, config, scan="views")
+
+    built(replace(config, max_viewpoints=1))
+    started = time.process_time()
+    result = built(config)
+    seconds = time.process_time() - started
+    occupancy = true_occupancy(project, truth, "aligned")
+    figures = evaluate_graph(result.graph, occupancy, capture.positions, seen=support.at)
+    each = seconds / max(1, result.report["rendered_viewpoints"])
+    high, off = off_straight(scene, source, capture.positions, floor, support.at, config)
+    found = {"alpha_too_high": high, "alpha_off": off, "seconds_per_viewpoint": round(each, 3), "report": result.report}
+    if first is not None:
+        found[AGREES] = agreement(*first, source, floor, support.at, config)
+    return {**figures, **found}, result.graph
+
+
+def agreement(
+    graph: NavGraph,
+    before: MappingConfig,
+    source: SceneViews,
+    floor: HeightAt,
+    support: SupportAt,
+    config: MappingConfig,
+) -> float:
+    """The share of the steps of which `graph` holds evidence that `config` finds as open, or closed, as they were
+    `before`: by the criteria of the nearest model alone, whatever the searches made of them."""
+    alike = []
+    for viewpoint in graph.viewpoints.values():
+        steps = [e for e in map(graph.evidence.get, ((viewpoint.id, k) for k in range(DIRECTIONS))) if e is not None]
+        corridors = [Corridor(viewpoint.position[:2], e.target, viewpoint.position[2]) for e in steps]
+        wanted: dict[int, list[Corridor]] = {}
+        for corridor in corridors:
+            wanted.setdefault(view_of(corridor, config), []).append(corridor)
+        views = look_down(source, np.array(viewpoint.position), wanted, floor, config)
+        for e, corridor in zip(steps, corridors, strict=True):
+            again = measure(views[view_of(corridor, config)], viewpoint.id, 0, corridor, floor, support)
+            alike.append((decide(replace(e, second=None), before) == OPEN) == (decide(again, config) == OPEN))
+    return round(sum(alike) / max(1, len(alike)), 4)
+
+
+def _shown(figures: dict[str, Any], key: str) -> str:
+    value = figures.get(key, "-")
+    if key in VALIDITIES:
+        return f"{value:.3f} ({figures[f'{key}_low']:.3f} to {figures[f'{key}_high']:.3f})"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""What a cell of the floor shows to a view straight at it, and how far what the map builder reads of it is from that.
+
+Splats are drawn by an approximation that is right on the axis of a view and the worse the farther off it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, ahead, headings
+from nvsim.mapping.criteria import corridor_of
+from nvsim.mapping.floor_view import measure
+from nvsim.mapping.looking import look_down
+from nvsim.project.scene_views import SceneViews
+from nvsim.render.model import render_model
+from nvsim.splats.scene import SceneModel
+
+_PLACES = 24  # of the trajectory, one corridor each
+_EVERY = 3  # row and cell of the corridor
+_SIDE, _FOCAL = 16, 98.0  # pixels, about those of a panorama 512 wide
+
+
+def off_straight(
+    scene: SceneModel,
+    source: SceneViews,
+    trajectory: NDArray[np.floating],
+    floor: HeightAt,
+    support: SupportAt,
+    config: MappingConfig,
+) -> tuple[float, float]:
+    """Mean of the alpha that is read less that seen straight, and of their difference without sign, over cells of
+    corridors along the `trajectory` (N, 3)."""
+    apart: list[float] = []
+    for i, place in enumerate(trajectory[:: max(1, len(trajectory) // _PLACES)][:_PLACES]):
+        k = i % DIRECTIONS
+        target = place[:2] + ahead(headings(config)[k], config.tau_dist)
+        corridor = Corridor((place[0], place[1]), (target[0], target[1]), place[2])
+        view = look_down(source, place, {k: [corridor]}, floor, config)[k]
+        evidence = measure(view, "", k, corridor, floor, support)
+        part, model = corridor_of(evidence, config), scene.model(evidence.submap)
+        ground, alpha = corridor.ground(floor)[part], evidence.alpha[part] / 255
+        for row in range(0, len(ground), _EVERY):
+            for cell in range(0, ground.shape[1], _EVERY):
+                x, y, z = ground[row, cell] - place
+                pose = look(place, float(np.arctan2(x, y)), float(np.arctan2(z, np.hypot(x, y))))
+                camera = Camera(Intrinsics(_SIDE, _SIDE, _FOCAL, _FOCAL, _SIDE / 2, _SIDE / 2), pose)
+                seen = render_model(model, camera, frozenset({"alpha"})).alpha
+                assert seen is not None
+                middle = slice(_SIDE // 2 - 1, _SIDE // 2 + 1)
+                apart.append(float(alpha[row, cell]) - float(seen[middle, middle].mean()))
+    return round(float(np.mean(apart)), 4), round(float(np.abs(apart).mean()), 4)
