@@ -51,6 +51,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "export_candidates",
         "write the candidates of exported scans for agents that use no simulator",
     ),
+    "export features": ("export_features", "write features of the 36 views of exported scans, as agents read them"),
     "evaluate views": ("evaluate_views", WORK["evaluate views"].does),
     "evaluate ablation": ("evaluate_ablation", WORK["evaluate ablation"].does),
     "evaluate floor": ("evaluate_floor", WORK["evaluate floor"].does),

@@ -23,9 +23,8 @@ TIE = 1e-5
 arithmetic with the agents' strict comparison. The simulator computes in 32 bits and decides such ties by chance."""
 _STEP = math.radians(30)
 _SEEN = math.radians(60) * 640 / 480 / 2
-_VIEWS = np.arange(36)
-HEADINGS: Float64 = _VIEWS % 12 * _STEP
-ELEVATIONS: Float64 = (_VIEWS // 12 - 1) * _STEP
+HEADINGS: Float64 = np.array([view % 12 * _STEP for view in range(36)])
+ELEVATIONS: Float64 = np.array([(view // 12 - 1) * _STEP for view in range(36)])
 """(36,) radians of the views, by viewIndex."""
 
 
