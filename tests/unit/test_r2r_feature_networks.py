@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,21 @@ def test_of_several_outputs_one_must_be_named(tmp_path: Path) -> None:
     path.with_suffix(".toml").write_text(f"width = 3\nsize = {SIZE}")
     with pytest.raises(InputError, match="its description names no output; it has features, whole"):
         Network(path, 4)
+
+
+def test_the_example_of_the_page_is_a_description() -> None:
+    page = (Path(__file__).parents[2] / "resources" / "docs" / "features.md").read_text()
+    (example,) = re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    found = parse_description(example, Path("clip.toml"))
+    assert (found.name, found.width, found.output) == ("CLIP ViT-B/16 of OpenAI", 512, "image_embeds")
+    assert found.preparation == Preparation(
+        224,
+        224,
+        mean=(0.48145466, 0.4578275, 0.40821073),
+        std=(0.26862954, 0.26130258, 0.27577711),
+    )
+    commented = example.replace("# classes", "classes")
+    assert parse_description(commented, Path("clip.toml")).classes == "logits"
 
 
 def test_bytes_that_are_no_network_are_refused(tmp_path: Path) -> None:
