@@ -111,4 +111,4 @@ def _image(path: Path, size: tuple[int, int] | None) -> Image:
         size_of="the view before it",
         then="export the images of the scan again",
     )
-    return np.ascontiguousarray(image[..., ::-1])
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
