@@ -47,6 +47,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "write a graph as GraphML, GeoJSON, SVG, PNG or R2R, from a project or an R2R file",
     ),
     "export splats": ("export_splats", WORK["export splats"].does),
+    "export candidates": (
+        "export_candidates",
+        "write the candidates of exported scans for agents that use no simulator",
+    ),
+    "export features": ("export_features", "write features of the 36 views of exported scans, as agents read them"),
     "evaluate views": ("evaluate_views", WORK["evaluate views"].does),
     "evaluate ablation": ("evaluate_ablation", WORK["evaluate ablation"].does),
     "evaluate floor": ("evaluate_floor", WORK["evaluate floor"].does),

@@ -1,0 +1,52 @@
+"""Write what agents need that run without a simulator, from the connectivity of exported scans: candidates with their
+view and angles, navigable neighbours and positions, as the JSON files of VLN-DUET, NavGPT, NavGPT-2 and SAME."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli.arguments import Positional
+from nvsim.cli.show import as_json
+
+
+@dataclass(frozen=True)
+class Arguments:
+    export: Positional[Path]
+    """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
+    out: Path | None = None
+    """The folder to write to; `candidates` in the export when left out."""
+    scans: tuple[str, ...] = ()
+    """Which scans; all that scans.txt lists when none is named."""
+    json: bool = False
+    """Print what was written as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.r2r.features.candidate_files import write_candidates
+    from nvsim.r2r.features.exported_scan import read_exported_scans
+
+    out = arguments.out or arguments.export / "candidates"
+    written = write_candidates(read_exported_scans(arguments.export, arguments.scans), out)
+    if written.unseen:
+        scan, a, b = written.unseen[0]
+        print(
+            f"warning: {len(written.unseen)} ways go straight up or down, which no view shows and no file holds "
+            f"(the first in {scan} from {a} to {b}); move one end aside with `nvsim graph edit`.",
+            file=sys.stderr,
+        )
+    if arguments.json:
+        print(
+            as_json(
+                {
+                    "written": [str(path) for path in written.paths],
+                    "viewpoints": written.viewpoints,
+                    "candidates": written.candidates,
+                    "unseen": written.unseen,
+                }
+            )
+        )
+    else:
+        print("\n".join(f"Wrote {path}" for path in written.paths))
+    return 0

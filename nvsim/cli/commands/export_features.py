@@ -1,0 +1,61 @@
+"""Write features of the 36 views of every viewpoint of exported scans, in the files that agents read, from any ONNX
+network or from what comes with NVSim. A run that was killed goes on where it was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.cli.arguments import Positional
+from nvsim.cli.console import listening
+from nvsim.errors import InputError
+from nvsim.events import Warning
+from nvsim.r2r.features.layouts import LAYOUTS, Name
+from nvsim.r2r.features.network import Provider
+
+
+@dataclass(frozen=True)
+class Arguments:
+    export: Positional[Path]
+    """The folder of an export: connectivity/ with scans.txt, and views/ or strips of skyboxes."""
+    layout: tuple[Name, ...] = ("vit-b16",)
+    """resnet-152: TSV of EnvDrop and Recurrent-VLN-BERT; vit-b16: HAMT and VLN-DUET; clip-b16: ScaleVLN and SAME;
+    clip-h14: ScaleVLN; eva-l14: NaviLLM. More than one may be named."""
+    model: Path | None = None
+    """An ONNX network with a description beside it (CLIP.onnx, CLIP.toml). Left out: features.LAYOUT.onnx in the models
+    folder, else an ImageNet trunk (the extra `features`), else a fixed projection of colours and edges."""
+    projection: bool = False
+    """The fixed projection of colours and edges, even where there is a network."""
+    out: Path | None = None
+    """The folder to write to; `features` in the export when left out."""
+    scans: tuple[str, ...] = ()
+    """Which scans; all that scans.txt lists and that have images when none is named."""
+    batch: int = 12
+    """Images that go through an ONNX network at once, where it leaves that open."""
+    provider: Provider = "auto"
+    """What runs an ONNX network: CUDA where onnxruntime has it, else the processor."""
+    json: bool = False
+    """Print typed events, one JSON object a line."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.r2r.features.choosing import choose_backbone
+    from nvsim.r2r.features.exported_scan import read_exported_scans
+    from nvsim.r2r.features.extraction import STAGE, extract, with_images
+
+    a = arguments
+    if not 1 <= a.batch <= 1024:
+        raise InputError(f"--batch {a.batch} makes no batch; say 1 to 1024.")
+    if a.model is not None and a.projection:
+        raise InputError("--model and --projection exclude each other; give one.")
+    written = []
+    with listening(a.json) as listen:
+        scans = with_images(read_exported_scans(a.export, a.scans), bool(a.scans), listen)
+        for name in dict.fromkeys(a.layout):
+            backbone, warning = choose_backbone(LAYOUTS[name], a.model, a.batch, a.provider, a.projection)
+            if warning:
+                listen(Warning(warning, STAGE))
+            written += extract(scans, LAYOUTS[name], backbone, a.out or a.export / "features", listen)
+    if not a.json:
+        print("\n".join(f"Wrote {path}" for path in written))
+    return 0

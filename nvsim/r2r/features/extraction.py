@@ -1,0 +1,129 @@
+"""Features of all viewpoints of exported scans, to the file of a layout. Goes on where a killed extraction was."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import time
+from collections import deque
+from collections.abc import Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim import __version__
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.r2r.features.backbone import Backbone, Float32
+from nvsim.r2r.features.exported_scan import ExportedScan
+from nvsim.r2r.features.feature_files import About, Place, Rows, about_of, write_hdf5, write_tsv
+from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
+from nvsim.r2r.features.layouts import Layout
+from nvsim.r2r.features.view_source import VFOV, ViewSource
+from nvsim.r2r.features.width import Width
+
+STAGE = "features"
+_AHEAD = 2
+"""Viewpoints whose views are read while those before them are computed."""
+Prepared = tuple[list[NDArray[Any]], tuple[int, int]]
+
+
+def with_images(scans: Sequence[ExportedScan], all_named: bool, listen: Listener) -> list[ExportedScan]:
+    """Those of `scans` that have images: a folder of exports may list scans that are there for their graph alone.
+
+    Raises InputError where none has, or one of `all_named` has not.
+    """
+    without = [scan for scan in scans if not scan.has_images]
+    if without and (all_named or len(without) == len(scans)):
+        raise InputError(
+            f"The scan {without[0].id} has neither views nor strips in {without[0].root}; export its images first."
+        )
+    for scan in without:
+        listen(Warning(f"the scan {scan.id} has no images and is left out", STAGE))
+    return [scan for scan in scans if scan.has_images]
+
+
+def extract(
+    scans: Sequence[ExportedScan], layout: Layout, backbone: Backbone, folder: Path, listen: Listener
+) -> list[Path]:
+    """Writes the features of all viewpoints of `scans` to the file of `layout` in `folder`; returns what was written.
+
+    Raises InputError for views that are missing (before anything is computed) or damaged, and when the disk refuses.
+    """
+    target = folder / layout.file
+    sources = [(scan, ViewSource(scan)) for scan in scans]
+    places = [(scan, source, i) for scan, source in sources for i in range(len(scan.viewpoints))]
+    if not places:
+        raise InputError("The scans have no viewpoint that is included; there is nothing to compute.")
+    fingerprints = [source.fingerprint(i) for _, source, i in places]
+    fit = Width(backbone.width, layout.width)
+    classes = backbone.classes if layout.classes else 0
+    about: About = {
+        "backbone": backbone.name,
+        "features": f"{layout.width} numbers of each view: {fit.words}",
+        "logits": f"{classes} of ImageNet's classes behind them" if classes else "none",
+        "layout": f"{layout.name}, read by {layout.readers}",
+        "made_by": f"NVSim {__version__}",
+    }
+    maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
+    with kept_rows(target, maker, layout.width + classes) as kept:
+        kept.take_over(fingerprints)
+        if kept.count:
+            listen(Log(f"{kept.count} of {len(places)} viewpoints are there from before", STAGE))
+        tell = _Teller(listen, len(places), kept.count)
+        with contextlib.closing(_read_ahead([place[1:] for place in places[kept.count :]], backbone)) as read:
+            for prepared, size in read:
+                rows = _through(backbone, prepared)
+                values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
+                row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
+                kept.append(fingerprints[kept.count], size, row)
+                tell(kept.count, places[kept.count - 1][0].id)
+        write = write_tsv if layout.is_tsv else write_hdf5
+        write(target, _placed(kept, places), about, VFOV)
+    written = [target, about_of(target)] if layout.is_tsv else [target]
+    words = (
+        f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers a view"
+    )
+    listen(Done(STAGE, words, {"written": [str(path) for path in written], "viewpoints": len(places), **about}))
+    return written
+
+
+def _through(backbone: Backbone, prepared: list[NDArray[Any]]) -> Float32:
+    batches = range(0, len(prepared), backbone.batch)
+    return np.concatenate([backbone.features(prepared[at : at + backbone.batch]) for at in batches])
+
+
+def _placed(kept: KeptRows, places: list[tuple[ExportedScan, ViewSource, int]]) -> Rows:
+    for (scan, _, index), (size, row) in zip(places, kept, strict=True):
+        yield Place(scan.id, scan.viewpoints[index], size), row
+
+
+def _read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:
+    """What goes into the backbone for each place, prepared by threads a few viewpoints ahead. To be closed."""
+    pool = ThreadPoolExecutor(min(_AHEAD, os.cpu_count() or 1))
+    waiting: deque[Future[Prepared]] = deque()
+    try:
+        for source, index in places:
+            waiting.append(pool.submit(source.each_view, index, backbone.prepared))
+            if len(waiting) > _AHEAD:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+class _Teller:
+    """Says how far it is, and how long the rest will take at the pace so far."""
+
+    def __init__(self, listen: Listener, total: int, before: int) -> None:
+        self._listen, self._total, self._before, self._since = listen, total, before, time.monotonic()
+
+    def __call__(self, done: int, scan: str) -> None:
+        left = (time.monotonic() - self._since) / (done - self._before) * (self._total - done)
+        words = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
+        self._listen(Progress(STAGE, done, self._total, f"{scan}, {words} left" if done < self._total else scan))

@@ -1,0 +1,144 @@
+"""A backbone from an ONNX file that the user brings, with a description beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened
+from nvsim.r2r.features.backbone import Float32
+from nvsim.r2r.features.description import Description, read_description
+from nvsim.r2r.features.layouts import CLASSES
+
+Provider = Literal["auto", "cpu", "cuda"]
+_PROVIDERS = {
+    "auto": ("CUDAExecutionProvider", "CPUExecutionProvider"),
+    "cpu": ("CPUExecutionProvider",),
+    "cuda": ("CUDAExecutionProvider",),
+}
+_TYPES: dict[str, Any] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+
+
+class Network:
+    """An opened network: a Backbone. One batch of black images goes through it first, so that what does not fit is
+    found before any work.
+
+    Raises InputError for a file that cannot be loaded, without a provider to run it, and where it does not take or
+    give what its description says.
+    """
+
+    def __init__(self, path: Path, batch: int, provider: Provider = "auto") -> None:
+        self._path = path
+        self._description = read_description(path)
+        self._session = _session(path, providers(provider))
+        self.name = self._description.name
+        self.width = self._description.width
+        self.prepared = self._description.preparation
+        self._input, self._fixed = self._checked_input()
+        self.batch = self._fixed or batch
+        self._outputs = self._checked_outputs()
+        self.classes = CLASSES if self._description.classes else 0
+        self.digest = _digest(path, self._description)
+        height, width = self.prepared.height, self.prepared.width
+        self.features([self.prepared(np.zeros((height, width, 3), np.uint8))])
+
+    def features(self, images: Sequence[NDArray[Any]]) -> Float32:
+        batch = np.stack(images)
+        if self._fixed > len(images):
+            batch = np.concatenate([batch, np.repeat(batch[-1:], self._fixed - len(images), axis=0)])
+        with reading(self._path, "a network that runs", "export it again"):
+            found = self._session.run(self._outputs, {self._input.name: batch.astype(_TYPES[self._input.type])})
+        wanted = [self.width, self.classes][: len(found)]
+        rows = [self._rows(value, n, k)[: len(images)] for value, n, k in zip(found, wanted, self._outputs)]
+        return np.concatenate(rows, axis=1)
+
+    def _rows(self, value: NDArray[Any], width: int, output: str) -> Float32:
+        rows = np.asarray(value)
+        if rows.ndim == 4 and rows.shape[2:] == (1, 1):
+            rows = rows[:, :, 0, 0]
+        if rows.ndim != 2:
+            raise InputError(
+                f"{self._path}: its output {output} has the shape {tuple(rows.shape)}, not one row of numbers for each "
+                "image; name the pooled output in the description."
+            )
+        if rows.shape[1] != width:
+            said = "classes must have" if output == self._description.classes else "its description says width ="
+            raise InputError(
+                f"{self._path}: its output {output} has {rows.shape[1]} numbers for each image, but {said} {width}; "
+                "correct the description or name another output."
+            )
+        if not np.isfinite(rows).all():
+            raise InputError(
+                f"{self._path}: its output {output} is not finite; check mean and std, or export it again."
+            )
+        return rows.astype(np.float32)
+
+    def _checked_input(self) -> tuple[Any, int]:
+        """The input, and the batch that the file prescribes, 0 where it is open."""
+        inputs = self._session.get_inputs()
+        takes = ", ".join(f"{i.name} {i.type} {i.shape}" for i in inputs)
+        p = self.prepared
+        shape = (3, p.height, p.width) if p.layout == "NCHW" else (p.height, p.width, 3)
+        right = len(inputs) == 1 and inputs[0].type in _TYPES and len(inputs[0].shape or ()) == 4
+        if not right or any(isinstance(n, int) and n != m for n, m in zip(inputs[0].shape[1:], shape)):
+            raise InputError(
+                f"{self._path} takes {takes}, but its description says float images of shape (N, "
+                f"{', '.join(map(str, shape))}); correct layout or size, or export it again."
+            )
+        batch = inputs[0].shape[0]
+        if isinstance(batch, int) and not 0 < batch <= 1024:
+            raise InputError(f"{self._path} takes {batch} images at once; export it with a dynamic batch.")
+        return inputs[0], batch if isinstance(batch, int) else 0
+
+    def _checked_outputs(self) -> list[str]:
+        names = [o.name for o in self._session.get_outputs()]
+        output = self._description.output or (names[0] if len(names) == 1 else None)
+        wanted = [output, *([self._description.classes] if self._description.classes else [])]
+        for name in wanted:
+            if name not in names:
+                said = "its description names no output" if name is None else f"it has no output {name}"
+                raise InputError(f"{self._path}: {said}; it has {', '.join(names)}.")
+        return [name for name in wanted if name]
+
+
+def providers(wanted: Provider) -> list[str]:
+    """What onnxruntime is to run on, the best first. Raises InputError where it can run on none of it."""
+    import onnxruntime
+
+    here = onnxruntime.get_available_providers()
+    found = [name for name in _PROVIDERS[wanted] if name in here]
+    if not found:
+        raise InputError(
+            f"This onnxruntime cannot run on {wanted if wanted != 'auto' else 'cpu or cuda'} (it has "
+            f"{', '.join(here) or 'nothing'}); install onnxruntime{'-gpu' if wanted == 'cuda' else ''}."
+        )
+    return found
+
+
+def _session(path: Path, on: list[str]) -> Any:
+    import onnxruntime
+
+    with opened(path):
+        pass  # a pipe is refused, and not waited for
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = os.cpu_count() or 1
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 3
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=on)
+    except Exception as error:  # onnxruntime's classes share no base but this one
+        words = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
+        raise InputError(f"{path} cannot be loaded as an ONNX network ({words}); export it again.") from error
+
+
+def _digest(path: Path, description: Description) -> str:
+    with opened(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() + hashlib.sha256(repr(description).encode()).hexdigest()

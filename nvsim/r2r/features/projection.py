@@ -1,0 +1,53 @@
+"""What stands in where there is no network: fixed random mixtures of an image's colours and edges. Views that look
+alike get like numbers; nothing was trained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.r2r.features.backbone import Float32, Image
+
+SEED = 0
+_COLOURS = (16, 12)  # cells across and down
+_EDGES = (8, 6)
+_FINE = (64, 48)  # pixels in which edges are looked for
+_DIRECTIONS = 8
+_NUMBERS = _COLOURS[0] * _COLOURS[1] * 3 + _EDGES[0] * _EDGES[1] * _DIRECTIONS
+
+
+class Projection:
+    """A Backbone of any `width`: colours of 16 x 12 cells and histograms of the directions of edges in 8 x 6, mixed by
+    a Gaussian matrix from a fixed seed."""
+
+    def __init__(self, width: int) -> None:
+        self.name = f"random projection of colours and edges (no trained network), seed {SEED}"
+        self.width, self.classes, self.batch = width, 0, 36
+        self.digest = f"projection 1 {width} {SEED}"
+        mixture = np.random.default_rng(SEED).standard_normal((_NUMBERS, width)) / np.sqrt(_NUMBERS)
+        self._mixture = mixture.astype(np.float32)
+
+    def prepared(self, image: Image) -> Float32:
+        """(960,): colours from -1 to 1, then the histograms, each cell's of length 1 at most."""
+        import cv2
+
+        small = np.asarray(cv2.resize(image, _FINE, interpolation=cv2.INTER_AREA))
+        colours = np.asarray(cv2.resize(small, _COLOURS, interpolation=cv2.INTER_AREA), np.float32) / 127.5 - 1
+        grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.float32)
+        across, down = (np.asarray(cv2.Sobel(grey, cv2.CV_32F, *d, ksize=3)) for d in ((1, 0), (0, 1)))
+        strength = np.hypot(across, down)
+        # An edge has no front: directions half a turn apart are one.
+        direction = np.floor(np.mod(np.arctan2(down, across), np.pi) / np.pi * _DIRECTIONS).astype(np.int64)
+        rows, columns = np.indices(grey.shape)
+        cell = rows * _EDGES[1] // _FINE[1] * _EDGES[0] + columns * _EDGES[0] // _FINE[0]
+        bins = cell * _DIRECTIONS + np.minimum(direction, _DIRECTIONS - 1)
+        edges = np.bincount(bins.ravel(), strength.ravel(), _EDGES[0] * _EDGES[1] * _DIRECTIONS)
+        cells = edges.reshape(-1, _DIRECTIONS)
+        cells = cells / (np.linalg.norm(cells, axis=1, keepdims=True) + 100)
+        return np.concatenate([colours.ravel(), cells.ravel().astype(np.float32)])
+
+    def features(self, images: Sequence[NDArray[Any]]) -> Float32:
+        return np.asarray(np.stack(images) @ self._mixture, np.float32)
