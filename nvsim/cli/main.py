@@ -42,6 +42,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "occupancy compare": ("occupancy_compare", "how an occupancy map differs from a true one, cell by cell"),
     "video": ("video", WORK["video"].does),
     "export r2r": ("export_r2r", WORK["export r2r"].does),
+    "export scan": ("export_scan", WORK["export scan"].does),
     "export graph": (
         "export_graph",
         "write a graph as GraphML, GeoJSON, SVG, PNG or R2R, from a project or an R2R file",

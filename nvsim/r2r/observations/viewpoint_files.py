@@ -1,0 +1,52 @@
+"""All pictures of one viewpoint, from one drawing of its surroundings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Viewpoint
+from nvsim.r2r.observations.encoding import jpeg, png
+from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.skybox import Skybox, as_bytes, focal_of, skybox_of
+from nvsim.r2r.observations.surround import draw_surround
+from nvsim.r2r.observations.sweep import sweep
+from nvsim.render.backends import Backend
+from nvsim.splats.types import SubmapModel
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """A viewpoint as drawn: its strip, and the 36 views (480, 640, 3) uint8, none where they were not asked for."""
+
+    skybox: Skybox
+    views: list[NDArray[np.uint8]]
+
+
+def draw_pictures(model: SubmapModel, viewpoint: Viewpoint, settings: ScanSettings, backend: Backend) -> Pictures:
+    """Draws a viewpoint of `model`. Raises InputError when the backend cannot run here."""
+    at = np.array(viewpoint.position)
+    surround = draw_surround(model, at, focal_of(settings.size), backend)
+    views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if settings.views else []
+    return Pictures(skybox_of(surround, model.floor, settings.size), views)
+
+
+def encode_pictures(
+    pictures: Pictures, viewpoint: Viewpoint, settings: ScanSettings, places: ScanPlaces
+) -> list[tuple[Path, bytes]]:
+    """Paths and contents of the files."""
+    skybox, id = pictures.skybox, viewpoint.id
+    files = [
+        (places.strip(id), jpeg(skybox.colour, settings.quality, whole_chroma=True)),
+        (places.depth(id), png(skybox.depth)),
+    ]
+    if settings.faces:
+        for path, face in zip(places.faces(id), skybox.faces, strict=True):
+            files.append((path, jpeg(face, settings.quality, whole_chroma=True)))
+    for path, view in zip(places.sweep(id), pictures.views, strict=False):
+        files.append((path, jpeg(view, settings.quality, whole_chroma=False)))
+    return files
