@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.decoding import decoded
 from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import look
 from nvsim.graph.types import Viewpoint
@@ -48,9 +49,8 @@ def read_depth(places: ScanPlaces, viewpoint: str) -> NDArray[np.uint16]:
     """(S, 6 S) the depth strip of a viewpoint. Raises InputError where it cannot be read."""
     import cv2
 
-    path = places.depth(viewpoint)
-    data = np.frombuffer(read_bytes(path), np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    if image is None or image.dtype != np.uint16 or image.ndim != 2 or image.shape[1] != 6 * image.shape[0]:
-        raise InputError(f"{path} is no depth strip of six square faces; remove it and export the scan again.")
+    path, again = places.depth(viewpoint), "export the scan again"
+    image = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth strip", then=again)
+    if image.dtype != np.uint16 or image.ndim != 2 or image.shape[1] != 6 * image.shape[0]:
+        raise InputError(f"{path} is no depth strip of six square faces of 16 bits; {again}.")
     return np.asarray(image, np.uint16)

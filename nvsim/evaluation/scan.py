@@ -1,0 +1,114 @@
+"""The self-check of an exported scan: files, directions, reach, seams, and how near views that are sampled from its
+strips come to views drawn directly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.evaluation.scan_directions import direction_errors
+from nvsim.evaluation.scan_files import ScanFiles, scans_in
+from nvsim.evaluation.scan_reach import edges_out_of_reach
+from nvsim.evaluation.scan_sampler import sample_strip
+from nvsim.evaluation.scan_seams import seam_steps
+from nvsim.evaluation.scores import psnr
+from nvsim.events import Listener, Progress, silent
+from nvsim.geometry.camera import Camera, look
+from nvsim.project.project import Project
+from nvsim.project.work import lacks
+from nvsim.r2r.observations.sweep import STEP, VIEWS, sweep
+from nvsim.render.model import render_model
+
+STAGE = "check"
+MOST_TURNED = 0.5
+"""Degrees by which a face may look past its direction."""
+MOST_SEAM = 1.5
+"""How many times as large as beside it a step over a border may be."""
+LEAST_MEDIAN, LEAST_WORST = 35.0, 28.0
+"""dB of views sampled from strips against views drawn directly."""
+_STRIPS = 50  # of which seams are measured
+
+
+def evaluate_scan(
+    root: Path,
+    scan: str | None = None,
+    project: Project | None = None,
+    views: int = 400,
+    listen: Listener = silent,
+) -> dict[str, Any]:
+    """Figures of one scan in the folder `root`, by name; `problems` are sentences about what is wrong, and there are
+    none where all is well. With `project`, from which it was exported, `views` views are drawn directly and compared.
+
+    Raises InputError where there is no finished scan, or several and none is named.
+    """
+    places = [p for p in scans_in(root) if scan in (None, p.scan)]
+    if len(places) != 1:
+        names = ", ".join(p.scan for p in scans_in(root))
+        raise InputError(f"{root} holds the scans {names}; name one of them with --scan.")
+    files = ScanFiles(places[0])
+    problems = files.problems()
+    result: dict[str, Any] = {"scan": files.places.scan, "viewpoints": len(files.viewpoints)}
+    result["files"] = sum(len(part.files) for part in files.parts.values())
+    faces = direction_errors(files.size, files.quality)
+    result["direction_deg"] = max(max(face.values()) for face in faces.values())
+    result["faces_deg"] = faces
+    problems += [f"The face {n} looks {f['mean']:.2f} degrees past." for n, f in faces.items() if max(f.values()) > MOST_TURNED]  # fmt: skip # noqa: E501
+    unreached = edges_out_of_reach(files.graph)
+    result["edges"], result["edges_out_of_reach"] = len(files.graph.edges), len(unreached)
+    problems += [f"No view of {a} offers the edge to {b}." for a, b in unreached]
+    if not any("cannot" in p or "not the file" in p or "missing" in p for p in problems):
+        problems += _look(files, project, views, result, listen)
+    result["problems"] = problems
+    return result
+
+
+def _look(files: ScanFiles, project: Project | None, views: int, result: dict[str, Any], listen: Listener) -> list[str]:
+    """Adds the figures that are measured on pictures; returns the problems."""
+    problems = []
+    chosen = files.viewpoints[:: max(1, len(files.viewpoints) // _STRIPS)]
+    steps = np.array([seam_steps(files.strip(id)) for id in chosen]).reshape(-1, 2).mean(axis=0)
+    result["step_over_borders"], result["step_beside"] = map(float, steps)
+    if steps[0] > MOST_SEAM * max(steps[1], 0.5):
+        problems.append(
+            f"The faces have seams: steps of {steps[0]:.1f} over their borders, {steps[1]:.1f} beside them."
+        )
+    if project is not None:
+        values = _against_direct(files, project, views, listen)
+        result["views"], result["psnr_median"], result["psnr_worst"] = views, float(np.median(values)), min(values)
+        if result["psnr_median"] < LEAST_MEDIAN or result["psnr_worst"] < LEAST_WORST:
+            problems.append(
+                f"Views from the strips have {result['psnr_median']:.1f} dB against direct ones, {min(values):.1f} at "
+                f"worst; {LEAST_MEDIAN:.0f} and {LEAST_WORST:.0f} are expected."
+            )
+    return problems
+
+
+def _against_direct(files: ScanFiles, project: Project, count: int, listen: Listener) -> list[float]:
+    """PSNR (count,) of views in random directions at random viewpoints, the same in every run."""
+    scene = project.scene(memory_budget=0)
+    if scene is None:
+        raise lacks(project.layout.root, "train")
+    random = np.random.default_rng(1)
+    poses = []
+    for _ in range(count):
+        id = files.viewpoints[int(random.integers(len(files.viewpoints)))]
+        turn, row = random.uniform(0, 2 * np.pi), int(random.integers(-1, 2))
+        poses.append((scene.nearest(np.array(files.graph.viewpoints[id].position)), id, turn, row * STEP))
+    intrinsics = sweep(np.zeros(3))[VIEWS // 2].intrinsics
+    values = []
+    for submap, id, heading, elevation in sorted(poses):
+        at = np.array(files.graph.viewpoints[id].position)
+        camera = Camera(intrinsics, look(at, heading, elevation))
+        direct = render_model(scene.model(submap), camera).rgb
+        assert direct is not None
+        values.append(_psnr(sample_strip(files.strip(id), camera.rays()) / np.float32(255), direct))
+        listen(Progress(STAGE, len(values), count))
+    return values
+
+
+def _psnr(sampled: NDArray[np.float32], direct: NDArray[np.float32]) -> float:
+    return psnr(float(((sampled - np.clip(direct, 0, 1)) ** 2).mean()))
