@@ -28,8 +28,11 @@ MOST_TURNED = 0.5
 """Degrees by which a face may look past its direction."""
 MOST_SEAM = 1.5
 """How many times as large as beside it a step over a border may be."""
-LEAST_MEDIAN, LEAST_WORST = 35.0, 28.0
-"""dB of views sampled from strips against views drawn directly."""
+LEAST_MEDIAN, LEAST = 35.0, 28.0
+"""dB of views sampled from strips against views drawn directly: the median, and all but `FEW`."""
+FEW = 0.02
+"""Share of the views that may be worse: a model has spots that it draws otherwise in the corner of a view than in its
+middle, because Gaussians are sorted by their depth along the view's axis."""
 _STRIPS = 50  # of which seams are measured
 
 
@@ -56,11 +59,12 @@ def evaluate_scan(
     faces = direction_errors(files.size, files.quality)
     result["direction_deg"] = max(max(face.values()) for face in faces.values())
     result["faces_deg"] = faces
-    problems += [f"The face {n} looks {f['mean']:.2f} degrees past." for n, f in faces.items() if max(f.values()) > MOST_TURNED]  # fmt: skip # noqa: E501
+    turned = [n for n, f in faces.items() if max(f.values()) > MOST_TURNED]
+    problems += [f"The face {n} looks {max(faces[n].values()):.2f} degrees past its direction." for n in turned]
     unreached = edges_out_of_reach(files.graph)
     result["edges"], result["edges_out_of_reach"] = len(files.graph.edges), len(unreached)
     problems += [f"No view of {a} offers the edge to {b}." for a, b in unreached]
-    if not any("cannot" in p or "not the file" in p or "missing" in p for p in problems):
+    if not problems:
         problems += _look(files, project, views, result, listen)
     result["problems"] = problems
     return result
@@ -77,12 +81,14 @@ def _look(files: ScanFiles, project: Project | None, views: int, result: dict[st
             f"The faces have seams: steps of {steps[0]:.1f} over their borders, {steps[1]:.1f} beside them."
         )
     if project is not None:
-        values = _against_direct(files, project, views, listen)
-        result["views"], result["psnr_median"], result["psnr_worst"] = views, float(np.median(values)), min(values)
-        if result["psnr_median"] < LEAST_MEDIAN or result["psnr_worst"] < LEAST_WORST:
+        values = np.array(_against_direct(files, project, views, listen))
+        worse = int((values < LEAST).sum())
+        result |= {"views": views, "psnr_median": float(np.median(values)), "psnr_worst": float(values.min())}
+        result["views_below_28_db"] = worse
+        if result["psnr_median"] < LEAST_MEDIAN or worse > FEW * views:
             problems.append(
-                f"Views from the strips have {result['psnr_median']:.1f} dB against direct ones, {min(values):.1f} at "
-                f"worst; {LEAST_MEDIAN:.0f} and {LEAST_WORST:.0f} are expected."
+                f"Views from the strips have {result['psnr_median']:.1f} dB against direct ones, {worse} of {views} "
+                f"less than {LEAST:.0f}; {LEAST_MEDIAN:.0f}, and few below, are expected."
             )
     return problems
 
