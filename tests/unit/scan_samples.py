@@ -48,3 +48,15 @@ def scan_project(folder: Path) -> Path:
         for i in range(2):
             save_model(small_model(0.3 * i), project.layout.model(i))
     return root
+
+
+def two_rooms(first: int, second: int) -> NavGraph:
+    """Two cliques of so many viewpoints in the hall, the ids of which begin with 0 and 1, joined by one edge."""
+    rooms = [[f"{room}{i:031d}" for i in range(count)] for room, count in enumerate((first, second))]
+    viewpoints = {
+        id: Viewpoint(id, (3.0 + 6.0 * room + 0.7 * (i % 3), 2.0 + 1.3 * (i // 3), 1.5))
+        for room, ids in enumerate(rooms)
+        for i, id in enumerate(ids)
+    }
+    pairs = [(a, b) for ids in rooms for a in ids for b in ids if a < b] + [(rooms[0][0], rooms[1][0])]
+    return NavGraph("hall", viewpoints, {pair: edge(*pair) for pair in pairs})

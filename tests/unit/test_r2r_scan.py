@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from scan_samples import IDS, graph, scan_project
+from scan_samples import IDS, graph, scan_project, two_rooms
 
 from nvsim.errors import InputError
 from nvsim.events import Progress
@@ -37,7 +37,7 @@ def project(tmp_path_factory) -> Path:
 
 def export(project: Path, out: Path, settings: ScanSettings = SMALL, **more) -> ScanPlaces:
     with Project.open(project) as opened:
-        return export_scan(opened, out, settings=settings, **more)
+        return export_scan(opened, out, settings=settings, **more)[0]
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -226,6 +226,28 @@ def test_names_that_agents_cannot_use_are_refused(project, tmp_path, scan, words
     assert not (tmp_path / "scans").exists()
 
 
+def test_a_large_graph_is_written_in_parts(tmp_path):
+    large = scan_project(tmp_path)
+    with Project.open(large, writable=True) as opened:
+        opened.set_graph(two_rooms(5, 5))
+    with Project.open(large) as opened:
+        written = export_scan(opened, tmp_path / "scans", "house", SMALL, with_stub=False, most=10)
+    assert [p.scan for p in written] == ["house"], "ten are not more than ten"
+    with Project.open(large, writable=True) as opened:
+        opened.set_graph(two_rooms(6, 7))
+    done = subprocess.run(
+        [sys.executable, "-m", "nvsim", "export", "scan", "--project", large, "--out", tmp_path / "parts",
+         "--size", "64", "--no-plans", "--max-viewpoints", "10"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "hall-a" in done.stdout and "hall-b" in done.stdout and "1 edges between them" in done.stderr
+    rows = [line.split(",") for line in (tmp_path / "parts" / "hall-parts.csv").read_text().splitlines()]
+    assert rows[0] == ["scan", "viewpoint", "x", "y", "z"]
+    assert {(scan, id[0]) for scan, id, *_ in rows[1:]} == {("hall-a", "0"), ("hall-b", "1")} and len(rows) == 14
+    assert read_scans(tmp_path / "parts" / "connectivity" / "scans.txt") == ["hall-a", "hall-b", stub.SCAN]
+
+
 def test_a_model_that_is_missing_is_named(project, tmp_path):
     copy = tmp_path / "half.nvsim"
     shutil.copytree(project, copy)
@@ -254,6 +276,18 @@ def test_a_full_disk_is_one_sentence(project, tmp_path, monkeypatch):
     monkeypatch.setattr("nvsim.files.atomic.os.replace", full)
     with pytest.raises(InputError, match="disk is full"):
         export(project, tmp_path / "scans")
+
+
+def test_depth_of_panorama_faces_is_along_the_ray(project, tmp_path):
+    for form in ([], ["--faces"]):
+        command = [sys.executable, "-m", "nvsim", "panorama", "--project", project, "--at", "4", "3", "1.5", *form]
+        out = tmp_path / f"image{len(form)}.png"
+        subprocess.run([*command, "--size", "128", "--also", "depth", "--out", out], check=True, capture_output=True)
+    around, strip = (cv2.imread(str(tmp_path / f"image{n}_depth.png"), cv2.IMREAD_UNCHANGED) for n in (0, 1))
+    faces = np.arange(4) * 128 + 128 + 1  # the left edges of the four faces round about, which look 45 degrees aside
+    headings = np.array([135, 225, 315, 45])  # back, left, front, right, less 45
+    columns = ((headings + 180) % 360 / 360 * 256).astype(int)
+    np.testing.assert_allclose(strip[64, faces], around[64, columns], rtol=0.1)
 
 
 def test_a_wall_hides_what_is_behind_it(tmp_path):

@@ -31,6 +31,8 @@ class Arguments(ProjectArguments):
     """Draw the floor plan of every storey."""
     stub: bool = True
     """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
+    max_viewpoints: int | None = None
+    """Split a larger graph at narrow places into scans NAME-a, NAME-b and so on of at most so many viewpoints."""
     force: bool = False
     """Write what R2R agents would choke on as well."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
@@ -38,6 +40,8 @@ class Arguments(ProjectArguments):
 
 
 def run(arguments: Arguments) -> int:
+    from nvsim.cli import show
+    from nvsim.graph.connectivity import read_connectivity
     from nvsim.r2r.observations.export import export_scan
     from nvsim.r2r.observations.settings import ScanSettings
 
@@ -45,7 +49,13 @@ def run(arguments: Arguments) -> int:
     settings = ScanSettings(a.size, a.quality, a.faces, a.views, a.plans)
     # Only read: it may be exported while a submap trains.
     with Project.open(a.project) as project, listening(a.json) as listen:
-        places = export_scan(project, a.out, a.scan, settings, a.stub, a.force, a.backend, listen)
-    if not a.json:
+        written = export_scan(project, a.out, a.scan, settings, a.stub, a.force, a.backend, a.max_viewpoints, listen)
+    if a.json:
+        return 0
+    if len(written) > 1:
+        graphs = [read_connectivity(places.connectivity) for places in written]
+        rows = [(g.scan, len(g.viewpoints), len(g.edges)) for g in graphs]
+        show.table(("scan", "viewpoints", "edges"), rows, "parts")
+    for places in written:
         print(places.folder)
     return 0

@@ -21,6 +21,7 @@ from nvsim.r2r.observations import stub
 from nvsim.r2r.observations.drawing import MADE, STAGE, draw_viewpoints
 from nvsim.r2r.observations.line_of_sight import visible_from
 from nvsim.r2r.observations.ours import refuse_foreign, remove_leftovers
+from nvsim.r2r.observations.parts import split, write_parts
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.plan_files import write_plans
 from nvsim.r2r.observations.record import Record, key_of, part_on_disk
@@ -46,11 +47,12 @@ def export_scan(
     with_stub: bool = True,
     force: bool = False,
     backend: Backend = "auto",
+    most: int | None = None,
     listen: Listener = silent,
-) -> ScanPlaces:
+) -> list[ScanPlaces]:
     """Writes the graph and the models in use of `project` as the scan `scan`, named after the project when left out,
-    into the folder `root`, beside other scans that are there. What is finished already is not done again. Returns where
-    the scan lies.
+    into the folder `root`, beside other scans that are there. What is finished already is not done again. A graph of
+    more than `most` viewpoints is written in parts, with a table of them. Returns where the scans lie.
 
     Raises InputError when a model or the graph is missing, agents would choke on it (unless with `force`), the folder
     holds what is not ours, or the disk refuses.
@@ -62,13 +64,21 @@ def export_scan(
         raise InputError(f"{stub.SCAN} is the name of the stub that agents look for; choose another --scan.")
     if not force:
         refuse(graph)
-    places = ScanPlaces(root, graph.scan)
-    refuse_foreign(places)
-    write_scan(Source.of(project, graph), graph, places, settings, backend, listen)
+    parts = [graph] if most is None else split(graph, most)
+    places = [ScanPlaces(root, part.scan) for part in parts]
+    for scan_places in places:
+        refuse_foreign(scan_places)
+    source = Source.of(project, graph)
+    for part, scan_places in zip(parts, places, strict=True):
+        write_scan(source, part, scan_places, settings, backend, listen)
+        listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}"))
+    if len(parts) > 1:
+        write_parts(root / f"{graph.scan}-parts.csv", parts)
+        cut = len(graph.edges) - sum(len(part.edges) for part in parts)
+        listen(Log(f"{len(parts)} parts; {cut} edges between them are in none.", STAGE))
     if with_stub:
-        stub.write_stub(places, settings.views)
+        stub.write_stub(places[0], settings.views)
         listen(Log(stub.WHY, STAGE))
-    listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints as scan {graph.scan} in {root}"))
     return places
 
 

@@ -32,11 +32,16 @@ def refuse_foreign(places: ScanPlaces) -> None:
             "or another folder."
         )
     entries = _entries(root)
-    if entries - {places.scan} and not places.scans.is_file():
+    if entries - {places.scan} and not places.scans.is_file() and not _has_ours(root):
         named = ", ".join(sorted(entries)[:3])
         raise InputError(
             f"{root} holds other files ({named}); choose a new folder, or one with connectivity/scans.txt."
         )
+
+
+def _has_ours(root: Path) -> bool:
+    """Whether an export began in the folder, of another scan or part."""
+    return any(root.glob("*/manifest.json")) or any(root.glob("*/.unfinished.jsonl"))
 
 
 def remove_leftovers(places: ScanPlaces) -> None:
