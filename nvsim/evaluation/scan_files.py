@@ -46,7 +46,7 @@ class ScanFiles:
 
     @property
     def viewpoints(self) -> list[str]:
-        """Ids of those that pictures were made of."""
+        """Ids of those that were drawn."""
         return [name for name in self.parts if name not in (GRAPH, PLANS)]
 
     def problems(self) -> list[str]:
@@ -58,7 +58,7 @@ class ScanFiles:
         drawn = set(self.viewpoints)
         for v in self.graph.viewpoints.values():
             if v.included and v.id not in drawn:
-                found.append(f"Viewpoint {v.id} is in the graph but has no pictures.")
+                found.append(f"Viewpoint {v.id} is in the graph but has no images.")
         for part in self.parts.values():
             found += filter(None, (self._wrong(name, *known) for name, known in part.files.items()))
         return found + [problem for id in self.viewpoints for problem in self._unreadable(id)]

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
+
 from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, silent
@@ -14,7 +16,7 @@ from nvsim.files import atomic
 from nvsim.files.locking import WriterLock
 from nvsim.graph.connectivity import check_scan_id, write_connectivity
 from nvsim.graph.exports import refuse
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import scan_name
 from nvsim.r2r.observations import stub
@@ -126,6 +128,11 @@ def _add_plans(source: Source, graph: NavGraph, places: ScanPlaces, record: Reco
 
 def _add_connectivity(graph: NavGraph, places: ScanPlaces, record: Record) -> None:
     drawn = [v for v in graph.viewpoints.values() if v.included]
-    sees = {v.id: {o.id for o, seen in zip(drawn, visible_from(places, v, drawn), strict=True) if seen} for v in drawn}
-    path = write_connectivity(graph, places.graphs, lambda a, b: b.id in sees.get(a.id, ()))
+    rows = {v.id: i for i, v in enumerate(drawn)}
+    sees = np.stack([visible_from(places, v, drawn) for v in drawn]) if drawn else np.zeros((0, 0), np.bool_)
+
+    def visible(a: Viewpoint, b: Viewpoint) -> bool:
+        return a.included and b.included and bool(sees[rows[a.id], rows[b.id]])
+
+    path = write_connectivity(graph, places.graphs, visible)
     record.parts[GRAPH] = part_on_disk(places.root, [path], "")

@@ -27,9 +27,9 @@ class ScanSettings:
     plans: bool = True
 
     def __post_init__(self) -> None:
-        if not 64 <= self.size <= 2048 or self.size % _STEP:
+        if not 64 <= self.size <= 1024 or self.size % _STEP:
             raise InputError(
-                f"A face cannot be {self.size} pixels wide; give --size a multiple of {_STEP} from 64 to 2048."
+                f"A face cannot be {self.size} pixels wide; give --size a multiple of {_STEP} from 64 to 1024."
             )
         if not 50 <= self.quality <= 100:
             raise InputError(f"JPEG files cannot have the quality {self.quality}; give --quality from 50 to 100.")
