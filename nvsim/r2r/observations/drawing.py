@@ -1,4 +1,4 @@
-"""The pictures of all viewpoints: drawn submap by submap, so that one model is in memory at a time. While one viewpoint
+"""The images of all viewpoints: drawn submap by submap, so that one model is in memory at a time. While one viewpoint
 is drawn, the one before it is encoded and written."""
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.record import Part, Record, key_of, written
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.source import Source
-from nvsim.r2r.observations.viewpoint_files import Pictures, draw_pictures, encode_pictures
+from nvsim.r2r.observations.viewpoint_files import Images, draw_images, encode_images
 from nvsim.render.backends import Backend, chosen
 
 STAGE = "scan"
 MADE = 1
-"""Counts the changes of how pictures are made: those of a former count are made anew."""
+"""Counts the changes of how images are made: those of a former count are made anew."""
 
 _Todo = tuple[int, Viewpoint, str]  # submap, viewpoint, key
 
@@ -61,16 +61,16 @@ def _written(
 ) -> Iterator[tuple[str, Part]]:
     """Names of viewpoints and their files, once these are on disk. Of what is drawn, two are in memory at most."""
 
-    def write(pictures: Pictures, viewpoint: Viewpoint, key: str) -> tuple[str, Part]:
-        files = encode_pictures(pictures, viewpoint, settings, places)
+    def write(images: Images, viewpoint: Viewpoint, key: str) -> tuple[str, Part]:
+        files = encode_images(images, viewpoint, settings, places)
         return viewpoint.id, written(places.root, files, key)
 
     before: Future[tuple[str, Part]] | None = None
     with ThreadPoolExecutor(1, "write scan") as writer:
         for submap, viewpoint, key in todo:
-            pictures = draw_pictures(source.scene.model(submap), viewpoint, settings, backend)
+            images = draw_images(source.scene.model(submap), viewpoint, settings, backend)
             if before is not None:
                 yield before.result()
-            before = writer.submit(write, pictures, viewpoint, key)
+            before = writer.submit(write, images, viewpoint, key)
         if before is not None:
             yield before.result()

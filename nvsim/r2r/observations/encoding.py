@@ -1,4 +1,4 @@
-"""Pictures as bytes of JPEG and PNG files, the same bytes for the same picture."""
+"""Images as bytes of JPEG and PNG files, the same bytes for the same image."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What of an export is finished, so that the same command goes on where one was cut off: a journal while it runs, and
 the manifest, which is written last.
 
-A part (the pictures of one viewpoint, the floor plans) is finished when its line stands in the journal, which is after
+A part (the images of one viewpoint, the floor plans) is finished when its line stands in the journal, which is after
 all its files are on disk. A line that was cut off is no line.
 """
 

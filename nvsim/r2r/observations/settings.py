@@ -1,4 +1,4 @@
-"""What an export makes, as a value; it stands in the manifest, and a change of it makes pictures anew."""
+"""What an export makes, as a value; it stands in the manifest, and a change of it makes images anew."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What a model shows all around one place: eighteen narrow views, drawn once, from which every picture of a scan made
-there is sampled. So no picture has seams, and none contradicts another."""
+"""What a model shows all around one place: eighteen narrow views, drawn once, from which every image of a scan made
+there is sampled. So no image has seams, and none contradicts another."""
 
 from __future__ import annotations
 

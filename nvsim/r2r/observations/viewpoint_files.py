@@ -1,4 +1,4 @@
-"""All pictures of one viewpoint, from one drawing of its surroundings."""
+"""All images of one viewpoint, from one drawing of its surroundings."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from nvsim.splats.types import SubmapModel
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class Images:
     """A viewpoint as drawn: its strip, and the 36 views (480, 640, 3) uint8, none where they were not asked for."""
 
     skybox: Skybox
     views: list[NDArray[np.uint8]]
 
 
-def draw_pictures(model: SubmapModel, viewpoint: Viewpoint, settings: ScanSettings, backend: Backend) -> Pictures:
+def draw_images(model: SubmapModel, viewpoint: Viewpoint, settings: ScanSettings, backend: Backend) -> Images:
     """Draws a viewpoint of `model`. Raises InputError when the backend cannot run here."""
     at = np.array(viewpoint.position)
     surround = draw_surround(model, at, focal_of(settings.size), backend)
     views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if settings.views else []
-    return Pictures(skybox_of(surround, model.floor, settings.size), views)
+    return Images(skybox_of(surround, model.floor, settings.size), views)
 
 
-def encode_pictures(
-    pictures: Pictures, viewpoint: Viewpoint, settings: ScanSettings, places: ScanPlaces
+def encode_images(
+    images: Images, viewpoint: Viewpoint, settings: ScanSettings, places: ScanPlaces
 ) -> list[tuple[Path, bytes]]:
     """Paths and contents of the files."""
-    skybox, id = pictures.skybox, viewpoint.id
+    skybox, id = images.skybox, viewpoint.id
     files = [
         (places.strip(id), jpeg(skybox.colour, settings.quality, whole_chroma=True)),
         (places.depth(id), png(skybox.depth)),
@@ -47,6 +47,6 @@ def encode_pictures(
     if settings.faces:
         for path, face in zip(places.faces(id), skybox.faces, strict=True):
             files.append((path, jpeg(face, settings.quality, whole_chroma=True)))
-    for path, view in zip(places.sweep(id), pictures.views, strict=False):
+    for path, view in zip(places.sweep(id), images.views, strict=False):
         files.append((path, jpeg(view, settings.quality, whole_chroma=False)))
     return files
