@@ -80,6 +80,21 @@ def test_single_faces_are_those_of_the_strip(whole):
         assert np.abs(face - strip[:, 64 * i : 64 * (i + 1)]).mean() < 1
 
 
+def test_the_editor_shows_a_strip_as_the_panorama_of_the_model(project, whole):
+    from nvsim.graph.foreign.beside import look_beside
+    from nvsim.graph.foreign.pictures import panorama
+    from nvsim.render.panorama import render_equirectangular
+
+    beside = look_beside(whole / "connectivity" / "hall_connectivity.json", "hall")
+    facing_y = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
+    shown = panorama(beside, IDS[0], facing_y, 256)[..., ::-1].astype(float)
+    with Project.open(project) as opened:
+        direct = render_equirectangular(opened.scene(), np.array(graph().viewpoints[IDS[0]].position), 256, 128).rgb
+    error = np.abs(shown - 255 * direct.clip(0, 1)).mean()
+    turned = np.abs(np.roll(shown, 8, axis=1) - 255 * direct.clip(0, 1)).mean()
+    assert error < 8 and error < 0.5 * turned
+
+
 def test_a_plan_says_where_viewpoints_are(whole):
     plans = whole / "floor_plans" / "hall"
     storey = json.loads((plans / "floor_plans.json").read_text())["storeys"][0]

@@ -29,7 +29,7 @@ from nvsim.r2r.observations.plan_files import write_plans
 from nvsim.r2r.observations.record import Record, key_of, part_on_disk
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.source import Source
-from nvsim.render.backends import Backend
+from nvsim.render.backends import Backend, chosen
 
 PLANS, GRAPH = "floor plans", "connectivity"
 """Names of the parts of a scan that are not a viewpoint's."""
@@ -73,7 +73,8 @@ def export_scan(
     source = Source.of(project, graph)
     for part, scan_places in zip(parts, places, strict=True):
         write_scan(source, part, scan_places, settings, backend, listen)
-        listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}"))
+        results = {"scan": part.scan, "viewpoints": len(part.viewpoints), "written": str(scan_places.folder)}
+        listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}", results))
     if len(parts) > 1:
         write_parts(root / f"{graph.scan}-parts.csv", parts)
         cut = len(graph.edges) - sum(len(part.edges) for part in parts)
@@ -103,6 +104,7 @@ def write_scan(
             "viewpoints": len(graph.viewpoints),
             "edges": len(graph.edges),
             "settings": asdict(settings),
+            "backend": chosen(backend),
             **_ABOUT,
         }
         record.close(about, [GRAPH, *([PLANS] if settings.plans else []), *viewpoints])
