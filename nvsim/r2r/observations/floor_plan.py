@@ -1,5 +1,4 @@
-"""A storey seen from above, without what is higher than a door's handle side: the floor as the models paint it, and the
-Gaussians that stand on it.
+"""A storey seen from above, cut off below its ceiling: the floor as the models paint it, and the Gaussians on it.
 
 Every pixel is of the submap whose camera on the storey passed nearest, so that no two models are in memory at once.
 """
@@ -123,7 +122,8 @@ def _floor(model: SubmapModel, frame: Frame, mask: NDArray[np.bool_]) -> Float32
     at = [(share[..., i] * n - 0.5).astype(np.float32) for i, n in ((0, columns), (1, rows))]
     image = mesh.image.astype(np.float32)
     image[..., :3] *= image[..., 3:] / 255
-    texels = cv2.remap(image, at[0], at[1], cv2.INTER_LINEAR, borderValue=(0, 0, 0, 0))[mask] / 255
+    texels = cv2.remap(image, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[mask] / 255
+    texels[((share < 0) | (share > 1)).any(axis=-1)[mask]] = 0  # beyond the texture
     return np.asarray(texels[:, :3] + (1 - texels[:, 3:]) * _PAPER, np.float32)
 
 
