@@ -15,7 +15,7 @@ from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.record import Part, Record, key_of, written
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.source import Source
-from nvsim.r2r.observations.viewpoint_files import Images, draw_images, encode_images
+from nvsim.r2r.observations.viewpoint_files import Images, Painter, encode_images
 from nvsim.render.backends import Backend, chosen
 
 STAGE = "scan"
@@ -65,10 +65,11 @@ def _written(
         files = encode_images(images, viewpoint, settings, places)
         return viewpoint.id, written(places.root, files, key)
 
+    painter = Painter(settings, backend)
     before: Future[tuple[str, Part]] | None = None
     with ThreadPoolExecutor(1, "write scan") as writer:
         for submap, viewpoint, key in todo:
-            images = draw_images(source.scene.model(submap), viewpoint, settings, backend)
+            images = painter.draw(source.scene.model(submap), viewpoint)
             if before is not None:
                 yield before.result()
             before = writer.submit(write, images, viewpoint, key)

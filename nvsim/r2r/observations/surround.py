@@ -66,23 +66,32 @@ class Surround:
 
 
 def draw_surround(
-    model: SubmapModel, position: NDArray[np.floating], focal: float, backend: Backend = "auto"
+    model: SubmapModel,
+    position: NDArray[np.floating],
+    focal: float,
+    backend: Backend = "auto",
+    over: Surround | None = None,
 ) -> Surround:
-    """Draws the narrow views of `model` from `position` (3,), `focal` pixels to the unit.
+    """Draws the narrow views of `model` from `position` (3,), `focal` pixels to the unit; into the arrays of `over`
+    where they fit, which is then spent: to allocate them takes longer than to fill them.
 
     Raises InputError when the backend cannot run here.
     """
     at = np.asarray(position, np.float64)
     cameras, tiles = _cameras(at, focal), _tiles_needed(focal)
     side = cameras[0].intrinsics.width
-    colours = np.empty((len(cameras), side, side, 3), np.float32)
-    solids = np.empty((len(cameras), side, side, 2), np.float32)
+    if over is not None and over.colours.shape[1] == side:
+        colours, solids = over.colours, over.solids
+    else:
+        colours = np.empty((len(cameras), side, side, 3), np.float32)
+        solids = np.empty((len(cameras), side, side, 2), np.float32)
     lengths = _ray_lengths(cameras[0])
     for i, camera in enumerate(cameras):
         view = render_model(model, camera, _CHANNELS, tiles[i], backend)
         assert view.rgb is not None and view.alpha is not None and view.depth is not None
         colours[i], solids[i, ..., 0] = view.rgb, view.alpha
-        solids[i, ..., 1] = view.depth * view.alpha * lengths
+        np.multiply(view.depth, view.alpha, out=view.depth)
+        np.multiply(view.depth, lengths, out=solids[i, ..., 1])
     return Surround(at, cameras[0].intrinsics.fx, colours, solids)
 
 

@@ -13,7 +13,7 @@ from nvsim.r2r.observations.encoding import jpeg, png
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.skybox import Skybox, as_bytes, focal_of, skybox_of
-from nvsim.r2r.observations.surround import draw_surround
+from nvsim.r2r.observations.surround import Surround, draw_surround
 from nvsim.r2r.observations.sweep import sweep
 from nvsim.render.backends import Backend
 from nvsim.splats.types import SubmapModel
@@ -27,12 +27,19 @@ class Images:
     views: list[NDArray[np.uint8]]
 
 
-def draw_images(model: SubmapModel, viewpoint: Viewpoint, settings: ScanSettings, backend: Backend) -> Images:
-    """Draws a viewpoint of `model`. Raises InputError when the backend cannot run here."""
-    at = np.array(viewpoint.position)
-    surround = draw_surround(model, at, focal_of(settings.size), backend)
-    views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if settings.views else []
-    return Images(skybox_of(surround, model.floor, settings.size), views)
+class Painter:
+    """Draws viewpoints one after another, with the same memory for each."""
+
+    def __init__(self, settings: ScanSettings, backend: Backend) -> None:
+        self._settings, self._backend = settings, backend
+        self._last: Surround | None = None
+
+    def draw(self, model: SubmapModel, viewpoint: Viewpoint) -> Images:
+        """The images of a viewpoint of `model`. Raises InputError when the backend cannot run here."""
+        at, size = np.array(viewpoint.position), self._settings.size
+        surround = self._last = draw_surround(model, at, focal_of(size), self._backend, self._last)
+        views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if self._settings.views else []
+        return Images(skybox_of(surround, model.floor, size), views)
 
 
 def encode_images(
