@@ -28,8 +28,8 @@ def refuse_foreign(places: ScanPlaces) -> None:
         )
     if places.connectivity.exists():
         raise InputError(
-            f"{places.connectivity} belongs to a scan of the same name without images of ours; choose another --scan "
-            "or another folder."
+            f"{places.connectivity} belongs to a scan of the same name whose images are not ours; choose another "
+            "--scan or another folder, or remove the file."
         )
     entries = _entries(root)
     if entries - {places.scan} and not places.scans.is_file() and not _has_ours(root):
