@@ -28,4 +28,6 @@ QT_QPA_PLATFORM=offscreen "$bin/nvsim" bench startup --runs 1
 "$bin/nvsim" run building/capture --project small.nvsim --train.steps 40
 "$bin/nvsim" export r2r --project small.nvsim --out connectivity
 test -s connectivity/scans.txt
+"$bin/nvsim" export scan --project small.nvsim --out scans --size 64
+test -s scans/small/manifest.json
 echo "The wheel works outside the checkout."

@@ -254,5 +254,5 @@ class JobsPart(Part):
 
 MAKERS = ("import", "demo", "run")
 """Commands that give a project its capture."""
-OUT = {"export r2r": "connectivity", "export splats": "splats"}
+OUT = {"export r2r": "connectivity", "export scan": "scans", "export splats": "splats"}
 """Where a command writes when nothing else is said: beside the project rather than where the window was started."""

@@ -42,6 +42,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "occupancy compare": ("occupancy_compare", "how an occupancy map differs from a true one, cell by cell"),
     "video": ("video", WORK["video"].does),
     "export r2r": ("export_r2r", WORK["export r2r"].does),
+    "export scan": ("export_scan", WORK["export scan"].does),
     "export graph": (
         "export_graph",
         "write a graph as GraphML, GeoJSON, SVG, PNG or R2R, from a project or an R2R file",
@@ -59,6 +60,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "evaluate graph": ("evaluate_graph", WORK["evaluate graph"].does),
     "evaluate calibration": ("evaluate_calibration", WORK["evaluate calibration"].does),
     "evaluate validity-table": ("evaluate_validity_table", WORK["evaluate validity-table"].does),
+    "evaluate scan": (
+        "evaluate_scan",
+        "check an exported scan: files, directions, reach, seams, views from its strips",
+    ),
     "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),

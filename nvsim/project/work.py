@@ -122,6 +122,12 @@ WORK: dict[str, Work] = {
             heavy=False,
         ),
         Work(
+            "export scan",
+            "Export a scan",
+            "write a scan in Matterport's layout: connectivity, skyboxes with depth, views, floor plans",
+            "map",
+        ),
+        Work(
             "export splats",
             "Export splats",
             "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF",

@@ -1,8 +1,9 @@
 """Draw a panorama of the trained models: equirectangular, or the six faces of a skybox.
 
-Equirectangular: the heading is in the middle of the image, 0 degrees is +y, to the right is clockwise; depth is the
-distance along the ray. Faces: one strip in the order and orientation of Matterport's skyboxes (up, back, left, front,
-right, down); depth is along the axis of each face.
+Equirectangular: the heading is in the middle of the image, 0 degrees is +y, to the right is clockwise. Faces: one strip
+in the order and orientation of Matterport's skyboxes (up, back, left, front, right, down). Depth is the distance along
+the ray; that of the Gaussians alone, so that a floor has none. `nvsim export scan` writes skyboxes without seams, whose
+depth meets the floor.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Arguments(ProjectArguments):
     size: int | None = None
     """Height in pixels: of the equirectangular image, which is twice as wide (1024), or of a face (512)."""
     also: tuple[Literal["alpha", "depth", "normal"], ...] = ()
-    """What else to write: alpha (8 bits), depth (16 bits, millimetres), normal (8 bits)."""
+    """What else to write: alpha (8 bits), depth (16 bits, millimetres along the ray), normal (8 bits)."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
     memory: Memory = None
@@ -43,6 +44,7 @@ class Arguments(ProjectArguments):
 def run(arguments: Arguments) -> int:
     import numpy as np
 
+    from nvsim.r2r.faces import face_rays
     from nvsim.render.camera_rig import skybox
     from nvsim.render.panorama import render_cube, render_equirectangular
     from nvsim.render.panorama_files import write_panorama
@@ -57,7 +59,11 @@ def run(arguments: Arguments) -> int:
         raise lacks(arguments.project, "train")
     heading, channels = math.radians(arguments.heading), frozenset({"rgb", *arguments.also})
     if arguments.faces:
-        views = render_cube(scene, position, arguments.size or 512, channels, heading, arguments.backend)
+        side = arguments.size or 512
+        views = render_cube(scene, position, side, channels, heading, arguments.backend)
+        lengths = np.linalg.norm(face_rays(side)[0], axis=-1).astype(np.float32)  # for each metre along a face's axis
+        for view in views:
+            view.depth = None if view.depth is None else view.depth * lengths
         image = RenderOutput()
         for channel in channels:
             setattr(image, channel, skybox([getattr(view, channel) for view in views]))

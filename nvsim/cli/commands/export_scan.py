@@ -1,0 +1,61 @@
+"""Write a project as a scan in Matterport's layout: connectivity, skyboxes with depth, views and floor plans, which
+Matterport3DSimulator and agents load unchanged. The same command goes on where one was cut off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.console import listening
+from nvsim.project.project import Project
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    out: Path = Path("scans")
+    """The folder to write to: a new one, or one that holds scans, which stay as they are."""
+    scan: str | None = None
+    """The scan id; the project's name in letters and digits when left out."""
+    size: int = 512
+    """Pixels of a side of a face, a multiple of 16."""
+    quality: int = 95
+    """Of JPEG files."""
+    faces: bool = False
+    """Write the six faces as single files too, as version 0.1 of the simulator reads them."""
+    views: bool = False
+    """Write the 36 discretised views of every viewpoint too, 640x480."""
+    plans: bool = True
+    """Draw the floor plan of every storey."""
+    stub: bool = True
+    """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
+    max_viewpoints: int | None = None
+    """Split a larger graph at narrow places into scans NAME-a, NAME-b and so on of at most so many viewpoints."""
+    force: bool = False
+    """Write what R2R agents would choke on as well."""
+    backend: Literal["auto", "numba", "gsplat"] = "auto"
+    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli import show
+    from nvsim.graph.connectivity import read_connectivity
+    from nvsim.r2r.observations.export import export_scan
+    from nvsim.r2r.observations.settings import ScanSettings
+
+    a = arguments
+    settings = ScanSettings(a.size, a.quality, a.faces, a.views, a.plans)
+    # Only read: it may be exported while a submap trains.
+    with Project.open(a.project) as project, listening(a.json) as listen:
+        written = export_scan(project, a.out, a.scan, settings, a.stub, a.force, a.backend, a.max_viewpoints, listen)
+    if a.json:
+        return 0
+    if len(written) > 1:
+        graphs = [read_connectivity(places.connectivity) for places in written]
+        rows = [(g.scan, len(g.viewpoints), len(g.edges)) for g in graphs]
+        show.table(("scan", "viewpoints", "edges"), rows, "parts")
+    for places in written:
+        print(places.folder)
+    return 0

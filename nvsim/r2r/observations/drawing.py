@@ -1,0 +1,77 @@
+"""The images of all viewpoints: drawn submap by submap, so that one model is in memory at a time. While one viewpoint
+is drawn, the one before it is encoded and written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
+
+import numpy as np
+
+from nvsim.events import Listener, Progress
+from nvsim.graph.types import Viewpoint
+from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.record import Part, Record, key_of, written
+from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.source import Source
+from nvsim.r2r.observations.viewpoint_files import Images, Painter, encode_images
+from nvsim.render.backends import Backend, chosen
+
+STAGE = "scan"
+MADE = 1
+"""Counts the changes of how images are made: those of a former count are made anew."""
+
+_Todo = tuple[int, Viewpoint, str]  # submap, viewpoint, key
+
+
+def draw_viewpoints(
+    source: Source,
+    viewpoints: Mapping[str, Viewpoint],
+    places: ScanPlaces,
+    settings: ScanSettings,
+    record: Record,
+    backend: Backend,
+    listen: Listener,
+) -> None:
+    """Draws and writes those that `record` does not know as finished. Raises InputError when a model cannot be read or
+    the disk refuses."""
+    todo = sorted(_todo(source, viewpoints, settings, record, backend), key=lambda row: row[0])
+    done = len(viewpoints) - len(todo)
+    listen(Progress(STAGE, done, len(viewpoints)))
+    for id, part in _written(source, todo, places, settings, backend):
+        record.add(id, part)
+        done += 1
+        listen(Progress(STAGE, done, len(viewpoints), id))
+
+
+def _todo(
+    source: Source, viewpoints: Mapping[str, Viewpoint], settings: ScanSettings, record: Record, backend: Backend
+) -> Iterator[_Todo]:
+    how = {**asdict(settings), "plans": None, "backend": chosen(backend), "made": MADE}
+    for v in viewpoints.values():
+        submap = source.scene.nearest(np.array(v.position))
+        key = key_of(how, source.keys[submap], v.position)
+        if not record.finished(v.id, key):
+            yield submap, v, key
+
+
+def _written(
+    source: Source, todo: list[_Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
+) -> Iterator[tuple[str, Part]]:
+    """Names of viewpoints and their files, once these are on disk. Of what is drawn, two are in memory at most."""
+
+    def write(images: Images, viewpoint: Viewpoint, key: str) -> tuple[str, Part]:
+        files = encode_images(images, viewpoint, settings, places)
+        return viewpoint.id, written(places.root, files, key)
+
+    painter = Painter(settings, backend)
+    before: Future[tuple[str, Part]] | None = None
+    with ThreadPoolExecutor(1, "write scan") as writer:
+        for submap, viewpoint, key in todo:
+            images = painter.draw(source.scene.model(submap), viewpoint)
+            if before is not None:
+                yield before.result()
+            before = writer.submit(write, images, viewpoint, key)
+        if before is not None:
+            yield before.result()

@@ -1,0 +1,140 @@
+"""The export of a project as a scan: connectivity, strips with depth, views and floor plans, beside other scans."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from nvsim import __version__
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log, silent
+from nvsim.files import atomic
+from nvsim.files.locking import WriterLock
+from nvsim.graph.connectivity import check_scan_id, write_connectivity
+from nvsim.graph.exports import refuse
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.project.project import Project
+from nvsim.project.stages.mapped import scan_name
+from nvsim.r2r.observations import stub
+from nvsim.r2r.observations.drawing import MADE, STAGE, draw_viewpoints
+from nvsim.r2r.observations.line_of_sight import visible_from
+from nvsim.r2r.observations.ours import refuse_foreign, remove_leftovers
+from nvsim.r2r.observations.parts import split, write_parts
+from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.plan_files import write_plans
+from nvsim.r2r.observations.record import Record, key_of, part_on_disk
+from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.source import Source
+from nvsim.render.backends import Backend, chosen
+
+PLANS, GRAPH = "floor plans", "connectivity"
+"""Names of the parts of a scan that are not a viewpoint's."""
+_ABOUT = {
+    "frame": "metres, z up; every pose faces +y, level; heading 0 is +y and grows to the right",
+    "strips": "SCAN/matterport_skybox_images/ID_skybox_small.jpg: up, back, left, front, right, down; JPEG 4:4:4",
+    "depth": "SCAN/matterport_skybox_images/ID_skybox_depth_small.png: 16 bits, 4000 a metre along the ray, 0 is none",
+    "views": "views/SCAN/ID/0.jpg to 35.jpg in the order of viewIndex: 640x480, 60 degrees high, absolute headings",
+}
+
+
+def export_scan(
+    project: Project,
+    root: Path,
+    scan: str | None = None,
+    settings: ScanSettings | None = None,
+    with_stub: bool = True,
+    force: bool = False,
+    backend: Backend = "auto",
+    most: int | None = None,
+    listen: Listener = silent,
+) -> list[ScanPlaces]:
+    """Writes the graph and the models in use of `project` as the scan `scan`, named after the project when left out,
+    into the folder `root`, beside other scans that are there. What is finished already is not done again. A graph of
+    more than `most` viewpoints is written in parts, with a table of them. Returns where the scans lie.
+
+    Raises InputError when a model or the graph is missing, agents would choke on it (unless with `force`), the folder
+    holds what is not ours, or the disk refuses.
+    """
+    settings = settings or ScanSettings()
+    graph = replace(project.need_graph(), scan=scan or scan_name(project))
+    check_scan_id(graph.scan)
+    if graph.scan == stub.SCAN:
+        raise InputError(f"{stub.SCAN} is the name of the stub that agents look for; choose another --scan.")
+    if not force:
+        refuse(graph)
+    parts = [graph] if most is None else split(graph, most)
+    places = [ScanPlaces(root, part.scan) for part in parts]
+    for scan_places in places:
+        refuse_foreign(scan_places)
+    source = Source.of(project, graph)
+    for part, scan_places in zip(parts, places, strict=True):
+        write_scan(source, part, scan_places, settings, backend, listen)
+        results = {"scan": part.scan, "viewpoints": len(part.viewpoints), "written": str(scan_places.folder)}
+        listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}", results))
+    if len(parts) > 1:
+        write_parts(root / f"{graph.scan}-parts.csv", parts)
+        cut = len(graph.edges) - sum(len(part.edges) for part in parts)
+        listen(Log(f"{len(parts)} parts; {cut} edges between them are in none.", STAGE))
+    if with_stub:
+        stub.write_stub(places[0], settings.views)
+        listen(Log(stub.WHY, STAGE))
+    return places
+
+
+def write_scan(
+    source: Source, graph: NavGraph, places: ScanPlaces, settings: ScanSettings, backend: Backend, listen: Listener
+) -> None:
+    """Writes one scan, its manifest last. Raises InputError as `export_scan`."""
+    atomic.make_folder(places.folder)
+    with _locked(places):
+        record = Record(places)
+        remove_leftovers(places)
+        viewpoints = {v.id: v for v in graph.viewpoints.values() if v.included}
+        draw_viewpoints(source, viewpoints, places, settings, record, backend, listen)
+        if settings.plans:
+            _add_plans(source, graph, places, record)
+        _add_connectivity(graph, places, record)
+        about = {
+            "made_by": f"nvsim {__version__}",
+            "scan": graph.scan,
+            "viewpoints": len(graph.viewpoints),
+            "edges": len(graph.edges),
+            "settings": asdict(settings),
+            "backend": chosen(backend),
+            **_ABOUT,
+        }
+        record.close(about, [GRAPH, *([PLANS] if settings.plans else []), *viewpoints])
+
+
+@contextmanager
+def _locked(places: ScanPlaces) -> Iterator[None]:
+    lock = WriterLock(places.lock)
+    try:
+        yield
+    finally:
+        places.lock.unlink(missing_ok=True)
+        lock.release()
+
+
+def _add_plans(source: Source, graph: NavGraph, places: ScanPlaces, record: Record) -> None:
+    viewpoints = [[v.id, v.position, v.height, v.included] for v in graph.viewpoints.values()]
+    key = key_of(MADE, dict(source.keys), graph.scan, viewpoints, list(graph.edges))
+    if not record.finished(PLANS, key):
+        files = write_plans(source.scene, graph, source.submaps, places.plans)
+        record.add(PLANS, part_on_disk(places.root, files, key))
+
+
+def _add_connectivity(graph: NavGraph, places: ScanPlaces, record: Record) -> None:
+    drawn = [v for v in graph.viewpoints.values() if v.included]
+    rows = {v.id: i for i, v in enumerate(drawn)}
+    sees = np.stack([visible_from(places, v, drawn) for v in drawn]) if drawn else np.zeros((0, 0), np.bool_)
+
+    def visible(a: Viewpoint, b: Viewpoint) -> bool:
+        return a.included and b.included and bool(sees[rows[a.id], rows[b.id]])
+
+    path = write_connectivity(graph, places.graphs, visible)
+    record.parts[GRAPH] = part_on_disk(places.root, [path], "")

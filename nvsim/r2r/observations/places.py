@@ -1,0 +1,82 @@
+"""Where the files of a scan lie below the folder of an export; one folder may hold many scans.
+
+Matterport3DSimulator takes the folder itself as its dataset path and `connectivity` as its path of navigation graphs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.graph.connectivity import SUFFIX
+from nvsim.r2r.observations.sweep import VIEWS
+
+
+@dataclass(frozen=True)
+class ScanPlaces:
+    """The folder `root` of an export, and one scan in it."""
+
+    root: Path
+    scan: str
+
+    @property
+    def folder(self) -> Path:
+        """What the simulator reads of the scan, and the manifest."""
+        return self.root / self.scan
+
+    @property
+    def manifest(self) -> Path:
+        return self.folder / "manifest.json"
+
+    @property
+    def journal(self) -> Path:
+        """What is finished of an export that is not."""
+        return self.folder / ".unfinished.jsonl"
+
+    @property
+    def lock(self) -> Path:
+        return self.folder / ".writer"
+
+    @property
+    def images(self) -> Path:
+        return self.folder / "matterport_skybox_images"
+
+    @property
+    def graphs(self) -> Path:
+        return self.root / "connectivity"
+
+    @property
+    def connectivity(self) -> Path:
+        return self.graphs / f"{self.scan}{SUFFIX}"
+
+    @property
+    def scans(self) -> Path:
+        return self.graphs / "scans.txt"
+
+    @property
+    def views(self) -> Path:
+        return self.root / "views" / self.scan
+
+    @property
+    def plans(self) -> Path:
+        return self.root / "floor_plans" / self.scan
+
+    def strip(self, viewpoint: str) -> Path:
+        return self.images / f"{viewpoint}_skybox_small.jpg"
+
+    def depth(self, viewpoint: str) -> Path:
+        return self.images / f"{viewpoint}_skybox_depth_small.png"
+
+    def faces(self, viewpoint: str) -> list[Path]:
+        """The six single faces, as the simulator's version 0.1 reads them."""
+        return [self.images / f"{viewpoint}_skybox{i}_sami.jpg" for i in range(6)]
+
+    def sweep(self, viewpoint: str) -> list[Path]:
+        """The 36 views, in the order of viewIndex."""
+        return [self.views / viewpoint / f"{i}.jpg" for i in range(VIEWS)]
+
+    def holds(self, file: str) -> bool:
+        """Whether a path below the root, as a manifest names it, is that of a picture of this scan."""
+        path = self.root / file
+        here = path.parent in (self.images, self.plans) or path.parent.parent == self.views
+        return here and ".." not in path.parts

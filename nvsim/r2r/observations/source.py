@@ -1,0 +1,60 @@
+"""What a scan is made from: the models in use and how to know them again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from nvsim.errors import InputError
+from nvsim.files.regular import read_bytes
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.project.project import Project
+from nvsim.project.work import lacks
+from nvsim.splats.scene import SceneModel
+from nvsim.submaps.types import Submap
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """scene    of the models in use, one of them in memory at a time
+    submaps  those that have a model
+    keys     index of a submap -> SHA-256 of the files of its model
+    """
+
+    scene: SceneModel
+    submaps: tuple[Submap, ...]
+    keys: Mapping[int, str]
+
+    @staticmethod
+    def of(project: Project, graph: NavGraph) -> Source:
+        """Raises InputError while no model is trained, or the one of a submap in which viewpoints stand is not."""
+        scene = project.scene(memory_budget=0)  # with no budget a model is let go when the next is asked for
+        if scene is None:
+            raise lacks(project.layout.root, "train")
+        submaps = project.submaps("train")
+        trained = tuple(s for s in submaps if s.index in scene.indices)
+        if len(trained) < len(submaps):
+            for v in graph.viewpoints.values():
+                nearest = min(submaps, key=lambda s: _distance(s, v))
+                if nearest.index not in scene.indices:
+                    raise InputError(
+                        f"Submap {nearest.index}, in which viewpoint {v.id} stands, has no model; run `nvsim train "
+                        f"--project {project.layout.root}` first."
+                    )
+        return Source(scene, trained, {i: _key(project.layout.model(i)) for i in scene.indices})
+
+
+def _distance(submap: Submap, viewpoint: Viewpoint) -> float:
+    return float(np.linalg.norm(submap.positions - viewpoint.position, axis=1).min())
+
+
+def _key(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(p for p in folder.iterdir() if p.is_file()):
+        digest.update(path.name.encode())
+        digest.update(read_bytes(path))
+    return digest.hexdigest()

@@ -1,0 +1,62 @@
+"""The scan that VLN-DUET and Recurrent-VLN-BERT open by name, only to work out angles: without it they end at once.
+
+What is written under that name is an empty room of ours; nothing of Matterport's is in it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.files import atomic
+from nvsim.graph.connectivity import list_scan, write_connectivity
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.r2r.observations.encoding import jpeg, png
+from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.skybox import as_bytes, as_units, face_cameras
+from nvsim.r2r.observations.sweep import sweep
+
+SCAN = "ZMojNkEp431"
+VIEWPOINT = "2f4d90acd4024c269fb0efe49a8ac540"
+WHY = (
+    f"Beside the scan lies a stub, {SCAN}, an empty room: VLN-DUET and Recurrent-VLN-BERT open a scan of that name to "
+    "work out angles; --no-stub leaves it out."
+)
+_ROOM = np.array([[-3.0, -2.5, 0.0], [3.0, 2.5, 2.7]])  # corners, metres
+_EYE = (0.0, 0.0, 1.5)
+_SHADES = np.array([0.72, 0.62, 0.52, 0.80])  # walls across x, walls across y, floor, ceiling
+_SIZE = 512
+
+
+def write_stub(places: ScanPlaces, views: bool) -> bool:
+    """Writes the stub into the folder of `places`, with the 36 views where `views` is set, and returns True; does
+    nothing where any scan of that name is there. Raises InputError when the disk refuses."""
+    stub = ScanPlaces(places.root, SCAN)
+    if stub.connectivity.exists():
+        list_scan(stub.scans, SCAN)
+        return False
+    if stub.folder.exists() and any(p.name not in _NAMES for p in stub.folder.rglob("*") if p.is_file()):
+        return False
+    cameras = face_cameras(np.array(_EYE), _SIZE)
+    rooms = [_seen(camera.rays().astype(np.float64)) for camera in cameras]
+    strip, metres = (np.concatenate([room[i] for room in rooms], axis=1) for i in (0, 1))
+    atomic.write_bytes(stub.strip(VIEWPOINT), jpeg(as_bytes(strip), 95, whole_chroma=True))
+    atomic.write_bytes(stub.depth(VIEWPOINT), png(as_units(metres)))
+    if views:
+        for path, camera in zip(stub.sweep(VIEWPOINT), sweep(np.array(_EYE)), strict=True):
+            atomic.write_bytes(path, jpeg(as_bytes(_seen(camera.rays().astype(np.float64))[0]), 95, whole_chroma=False))
+    write_connectivity(NavGraph(SCAN, {VIEWPOINT: Viewpoint(VIEWPOINT, _EYE)}, {}), stub.graphs)
+    return True
+
+
+_NAMES = {f"{VIEWPOINT}_skybox_small.jpg", f"{VIEWPOINT}_skybox_depth_small.png"}
+
+
+def _seen(rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Colours (..., 3) and metres (...) along unit rays (..., 3) from the eye to the walls of the room."""
+    with np.errstate(divide="ignore"):
+        ways = np.where(rays > 0, _ROOM[1] - _EYE, _ROOM[0] - _EYE) / rays
+    ways = np.where(rays == 0, np.inf, ways)
+    axis, metres = ways.argmin(axis=-1), ways.min(axis=-1)
+    shade = _SHADES[np.where(axis == 2, 2 + (rays[..., 2] > 0), axis)]
+    return np.repeat(shade[..., None], 3, axis=-1), metres

@@ -1,0 +1,32 @@
+"""The 36 discretised views of a viewpoint: twelve headings, looking down, level and up.
+
+Source: Matterport3DSimulator with `setDiscretizedViewingAngles(True)`; its viewIndex counts them as here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera, Intrinsics, look
+
+VIEWS = 36
+WIDTH, HEIGHT = 640, 480
+VFOV = math.radians(60)
+STEP = math.radians(30)
+"""Between headings, and between elevations."""
+
+
+def heading_and_elevation(index: int) -> tuple[float, float]:
+    """Radians of the view `index`: 0 is +y and positive turns right; positive looks up."""
+    return index % 12 * STEP, (index // 12 - 1) * STEP
+
+
+def sweep(position: NDArray[np.floating], width: int = WIDTH, height: int = HEIGHT) -> list[Camera]:
+    """The 36 cameras at `position` (3,), in the order of viewIndex."""
+    focal = height / 2 / math.tan(VFOV / 2)
+    intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
+    at = np.asarray(position, np.float64)
+    return [Camera(intrinsics, look(at, *heading_and_elevation(i))) for i in range(VIEWS)]

@@ -1,0 +1,59 @@
+"""All images of one viewpoint, from one drawing of its surroundings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Viewpoint
+from nvsim.r2r.observations.encoding import jpeg, png
+from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.skybox import Skybox, as_bytes, focal_of, skybox_of
+from nvsim.r2r.observations.surround import Surround, draw_surround
+from nvsim.r2r.observations.sweep import sweep
+from nvsim.render.backends import Backend
+from nvsim.splats.types import SubmapModel
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """A viewpoint as drawn: its strip, and the 36 views (480, 640, 3) uint8, none where they were not asked for."""
+
+    skybox: Skybox
+    views: list[NDArray[np.uint8]]
+
+
+class Painter:
+    """Draws viewpoints one after another, with the same memory for each."""
+
+    def __init__(self, settings: ScanSettings, backend: Backend) -> None:
+        self._settings, self._backend = settings, backend
+        self._last: Surround | None = None
+
+    def draw(self, model: SubmapModel, viewpoint: Viewpoint) -> Images:
+        """The images of a viewpoint of `model`. Raises InputError when the backend cannot run here."""
+        at, size = np.array(viewpoint.position), self._settings.size
+        surround = self._last = draw_surround(model, at, focal_of(size), self._backend, self._last)
+        views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if self._settings.views else []
+        return Images(skybox_of(surround, model.floor, size), views)
+
+
+def encode_images(
+    images: Images, viewpoint: Viewpoint, settings: ScanSettings, places: ScanPlaces
+) -> list[tuple[Path, bytes]]:
+    """Paths and contents of the files."""
+    skybox, id = images.skybox, viewpoint.id
+    files = [
+        (places.strip(id), jpeg(skybox.colour, settings.quality, whole_chroma=True)),
+        (places.depth(id), png(skybox.depth)),
+    ]
+    if settings.faces:
+        for path, face in zip(places.faces(id), skybox.faces, strict=True):
+            files.append((path, jpeg(face, settings.quality, whole_chroma=True)))
+    for path, view in zip(places.sweep(id), images.views, strict=False):
+        files.append((path, jpeg(view, settings.quality, whole_chroma=False)))
+    return files

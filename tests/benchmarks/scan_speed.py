@@ -1,0 +1,52 @@
+"""Processor seconds of the parts of a viewpoint's export: `python tests/benchmarks/scan_speed.py PROJECT [COUNT]`.
+
+Medians over COUNT viewpoints (8), each with one before it that warms the caches up; threads as NUMBA_NUM_THREADS says.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from nvsim.project.project import Project
+from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.record import written
+from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.skybox import as_bytes, focal_of, skybox_of
+from nvsim.r2r.observations.surround import draw_surround
+from nvsim.r2r.observations.sweep import sweep
+from nvsim.r2r.observations.viewpoint_files import Images, encode_images
+
+
+def measure(project: Project, count: int) -> None:
+    scene, viewpoints = project.scene(), list(project.need_graph().viewpoints.values())
+    settings, rows = ScanSettings(views=True), []
+    with tempfile.TemporaryDirectory() as folder:
+        for v in viewpoints[: count + 1]:
+            at, clock = np.array(v.position), [time.process_time()]
+            model = scene.model_at(at)[1]
+            surround = draw_surround(model, at, focal_of(settings.size))
+            clock.append(time.process_time())
+            strip = skybox_of(surround, model.floor, settings.size)
+            clock.append(time.process_time())
+            views = [as_bytes(surround.colour(camera)) for camera in sweep(at)]
+            clock.append(time.process_time())
+            places = ScanPlaces(Path(folder), "scan")
+            files = encode_images(Images(strip, views), v, settings, places)
+            clock.append(time.process_time())
+            written(places.root, files, "")
+            clock.append(time.process_time())
+            rows.append(np.diff(clock))
+    names = ("draw narrow views", "sample faces and depth", "sample 36 views", "encode", "hash and write")
+    for name, seconds in zip(names, np.median(rows[1:], axis=0)):
+        print(f"{name:24} {seconds:.2f} s")
+    print(f"{'all':24} {np.median(np.sum(rows[1:], axis=1)):.2f} s")
+
+
+if __name__ == "__main__":
+    with Project.open(Path(sys.argv[1])) as opened:
+        measure(opened, int(sys.argv[2]) if len(sys.argv) > 2 else 8)
