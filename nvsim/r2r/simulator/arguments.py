@@ -1,0 +1,61 @@
+"""The arguments of a call, one value for each environment of the batch: scalars for a batch of one, or lists."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.r2r.simulator.errors import BatchMismatch, InvalidValue, WrongType
+
+
+def names(given: str | Sequence[str], size: int, what: str) -> list[str]:
+    """`size` names; what a list has beyond is left over, as in the original. Raises WrongType, BatchMismatch."""
+    values = [given] if isinstance(given, str) else list(_list(given, what))
+    for value in values:
+        if not isinstance(value, str):
+            raise WrongType(f"{what} holds {value!r}, which is no text; give a list of ids.")
+    _long_enough(len(values), size, what)
+    return values[:size]
+
+
+def numbers(given: float | Sequence[float], size: int, what: str) -> NDArray[np.float64]:
+    """(size,) numbers of its own. Raises WrongType, BatchMismatch, and InvalidValue for one that is not finite."""
+    values = _array(given, size, what, "iufb").astype(np.float64)
+    if not np.isfinite(values).all():
+        raise InvalidValue(f"{what} holds {values[~np.isfinite(values)][0]}; give finite radians.")
+    return values
+
+
+def counts(given: int | Sequence[int], size: int, what: str) -> NDArray[np.int64]:
+    """(size,) whole numbers from 0. Raises WrongType, BatchMismatch."""
+    values = _array(given, size, what, "iub")
+    if (values < 0).any():
+        raise WrongType(f"{what} holds {values[values < 0][0]}; give whole numbers from 0.")
+    return values.astype(np.int64)
+
+
+def _array(given: Any, size: int, what: str, kinds: str) -> NDArray[Any]:
+    try:
+        values = np.asarray(given)
+    except ValueError:  # lists of several lengths
+        values = np.asarray(None)
+    if values.ndim == 0:
+        values = values[None]
+    if values.ndim != 1 or (values.dtype.kind not in kinds and values.size):
+        raise WrongType(f"{what} is {given!r}; give one number for each environment.")
+    _long_enough(len(values), size, what)
+    return values[:size]
+
+
+def _list(given: Any, what: str) -> Any:
+    if not hasattr(given, "__iter__"):
+        raise WrongType(f"{what} is {given!r}; give one value for each environment.")
+    return given
+
+
+def _long_enough(length: int, size: int, what: str) -> None:
+    if length < size:
+        raise BatchMismatch(f"{what} has {length} values and the batch {size} environments; give one for each.")
