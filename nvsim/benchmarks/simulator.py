@@ -172,13 +172,13 @@ def measure(live: Path | None = None, seconds: float = 2.0) -> dict[str, Any]:
 
 
 def _rate(act: Callable[[int], None], seconds: float) -> float:
-    """Calls a second, the best of three parts of the time: other programs come and go."""
+    """Calls a second, the best of twenty parts of the time, as other programs come and go."""
     for number in range(4):
         act(number)
     best, number = 0.0, 0
-    for _ in range(3):
+    for _ in range(20):
         begin, done = time.perf_counter(), 0
-        while time.perf_counter() - begin < seconds / 3 or done < 4:
+        while time.perf_counter() - begin < seconds / 20 or not done:
             act(number)
             number, done = number + 1, done + 1
         best = max(best, done / (time.perf_counter() - begin))

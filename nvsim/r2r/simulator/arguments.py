@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,27 +24,25 @@ def names(given: str | Sequence[str], size: int, what: str) -> list[str]:
 
 def numbers(given: float | Sequence[float], size: int, what: str) -> NDArray[np.float64]:
     """(size,) numbers of its own. Raises WrongType, BatchMismatch, and InvalidValue for one that is not finite."""
-    values = _array(given, size, what, "iufb").astype(np.float64)
-    if not np.isfinite(values).all():
-        raise InvalidValue(f"{what} holds {values[~np.isfinite(values)][0]}; give finite radians.")
+    values = _array(given, size, what, "fiub").astype(np.float64)
+    if not math.isfinite(values.sum()):  # one of them is not, or all are beyond measure
+        raise InvalidValue(f"{what} is {given!r}; give finite radians.")
     return values
 
 
 def counts(given: int | Sequence[int], size: int, what: str) -> NDArray[np.int64]:
     """(size,) whole numbers from 0. Raises WrongType, BatchMismatch."""
     values = _array(given, size, what, "iub")
-    if (values < 0).any():
-        raise WrongType(f"{what} holds {values[values < 0][0]}; give whole numbers from 0.")
+    if values.min() < 0:
+        raise WrongType(f"{what} is {given!r}; give whole numbers from 0.")
     return values.astype(np.int64)
 
 
 def _array(given: Any, size: int, what: str, kinds: str) -> NDArray[Any]:
     try:
-        values = np.asarray(given)
+        values = np.array(given, ndmin=1)
     except ValueError:  # lists of several lengths
-        values = np.asarray(None)
-    if values.ndim == 0:
-        values = values[None]
+        values = np.empty((0, 0))
     if values.ndim != 1 or (values.dtype.kind not in kinds and values.size):
         raise WrongType(f"{what} is {given!r}; give one number for each environment.")
     _long_enough(len(values), size, what)

@@ -55,6 +55,7 @@ def draw_colours(
     side = strip.shape[0]
     stride = 18 * side
     half, last, centre = np.float32(side / 2), np.float32(side - 1), np.float32(0.5)
+    full, half_step, sixteen = np.uint32(256), np.uint32(32768), np.uint32(16)
     pixels = strip.reshape(-1)
     for row in range(out.shape[0]):
         x0 = rays[0, 0] + np.float32(row) * rays[2, 0]
@@ -68,15 +69,17 @@ def draw_colours(
             v = min(max(v - centre, np.float32(0)), last)
             left, top = np.int64(u), np.int64(v)
             # Weights of 1/256, as the textures of graphics cards have them.
-            fu = np.int64((u - np.float32(left)) * np.float32(256))
-            fv = np.int64((v - np.float32(top)) * np.float32(256))
-            a = top * stride + (face * side + left) * 3
-            right = 3 if left < side - 1 else 0
-            below = a + (stride if top < side - 1 else 0)
+            fu = np.uint32((u - np.float32(left)) * np.float32(256))
+            fv = np.uint32((v - np.float32(top)) * np.float32(256))
+            # Unsigned, as a signed index is asked each time whether it counts from the end.
+            at = np.uintp(top * stride + (face * side + left) * 3)
+            right = at + np.uintp(3 if left < side - 1 else 0)
+            down = np.uintp(stride if top < side - 1 else 0)
             for channel in range(3):
-                upper = pixels[a + channel] * (256 - fu) + pixels[a + right + channel] * fu
-                lower = pixels[below + channel] * (256 - fu) + pixels[below + right + channel] * fu
-                out[row, column, channel] = np.uint8((upper * (256 - fv) + lower * fv + 32768) >> 16)
+                k = np.uintp(channel)
+                upper = np.uint32(pixels[at + k]) * (full - fu) + np.uint32(pixels[right + k]) * fu
+                lower = np.uint32(pixels[at + down + k]) * (full - fu) + np.uint32(pixels[right + down + k]) * fu
+                out[row, column, channel] = np.uint8((upper * (full - fv) + lower * fv + half_step) >> sixteen)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})

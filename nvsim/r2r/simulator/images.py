@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.simulator.cubemap import draw_colours, draw_depth, rays_of
 from nvsim.r2r.simulator.errors import InvalidValue
-from nvsim.r2r.simulator.nav_graph import Joined, NavGraph, Scans
+from nvsim.r2r.simulator.nav_graph import NavGraph, Scans
 from nvsim.r2r.simulator.scan import Scan
 from nvsim.r2r.simulator.settings import Settings
 from nvsim.r2r.simulator.skybox import StripCache
@@ -31,8 +31,22 @@ class View:
     depth: bool
 
 
+@dataclass(frozen=True)
+class Goal:
+    """x, y, z in metres, world; without z as high above the floor as one is. straight: whether the straight way to it
+    must be free, or only the place itself."""
+
+    x: float
+    y: float
+    z: float | None
+    straight: bool
+
+
 Drawn = tuple[NDArray[np.uint8], NDArray[np.uint16] | None]
 """(height, width, 3) blue, green, red, and (height, width, 1) depth along the optical axis in 0.25 mm."""
+
+
+_ALONE = "A data set of skyboxes has its viewpoints alone; give setDatasetPath a project to stand elsewhere."
 
 
 class Images(Protocol):
@@ -52,11 +66,12 @@ class Images(Protocol):
     def preload(self, scans: Scans, depth: bool) -> None:
         """Loads all there is."""
 
-    def walk(
-        self, joined: Joined, scan: str, here: NDArray[np.float64], x: float, y: float, z: float | None
-    ) -> tuple[NDArray[np.float64], list[int]]:
-        """Where one stands (3,) who goes straight from `here` to x, y, and the rows of `joined` of the viewpoints that
-        the way from there is free to. Raises InvalidValue with the reason where the way is not free."""
+    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+        """(3,) where one stands who went from `here` (3,) to `goal`. Raises InvalidValue with the reason where that
+        cannot be."""
+
+    def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
+        """The indices of the viewpoints near a place (3,) that the way to is free."""
 
     def close(self) -> None:
         """Lets go of what it holds."""
@@ -83,7 +98,7 @@ class StripImages:
         return rgb, depth
 
     def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
-        raise InvalidValue("There are images of the viewpoints alone; give setDatasetPath a project to stand elsewhere.")
+        raise InvalidValue(_ALONE)
 
     def preload(self, scans: Scans, depth: bool) -> None:
         for id in scans.scan_ids():
@@ -93,10 +108,11 @@ class StripImages:
                     self.cache.preload(id, viewpoint, depth)
 
 
-    def walk(
-        self, joined: Joined, scan: str, here: NDArray[np.float64], x: float, y: float, z: float | None
-    ) -> tuple[NDArray[np.float64], list[int]]:
-        raise InvalidValue("A data set of skyboxes has viewpoints alone; give setDatasetPath a project to stand elsewhere.")
+    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+        raise InvalidValue(_ALONE)
+
+    def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
+        return []
 
     def close(self) -> None:
         pass

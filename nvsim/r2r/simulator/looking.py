@@ -50,13 +50,29 @@ def turn(
 
 
 @njit(cache=True, nogil=True)
-def steps_of(signs: NDArray[np.float64]) -> None:
-    """Turns by anything become turns by one step, in place (B,)."""
-    for b in range(len(signs)):
-        if signs[b] > 0.0:
-            signs[b] = STEP
-        elif signs[b] < 0.0:
-            signs[b] = -STEP
+def go(
+    chosen: NDArray[np.int64],  # (B,) positions in `where`
+    where: NDArray[np.int64],  # (B, K) as `navigable` gives them
+    count: NDArray[np.int64],  # (B,)
+    place: NDArray[np.int64],  # (B,) out: rows
+    heading: NDArray[np.float64],  # (B,) in: turns in radians; out: headings
+    elevation: NDArray[np.float64],  # (B,) the same
+    headings: NDArray[np.float64],  # (B,) radians, before
+    elevations: NDArray[np.float64],  # (B,) radians, before
+    discrete: bool,
+) -> int:
+    """Goes to the chosen locations and turns, by the sign of a turn alone where angles are discrete. Returns -1, or the
+    first environment whose choice is none of its locations, and nothing is of use then."""
+    for b in range(len(chosen)):
+        if not 0 <= chosen[b] < count[b]:
+            return b
+        place[b] = where[b, chosen[b]]
+        h, e = heading[b], elevation[b]
+        if discrete:
+            h = STEP if h > 0.0 else (-STEP if h < 0.0 else 0.0)
+            e = STEP if e > 0.0 else (-STEP if e < 0.0 else 0.0)
+        heading[b], elevation[b] = headings[b] + h, elevations[b] + e
+    return -1
 
 
 @njit(cache=True, nogil=True)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.simulator.arguments import counts, names, numbers
 from nvsim.r2r.simulator.errors import InvalidValue, NotStarted, WrongType
-from nvsim.r2r.simulator.images import Drawn, Images, View, draw_all, source_of
-from nvsim.r2r.simulator.looking import TURN, steps_of, turn
+from nvsim.r2r.simulator.images import Drawn, Goal, Images, View, draw_all, source_of
+from nvsim.r2r.simulator.looking import TURN, go, turn
 from nvsim.r2r.simulator.nav_graph import Joined, Scans
 from nvsim.r2r.simulator.random_choice import Minstd
 from nvsim.r2r.simulator.settings import Settings
@@ -94,7 +94,7 @@ class Simulator(Settings):
         Raises UnknownScan (IndexError), InvalidValue (ValueError) for a viewpoint that is not there or excluded and for
         images that cannot be used, BatchMismatch (IndexError) for lists that are too short, WrongType (TypeError).
         """
-        with self._lock, self._timers.process():
+        with self._lock, self._timers:
             scalar = isinstance(scanId, str)
             if scalar and (self.batch_size != 1 or self.batched):
                 raise WrongType("newEpisode takes lists, one value for each environment, once setBatchSize was called.")
@@ -162,27 +162,19 @@ class Simulator(Settings):
         batch = self._batch
         if not self.initialized or batch is None:
             raise NotStarted("MatterSim: newEpisode must be called before makeAction")
-        with self._lock, self._timers.process():
+        with self._lock, self._timers:
             size = batch.size
             chosen = counts(index, size, "index")
             headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")
-            if batch.joined is None or (chosen >= batch.count).any():
-                b = 0 if batch.joined is None else int(np.argmax(chosen >= batch.count))
+            places = np.empty(size, np.int64)
+            turns = headings, elevations, batch.heading, batch.elevation, self.discrete
+            bad = go(chosen, batch.where, batch.count, places, *turns)
+            if bad >= 0:
                 raise InvalidValue(
-                    f"MatterSim: Invalid action index: {chosen[b]} in environment {b} of {self.batch_size}"
+                    f"MatterSim: Invalid action index: {chosen[bad]} in environment {bad} of {self.batch_size}"
                 )
-            places = batch.where[np.arange(size), np.minimum(chosen, batch.where.shape[1] - 1)]
-            beside = {}
-            for b, place in batch.beside.items():
-                if chosen[b]:
-                    places[b] = place.where[chosen[b]]
-                else:
-                    beside[b], places[b] = place, batch.place[b]
-            if self.discrete:
-                steps_of(headings)
-                steps_of(elevations)
-            headings += batch.heading
-            elevations += batch.elevation
+            assert batch.joined is not None  # else there is no location to choose
+            beside = batch.beside_after(chosen, places) if batch.beside else {}
             self._stand(batch.joined, batch.scan, places, headings, elevations, beside, batch.step + 1)
 
     def move_to(
@@ -192,28 +184,37 @@ class Simulator(Settings):
         z: float | None = None,
         heading: float | None = None,
         elevation: float | None = None,
+        *,
+        straight: bool = False,
+        locations: bool = True,
         environment: int = 0,
     ) -> None:
-        """Goes straight to any place, metres, world; without `z` as high above the floor as now. For simulators whose
-        data set is a project. The navigable locations there are the place itself and the viewpoints near by that the
-        way is free to.
+        """Goes to any place of a project, metres, world; without `z` as high above the floor as now. Needs a project as
+        data set.
 
-        Raises InvalidValue where the evidence does not show the way free, with the reason; NotStarted before
-        `newEpisode`.
+        straight      the straight way there must be free; otherwise only the place itself
+        locations     whether the viewpoints near by that the way is free to become navigable, besides the place itself
+        environment   which of the batch goes
+
+        Raises InvalidValue (ValueError) with the reason where the evidence does not show the place or the way free,
+        NotStarted before `newEpisode`.
         """
         batch = self._batch
         if not self.initialized or batch is None or batch.joined is None or self._images is None:
             raise NotStarted("MatterSim: newEpisode must be called before move_to")
-        with self._lock, self._timers.process():
-            here = position_of(batch, environment)
-            there, around = self._images.walk(batch.joined, batch.scan[environment], here, x, y, z)
+        if not 0 <= environment < batch.size:
+            raise InvalidValue(f"There is no environment {environment} in a batch of {batch.size}.")
+        with self._lock, self._timers:
+            scan = batch.joined.scans[batch.scan[environment]]
+            goal = Goal(float(x), float(y), None if z is None else float(z), straight)
+            there = self._images.stand(position_of(batch, environment), goal)
+            near = self._images.reachable(there, scan) if locations else []
+            rows = [batch.joined.first[scan.id] + i for i in near]
             headings, elevations, steps = batch.heading.copy(), batch.elevation.copy(), batch.step.copy()
-            if heading is not None:
-                headings[environment] = heading
-            if elevation is not None:
-                elevations[environment] = elevation
+            headings[environment] = headings[environment] if heading is None else float(heading)
+            elevations[environment] = elevations[environment] if elevation is None else float(elevation)
             steps[environment] += 1
-            beside = {**batch.beside, environment: Beside.at(there, around, batch.joined)}
+            beside = {**batch.beside, environment: Beside.at(there, rows, batch.joined)}
             self._stand(batch.joined, batch.scan, batch.place, headings, elevations, beside, steps, environment)
 
     def _stand(

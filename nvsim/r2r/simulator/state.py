@@ -104,6 +104,16 @@ class Batch:
             beside.where, beside.relative = where[0], relative[0]
         self.changed += 1
 
+    def beside_after(self, chosen: NDArray[np.int64], places: NDArray[np.int64]) -> dict[int, Beside]:
+        """Who stands beside the graph still after going to the chosen locations; `places` of the others is corrected."""
+        still = {}
+        for b, beside in self.beside.items():
+            if chosen[b] == 0:
+                still[b], places[b] = beside, self.place[b]
+            else:
+                places[b] = beside.where[chosen[b]]
+        return still
+
 
 @dataclass(eq=False)
 class Beside:

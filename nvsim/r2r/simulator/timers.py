@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 
 class Timers:
-    """Seconds of each part, added up over the threads that draw."""
+    """Seconds of each part; a call is timed by being inside it. Of one simulator, whose calls take turns."""
 
     def __init__(self) -> None:
         self.preloading, self.frames = 0.0, 0
@@ -19,15 +17,13 @@ class Timers:
         self.rendering = self.processing = 0.0
         self._begin: float | None = None
 
-    @contextmanager
-    def process(self) -> Iterator[None]:
-        begin = time.perf_counter()
+    def __enter__(self) -> None:
+        self._entered = time.perf_counter()
         if self._begin is None:
-            self._begin = begin
-        try:
-            yield
-        finally:
-            self.processing += time.perf_counter() - begin
+            self._begin = self._entered
+
+    def __exit__(self, *_: object) -> None:
+        self.processing += time.perf_counter() - self._entered
 
     def __str__(self) -> str:
         wall = 0.0 if self._begin is None else time.perf_counter() - self._begin
