@@ -32,6 +32,7 @@ def main() -> None:
     parser.add_argument("--dataset", type=Path)
     parser.add_argument("--actions", type=int, default=1000)
     parser.add_argument("--images", type=int, default=200)
+    parser.add_argument("--viewpoints", type=int, default=40, help="of the scan that is made")
     parser.add_argument("--record", type=Path)
     given = parser.parse_args()
     sys.path.insert(0, str(given.compiled))
@@ -40,7 +41,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as made:
         graphs, dataset = given.graphs, given.dataset
         if graphs is None:
-            write_made_scan(Path(made), count=40, side=512)
+            write_made_scan(Path(made), count=given.viewpoints, side=512 if given.images else 0)
             graphs, dataset = Path(made) / "connectivity", Path(made) / "scans"
         failures = 0
         recorded = []
@@ -51,13 +52,15 @@ def main() -> None:
                 failures += wrong
                 recorded.append({"discrete": discrete, "restricted": restricted, "steps": log})
                 words = "discrete" if discrete else "continuous", "restricted" if restricted else "free"
-                print(f"{words[0]:>10} {words[1]:>10}: {given.actions} actions, {wrong} differ, worst angle {worst:.1e}")
+                print(
+                    f"{words[0]:>10} {words[1]:>10}: {given.actions} actions, {wrong} differ, worst angle {worst:.1e}"
+                )
         failures += _random_episodes(theirs, graphs, dataset)
         if given.record is not None:
             scan = (graphs / "scans.txt").read_text().split()[0]
             graph = json.loads((graphs / f"{scan}_connectivity.json").read_text())
             given.record.write_text(json.dumps({"scan": scan, "graph": graph, "runs": recorded}, separators=(",", ":")))
-        if dataset is not None:
+        if dataset is not None and given.images:
             failures += _images(theirs, graphs, dataset, given.images)
     sys.exit(1 if failures else 0)
 

@@ -107,7 +107,6 @@ class StripImages:
                 if included:
                     self.cache.preload(id, viewpoint, depth)
 
-
     def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
         raise InvalidValue(_ALONE)
 
@@ -138,4 +137,6 @@ def draw_all(images: Images, wanted: Sequence[Callable[[], Drawn]]) -> list[Draw
 
 @cache
 def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.process_cpu_count() if hasattr(os, "process_cpu_count") else os.cpu_count(), "nvsim-view")
+    return ThreadPoolExecutor(
+        os.process_cpu_count() if hasattr(os, "process_cpu_count") else os.cpu_count(), "nvsim-view"
+    )

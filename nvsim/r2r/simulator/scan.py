@@ -83,9 +83,7 @@ def scan_of(
     return Scan(id, tuple(ids), included, position, rotation, starts, neighbour, towards, reach)
 
 
-def ways(
-    start: NDArray[np.float32], end: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def ways(start: NDArray[np.float32], end: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """`towards` (m, 4) and `reach` (m, 2) of a Scan, for ways between places (m, 3)."""
     offset = (end - start).reshape(-1, 3).astype(np.float32)
     x, y, z = offset.T

@@ -79,6 +79,13 @@ class Simulator(Settings):
             self._scans = self._images = None
             self.initialized = False
 
+    @property
+    def scans(self) -> Scans:
+        """Where the scans come from. Raises NotStarted before `initialize`."""
+        if self._scans is None:
+            raise NotStarted("MatterSim: initialize must be called before the scans are known")
+        return self._scans
+
     # Episodes -----------------------------------------------------------------------------------------------------
 
     def newEpisode(

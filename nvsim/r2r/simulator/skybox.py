@@ -30,7 +30,10 @@ class StripCache:
     def __init__(self, folder: Path | str, size: int) -> None:
         self._folder, self._size = Path(folder), max(1, size)
         self._lock = threading.Lock()
-        self._used: dict[str, OrderedDict[tuple[str, str], NDArray[Any]]] = {"rgb": OrderedDict(), "depth": OrderedDict()}
+        self._used: dict[str, OrderedDict[tuple[str, str], NDArray[Any]]] = {
+            "rgb": OrderedDict(),
+            "depth": OrderedDict(),
+        }
         self._preloaded: dict[tuple[str, str, str], NDArray[Any]] = {}
 
     def colours(self, scan: str, viewpoint: str) -> NDArray[np.uint8]:
