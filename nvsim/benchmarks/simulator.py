@@ -1,4 +1,4 @@
-"""States and images a second of the simulator, on a scan made here or on one that lies on disk, and live on a project."""
+"""States and images a second of the simulator, on a scan that is made here, and live on a project."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -109,9 +110,11 @@ def measure_states(folder: Path, scan: str, ids: list[str], batch: int, seconds:
         act(number)
         for state in sim.getState():
             for l in [state.location, *state.navigableLocations]:
-                (l.viewpointId, l.ix, l.x, l.y, l.z, l.rel_heading, l.rel_elevation, l.rel_distance)
-            (state.scanId, state.step, state.heading, state.elevation, state.viewIndex)
+                fields(l)
+            rest(state)
 
+    fields = attrgetter(*["viewpointId", "ix", "x", "y", "z", "rel_heading", "rel_elevation", "rel_distance"])
+    rest = attrgetter(*["scanId", "step", "heading", "elevation", "viewIndex"])
     stay = [0] * batch
     return {"states": batch * _rate(act, seconds), "read": batch * _rate(read, seconds)}
 

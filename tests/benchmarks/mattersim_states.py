@@ -2,9 +2,9 @@
 
     python tests/benchmarks/mattersim_states.py FOLDER_OF_COMPILED_MODULE [--graphs CONNECTIVITY --dataset SCANS]
 
-FOLDER holds MatterSim.so, built from github.com/peteanderson80/Matterport3DSimulator with -DOSMESA_RENDERING=ON. Without
-a graph of your own a scan is made for it. Every field of every state is compared; --record FILE writes the states of the
-compiled one as JSON.
+FOLDER holds MatterSim.so, built from github.com/peteanderson80/Matterport3DSimulator with -DOSMESA_RENDERING=ON.
+Without a graph of your own a scan is made for it. Every field of every state is compared; --record FILE writes the
+states of the compiled one as JSON.
 """
 
 from __future__ import annotations

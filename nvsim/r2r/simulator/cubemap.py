@@ -18,9 +18,12 @@ from nvsim.geometry.camera import look
 def rays_of(
     rotation: NDArray[np.float64], heading: float, elevation: float, width: int, height: int, vfov: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The rays of a view in the frame of a pose whose camera-to-world rotation is (3, 3): (3, 3) float32, the ray
-    through the first pixel and what a pixel to the right and one down add to it; and (4,) float32 the same in the view's own
-    plane, one unit ahead of it: x and y of the first, and what one pixel adds."""
+    """The rays of a view in the frame of a pose whose camera-to-world rotation is (3, 3).
+
+    The first result is (3, 3) float32: the ray through the first pixel, and what a pixel to the right and one down add to
+    it. The second is (4,) float32, the same in the plane one unit ahead of the camera: x and y of the first pixel, and
+    what one pixel adds to each.
+    """
     tangent = math.tan(vfov / 2)
     pixel = 2 * tangent / height
     plane = np.array([(0.5 - width / 2) * pixel, (0.5 - height / 2) * pixel, pixel, pixel])

@@ -1,4 +1,4 @@
-"""What the simulator refuses, as the Python exceptions that Matterport3DSimulator raises for the same, one sentence each.
+"""What the simulator refuses, one sentence each, as the exceptions that Matterport3DSimulator raises for the same.
 
 They are InputErrors as well, so that the command line prints the sentence alone.
 """

@@ -23,8 +23,8 @@ class Settings:
         self.cache_size, self.seed = 200, 1
 
     def setDatasetPath(self, path: str | Path) -> None:
-        """The folder of `<scan>/matterport_skybox_images/`, ./data/v1/scans/ by default; or a project, NAME.nvsim, whose
-        trained models then draw every view, and whose graph is walked unless setNavGraphPath names another."""
+        """The folder of `<scan>/matterport_skybox_images/`, ./data/v1/scans/ by default; or a project, NAME.nvsim,
+        whose trained models then draw every view, and whose graph is walked unless setNavGraphPath names another."""
         if not self.initialized:
             self.dataset_path = Path(path)
 

@@ -51,8 +51,8 @@ class Standing:
             start, end = self._viewpoint(here), self._viewpoint(there)
             if not _LOW <= end.height <= _HIGH:
                 raise InvalidValue(
-                    f"One cannot stand at {_words(there)}: it is {end.height:.2f} m above the floor; give a height from "
-                    f"{_LOW} to {_HIGH} m above it."
+                    f"One cannot stand at {_words(there)}: it is {end.height:.2f} m above the floor; give a height "
+                    f"from {_LOW} to {_HIGH} m above it."
                 )
             why = self._not_free(start, end) if goal.straight else self._not_standing(end)
             if why:

@@ -97,10 +97,10 @@ class Batch:
             here = slice(b, b + 1)
             where = np.zeros((1, len(beside.neighbour) + 1), np.int64)
             relative = np.zeros((1, len(beside.neighbour) + 1, 3))
-            graph = np.array([0, len(beside.neighbour)]), beside.neighbour, beside.towards, beside.reach
-            found = where, relative, self.count[here]
-            looks = np.zeros(1, np.int64), self.heading[here], self.elevation[here]
-            navigable(*looks, *graph, restricted, least_cosine, *found)
+            starts = np.array([0, len(beside.neighbour)], np.int64)
+            ways_there = (starts, beside.neighbour, beside.towards, beside.reach)
+            one = (np.zeros(1, np.int64), self.heading[here], self.elevation[here])
+            navigable(*one, *ways_there, restricted, least_cosine, where, relative, self.count[here])
             beside.where, beside.relative = where[0], relative[0]
         self.changed += 1
 

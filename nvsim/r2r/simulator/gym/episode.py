@@ -1,4 +1,4 @@
-"""What both environments share: an episode from one place of a scan to another, what is seen on the way, and the reward.
+"""What both environments share: an episode from one place of a scan to another, what is seen, and the reward.
 
 The reward of an action is by how many metres the way to the goal became shorter, and `BONUS` for stopping within
 `NEAR` of it, R2R's measure of success.

@@ -9,7 +9,7 @@ from typing import Any
 from gymnasium import spaces
 
 from nvsim.r2r.simulator.errors import InvalidValue
-from nvsim.r2r.simulator.gym.episode import EpisodeEnv
+from nvsim.r2r.simulator.gym.episode import EpisodeEnv, Observation
 
 
 class WalkEnv(EpisodeEnv):
@@ -27,7 +27,7 @@ class WalkEnv(EpisodeEnv):
         super().__init__(dataset, *arguments, **named)
         self._forward, self._turn = forward, math.radians(turn)
         self.action_space = spaces.Discrete(4)
-        self.observation_space = spaces.Dict(self._parts)
+        self.observation_space: spaces.Space[Observation] = spaces.Dict(self._parts)
 
     def _act(self, action: int) -> dict[str, Any]:
         if action > 1:
