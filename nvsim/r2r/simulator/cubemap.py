@@ -20,9 +20,9 @@ def rays_of(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The rays of a view in the frame of a pose whose camera-to-world rotation is (3, 3).
 
-    The first result is (3, 3) float32: the ray through the first pixel, and what a pixel to the right and one down add to
-    it. The second is (4,) float32, the same in the plane one unit ahead of the camera: x and y of the first pixel, and
-    what one pixel adds to each.
+    The first result is (3, 3) float32: the ray through the first pixel, and what a pixel to the right and one down add
+    to it. The second is (4,) float32, the same in the plane one unit ahead of the camera: x and y of the first pixel,
+    and what one pixel adds to each.
     """
     tangent = math.tan(vfov / 2)
     pixel = 2 * tangent / height

@@ -98,14 +98,25 @@ class Batch:
             where = np.zeros((1, len(beside.neighbour) + 1), np.int64)
             relative = np.zeros((1, len(beside.neighbour) + 1, 3))
             starts = np.array([0, len(beside.neighbour)], np.int64)
-            ways_there = (starts, beside.neighbour, beside.towards, beside.reach)
-            one = (np.zeros(1, np.int64), self.heading[here], self.elevation[here])
-            navigable(*one, *ways_there, restricted, least_cosine, where, relative, self.count[here])
+            navigable(
+                np.zeros(1, np.int64),
+                self.heading[here],
+                self.elevation[here],
+                starts,
+                beside.neighbour,
+                beside.towards,
+                beside.reach,
+                restricted,
+                least_cosine,
+                where,
+                relative,
+                self.count[here],
+            )
             beside.where, beside.relative = where[0], relative[0]
         self.changed += 1
 
     def beside_after(self, chosen: NDArray[np.int64], places: NDArray[np.int64]) -> dict[int, Beside]:
-        """Who stands beside the graph still after going to the chosen locations; `places` of the others is corrected."""
+        """Who stands beside the graph after going to the chosen locations; `places` of the others is corrected."""
         still = {}
         for b, beside in self.beside.items():
             if chosen[b] == 0:

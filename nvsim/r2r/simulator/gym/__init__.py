@@ -1,5 +1,8 @@
-"""Gymnasium environments over the simulator: `nvsim/Graph-v0` from viewpoint to viewpoint, `nvsim/Walk-v0` in small
-steps over whatever ground the evidence shows free. To import this registers both. Needs the package gymnasium."""
+"""The simulator as Gymnasium environments. To import this registers both; it needs the package gymnasium.
+
+`nvsim/Graph-v0` goes from viewpoint to viewpoint, `nvsim/Walk-v0` in small steps over the ground that the evidence
+shows free.
+"""
 
 from nvsim.errors import InputError
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -23,7 +23,7 @@ class GraphEnv(EpisodeEnv):
         self._most = most
         self.action_space = spaces.Discrete(most + 1)
         candidates = spaces.Box(-np.inf, np.inf, (most, 3), np.float32)
-        self.observation_space: spaces.Space[Observation] = spaces.Dict({**self._parts, "candidates": candidates})
+        self.observation_space = cast(spaces.Space[Observation], spaces.Dict({**self._parts, "candidates": candidates}))
 
     def _act(self, action: int) -> dict[str, Any]:
         locations = self.state.navigableLocations

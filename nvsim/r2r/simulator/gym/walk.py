@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from gymnasium import spaces
 
@@ -27,7 +27,7 @@ class WalkEnv(EpisodeEnv):
         super().__init__(dataset, *arguments, **named)
         self._forward, self._turn = forward, math.radians(turn)
         self.action_space = spaces.Discrete(4)
-        self.observation_space: spaces.Space[Observation] = spaces.Dict(self._parts)
+        self.observation_space = cast(spaces.Space[Observation], spaces.Dict(self._parts))
 
     def _act(self, action: int) -> dict[str, Any]:
         if action > 1:
