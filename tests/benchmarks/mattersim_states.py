@@ -146,12 +146,14 @@ def _images(theirs: Any, graphs: Path, dataset: Path, count: int) -> int:
         sim.setElevationLimits(-1.5, 1.5)
         sim.initialize()
         pair.append(sim)
-    scan = (graphs / "scans.txt").read_text().split()[0]
-    entries = json.loads((graphs / f"{scan}_connectivity.json").read_text())
-    included = [e["image_id"] for e in entries if e["included"]]
+    included = []
+    for scan in (graphs / "scans.txt").read_text().split():
+        entries = json.loads((graphs / f"{scan}_connectivity.json").read_text())
+        included += [(scan, e["image_id"]) for e in entries if e["included"]]
     psnr = []
     for _ in range(count):
-        call = [scan], [included[r.integers(len(included))]], [r.uniform(0, 6.28)], [r.uniform(-1.4, 1.4)]
+        scan, id = included[r.integers(len(included))]
+        call = [scan], [id], [r.uniform(0, 6.28)], [r.uniform(-1.4, 1.4)]
         for sim in pair:
             sim.newEpisode(*call)
         a, b = (np.array(sim.getState()[0].rgb, copy=True).astype(float) for sim in pair)

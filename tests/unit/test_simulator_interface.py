@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import threading
@@ -187,6 +188,23 @@ def test_neither_torch_nor_qt_is_imported_for_skyboxes(made: tuple[Path, list[st
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
     assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_the_example_of_the_page_runs_as_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = Path(__file__).parents[2] / "resources" / "docs" / "simulator.md"
+    example = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)[0]
+    ids = write_made_scan(tmp_path, "house", count=30, side=32, plain=True)
+    monkeypatch.chdir(tmp_path)
+    probe = opened(tmp_path)
+    seeing = []
+    for id in ids:
+        probe.newEpisode("house", id, 0.0, 0.0)
+        seeing += [id] if len(probe.getState().navigableLocations) > 1 else []
+    names = {"first": seeing[0], "second": ids[1]}
+    exec(compile(example, "simulator.md", "exec"), names)
+    assert capsys.readouterr().out.count("(480, 640, 3)") == 2
 
 
 def test_the_filter_fills_a_hole_from_its_own_side_of_an_edge() -> None:

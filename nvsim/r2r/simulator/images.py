@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.simulator.cubemap import draw_colours, draw_depth, rays_of
 from nvsim.r2r.simulator.errors import InvalidValue
-from nvsim.r2r.simulator.nav_graph import NavGraph, Scans
+from nvsim.r2r.simulator.nav_graph import Scans
 from nvsim.r2r.simulator.scan import Scan
-from nvsim.r2r.simulator.settings import Settings
 from nvsim.r2r.simulator.skybox import StripCache
 
 
@@ -115,17 +114,6 @@ class StripImages:
 
     def close(self) -> None:
         pass
-
-
-def source_of(settings: Settings) -> tuple[Scans, Images]:
-    """The scans and the images that a simulator was set up with. Raises InvalidValue where a project cannot be read."""
-    folder = settings.nav_graph_path
-    if (settings.dataset_path / "project.db").is_file():
-        from nvsim.r2r.simulator.live import ProjectImages
-
-        images = ProjectImages(settings.dataset_path, settings.rendering_enabled)
-        return (images.scans() if folder is None else NavGraph(folder)), images
-    return NavGraph(folder or "./connectivity"), StripImages(settings.dataset_path, settings.cache_size)
 
 
 def draw_all(images: Images, wanted: Sequence[Callable[[], Drawn]]) -> list[Drawn]:

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.simulator.arguments import counts, names, numbers
 from nvsim.r2r.simulator.errors import InvalidValue, NotStarted, WrongType
-from nvsim.r2r.simulator.images import Drawn, Goal, Images, View, draw_all, source_of
+from nvsim.r2r.simulator.images import Drawn, Goal, Images, View, draw_all
 from nvsim.r2r.simulator.looking import TURN, go, turn
 from nvsim.r2r.simulator.nav_graph import Joined, Scans
 from nvsim.r2r.simulator.random_choice import Minstd
 from nvsim.r2r.simulator.settings import Settings
+from nvsim.r2r.simulator.source import source_of
 from nvsim.r2r.simulator.state import Batch, Beside, SimState, black, position_of
 from nvsim.r2r.simulator.timers import Timers
 
