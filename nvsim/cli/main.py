@@ -43,6 +43,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "video": ("video", WORK["video"].does),
     "export r2r": ("export_r2r", WORK["export r2r"].does),
     "export scan": ("export_scan", WORK["export scan"].does),
+    "r2r python": ("r2r_python", "run a program that finds NVSim's simulator where it imports MatterSim"),
+    "r2r path": ("r2r_path", "print the folder that PYTHONPATH needs for the same"),
     "export graph": (
         "export_graph",
         "write a graph as GraphML, GeoJSON, SVG, PNG or R2R, from a project or an R2R file",
@@ -72,6 +74,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "bench depth": ("bench_depth", "milliseconds of the depth of a frame of the built-in building"),
     "bench panorama": ("bench_panorama", "milliseconds of panoramas, whole and of the corridors only"),
     "bench graph": ("bench_graph", "milliseconds of an edit of a large graph, seconds to open and save a file"),
+    "bench simulator": ("bench_simulator", "states and images a second of the simulator that agents see"),
     "bench map": ("bench_map", "viewpoints per second of the map builder"),
     "app": ("app", "open the window on a project"),
 }

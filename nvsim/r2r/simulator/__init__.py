@@ -1,1 +1,9 @@
-"""Matterport3DSimulator in Python: its states, its actions and its pictures. `matterport` is its interface."""
+"""Matterport3DSimulator's interface in Python, over skybox strips or the trained models of a project. Knows no Qt, and
+no torch before a project is opened."""
+
+from nvsim.r2r.simulator.cross_bilateral import cbf
+from nvsim.r2r.simulator.nav_graph import NavGraph
+from nvsim.r2r.simulator.simulator import Simulator
+from nvsim.r2r.simulator.state import SimState, ViewPoint
+
+__all__ = ["NavGraph", "SimState", "Simulator", "ViewPoint", "cbf"]

@@ -1,0 +1,21 @@
+"""Print the folder whose module MatterSim is NVSim's simulator: put it on PYTHONPATH of an agent's program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nvsim.cli.show import as_json
+
+
+@dataclass(frozen=True)
+class Arguments:
+    json: bool = False
+    """Print one JSON object."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.r2r.simulator.shim_path import shim_folder
+
+    folder = str(shim_folder())
+    print(as_json({"path": folder}) if arguments.json else folder)
+    return 0

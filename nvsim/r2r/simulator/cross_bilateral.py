@@ -1,0 +1,80 @@
+"""Fills holes in depth images from what is near them in place and in brightness, coarse to fine.
+
+Source: Silberman et al., "Indoor segmentation and support inference from RGBD images" (ECCV 2012), whose parameters
+Matterport3DSimulator takes for its `cbf`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+_RADIUS = 5  # pixels of the level
+_LEVELS = ((12.0, 0.2), (5.0, 0.08), (8.0, 0.02))  # spread in pixels, and in brightness, from fine to coarse
+
+
+def cbf(depth: Any, intensity: Any, mask: Any, result: Any) -> None:
+    """Writes `depth` into `result`, filled where `mask` is not 0; all are uint8 arrays of one shape (H, W). As in the
+    original the bytes are taken in the order of memory for columns of H.
+
+    Raises ValueError for arrays of other types or shapes.
+    """
+    arrays = [np.asarray(a) for a in (depth, intensity, mask, result)]
+    shape = arrays[0].shape
+    if len(shape) != 2 or any(a.shape != shape or a.dtype.itemsize != 1 or not a.flags.c_contiguous for a in arrays):
+        raise ValueError("cbf takes four contiguous arrays of one byte a pixel and of one shape (H, W).")
+    columns = shape[::-1]
+    known, light, hole = (a.reshape(columns) for a in arrays[:3])
+    levels = []
+    for k in range(len(_LEVELS)):
+        width, height = (int(side / 2**k) for side in columns)
+        x, y = ((np.arange(n) * s // max(n, 1)).astype(int) for n, s in zip((width, height), columns))
+        levels.append([a[np.ix_(x, y)] for a in (known, light, hole)])
+    filled = valid = missing = coarse = np.zeros((0, 0), np.float32)
+    for k in reversed(range(len(_LEVELS))):
+        values, brightness = (np.array(a, np.float32) / np.float32(255) for a in levels[k][:2])
+        above, missing = missing, levels[k][2] != 0
+        usable = ~missing
+        if filled.size:
+            x, y = (np.arange(n) * s // n for n, s in zip(missing.shape, filled.shape))
+            from_above = np.where(above, filled, coarse)[np.ix_(x, y)]
+            values, usable = np.where(missing, from_above, values), np.where(missing, valid[np.ix_(x, y)], usable)
+        filled, valid, coarse = np.zeros_like(values), usable.copy(), values
+        _fill(values, brightness, missing, usable, *_LEVELS[k], filled, valid)
+    found = np.where(missing, (filled * np.float32(255)).astype(np.uint8), known)
+    arrays[3].reshape(columns)[...] = found
+
+
+@njit(cache=True, nogil=True)
+def _fill(
+    values: NDArray[np.float32],  # (W, H)
+    brightness: NDArray[np.float32],
+    missing: NDArray[np.bool_],
+    usable: NDArray[np.bool_],
+    spread: float,
+    contrast: float,
+    filled: NDArray[np.float32],  # out
+    valid: NDArray[np.bool_],  # out
+) -> None:
+    width, height = values.shape
+    for x in range(width):
+        for y in range(height):
+            if not missing[x, y]:
+                continue
+            weights = total = 0.0
+            for i in range(max(0, x - _RADIUS), min(width, x + _RADIUS + 1)):
+                for j in range(max(0, y - _RADIUS), min(height, y + _RADIUS + 1)):
+                    if not usable[i, j]:
+                        continue
+                    off = brightness[i, j] - brightness[x, y]
+                    place = ((i - x) ** 2 + (j - y) ** 2) / (2 * spread * spread)
+                    weight = math.exp(-place - off * off / (2 * contrast * contrast))
+                    weights += weight
+                    total += weight * values[i, j]
+            if weights > 0:
+                filled[x, y] = total / weights
+                valid[x, y] = True

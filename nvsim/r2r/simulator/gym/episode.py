@@ -1,0 +1,159 @@
+"""What both environments share: an episode from one place of a scan to another, what is seen, and the reward.
+
+The reward of an action is by how many metres the way to the goal became shorter, and `BONUS` for stopping within
+`NEAR` of it, R2R's measure of success.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from nvsim.errors import InputError
+from nvsim.r2r.simulator.scan import Scan
+from nvsim.r2r.simulator.simulator import Simulator
+
+NEAR = 3.0
+"""Metres."""
+BONUS = 1.0
+STOP = 0
+Observation = dict[str, NDArray[Any]]
+
+
+class EpisodeEnv(gymnasium.Env[Observation, np.int64]):
+    """Observations: `rgb` (height, width, 3) uint8, where there are images; `goal` (2,) float32, metres as the crow
+    flies and radians to the right of where one looks; and what each environment adds.
+
+    dataset         a project, or the folder of skyboxes
+    graphs          the folder of connectivity files; a project's own graph where it is left out
+    scans           ids of the scans to draw episodes from; all where left out
+    width, height   pixels
+    vfov            radians
+    images          False needs no dataset of images, and shows none
+    least           metres of the shortest way from start to goal at least, where the scan has one so long
+
+    `reset` takes the options scan, viewpoint, heading and goal (a viewpoint). Raises InputError where there is no scan,
+    and what the simulator raises.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(
+        self,
+        dataset: str | Path = "./data/v1/scans",
+        graphs: str | Path | None = None,
+        scans: tuple[str, ...] = (),
+        width: int = 320,
+        height: int = 240,
+        vfov: float = math.radians(60),
+        images: bool = True,
+        least: float = 5.0,
+        render_mode: str | None = None,
+    ) -> None:
+        self.render_mode, self._images, self._least = render_mode, images, least
+        if render_mode not in (None, "rgb_array"):
+            raise InputError(f"There is no render mode {render_mode!r}; take rgb_array.")
+        sim = Simulator()
+        sim.setDatasetPath(dataset)
+        if graphs is not None:
+            sim.setNavGraphPath(graphs)
+        sim.setRenderingEnabled(images)
+        sim.setCameraResolution(width, height)
+        sim.setCameraVFOV(vfov)
+        sim.setRestrictedNavigation(False)
+        sim.initialize()
+        self.simulator, self._scans = sim, scans or sim.scans.scan_ids()
+        if not self._scans:
+            raise InputError("There is no scan to draw episodes from; export one, or name another folder.")
+        parts: dict[str, spaces.Space[Any]] = {"goal": spaces.Box(-np.inf, np.inf, (2,), np.float32)}
+        if images:
+            parts["rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
+        self._parts = parts
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        super().reset(seed=seed)
+        chosen = options or {}
+        id = chosen.get("scan") or self._scans[int(self.np_random.integers(len(self._scans)))]
+        self._scan = scan = self.simulator.scans.scan(id)
+        usable = np.flatnonzero(scan.included)
+        if not len(usable):
+            raise InputError(f"The scan {id} has no included viewpoint.")
+        goal = chosen.get("goal")
+        self._goal = scan.index(goal) if goal else int(self.np_random.choice(usable))
+        self._ways = _ways_to(scan, self._goal)
+        start = chosen.get("viewpoint")
+        if not start:
+            reach = np.where(np.isfinite(self._ways[usable]), self._ways[usable], -1)
+            far = usable[reach >= min(self._least, float(reach.max()))]
+            start = scan.ids[int(self.np_random.choice(far))]
+        heading = chosen.get("heading", self.np_random.uniform(0, 2 * math.pi))
+        self.simulator.newEpisode([id], [start], [heading], [0.0])
+        self._left = self._way_left()
+        return self._seen(), self._told()
+
+    def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        if int(action) == STOP:
+            near = self._left < NEAR
+            return self._seen(), BONUS if near else 0.0, True, False, self._told() | {"success": near}
+        more = self._act(int(action))
+        left, before = self._way_left(), self._left
+        self._left = left
+        gained = before - left if math.isfinite(before) and math.isfinite(left) else 0.0
+        return self._seen(), gained, False, False, self._told() | more
+
+    def render(self) -> Any:
+        """(height, width, 3) uint8 red, green, blue; None without a render mode."""
+        return None if self.render_mode is None else self._rgb()
+
+    def close(self) -> None:
+        self.simulator.close()
+
+    # What the environments add ------------------------------------------------------------------------------------
+
+    def _act(self, action: int) -> dict[str, Any]:
+        raise NotImplementedError
+
+    def _seen(self) -> Observation:
+        state = self.state
+        offset = self._scan.position[self._goal].astype(float) - np.array(state.location.point)
+        turn = math.remainder(math.atan2(offset[0], offset[1]) - state.heading, 2 * math.pi)
+        found: Observation = {"goal": np.array([np.linalg.norm(offset), turn], np.float32)}
+        return found | {"rgb": self._rgb()} if self._images else found
+
+    def _told(self) -> dict[str, Any]:
+        place = self.state.location
+        return {"scan": self._scan.id, "viewpoint": place.viewpointId, "position": place.point, "way_left": self._left}
+
+    # ---------------------------------------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> Any:
+        """The state of the simulator's one environment."""
+        return self.simulator.getState()[0]
+
+    def _rgb(self) -> NDArray[np.uint8]:
+        return np.ascontiguousarray(self.state.rgb[..., ::-1])
+
+    def _way_left(self) -> float:
+        """Metres along the graph, from the viewpoint where one is, or else the nearest and to it."""
+        offset = np.linalg.norm(self._scan.position - np.array(self.state.location.point, np.float32), axis=1)
+        offset[~self._scan.included] = np.inf
+        nearest = int(np.argmin(offset))
+        return float(offset[nearest] + self._ways[nearest])
+
+
+def _ways_to(scan: Scan, goal: int) -> NDArray[np.float64]:
+    """(n,) metres of the shortest way from each viewpoint to one; inf where there is none."""
+    count = len(scan.ids)
+    graph = csr_array((scan.reach[:, 0], scan.neighbour, scan.starts), shape=(count, count))
+    return np.asarray(dijkstra(graph.T.tocsr(), indices=goal))

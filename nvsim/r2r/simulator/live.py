@@ -1,0 +1,107 @@
+"""Views drawn live from the trained models of a project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.project.floor_heights import floor_of
+from nvsim.project.project import Project
+from nvsim.project.stages.mapped import SceneViews, scan_name
+from nvsim.project.thresholds import thresholds_of
+from nvsim.project.work import lacks
+from nvsim.r2r.simulator.errors import InvalidValue
+from nvsim.r2r.simulator.images import Drawn, Goal, View
+from nvsim.r2r.simulator.nav_graph import GraphOfProject, Scans
+from nvsim.r2r.simulator.scan import Scan
+from nvsim.r2r.simulator.standing import Standing
+from nvsim.render.model import render_model
+
+DEPTH_UNIT = 4000
+"""Per metre: Matterport3D's depth is in 0.25 mm."""
+_STANDS = 0.5  # alpha from which a pixel's depth is the Gaussians', else that of the floor behind them
+
+
+class ProjectImages:
+    """The models, the floor and the graph of a project, which is read here and closed again.
+
+    Raises InvalidValue where it has no graph, or no trained model though `drawing` is wanted.
+    """
+
+    one_thread_each = False  # the rasteriser has threads of its own
+
+    def __init__(self, root: Path, drawing: bool = True) -> None:
+        try:
+            with Project.open(root) as project:
+                self._graph = GraphOfProject(project.need_graph(), scan_name(project))
+                self._config = thresholds_of(project)
+                self._scene, self._support = project.scene(), project.support()
+                if drawing and (self._scene is None or self._support is None):
+                    raise lacks(project.layout.root, "train")
+                self._floor = floor_of(project)
+        except InputError as error:
+            raise InvalidValue(str(error)) from error
+        self._ground: Standing | None = None
+
+    def scans(self) -> Scans:
+        return self._graph
+
+    def preload(self, scans: Scans, depth: bool) -> None:
+        """Loads the models as far as the memory that they may take allows."""
+        assert self._scene is not None
+        for index in self._scene.indices:
+            self._scene.model(index)
+
+    def close(self) -> None:
+        self._scene = self._support = self._ground = None
+
+    # Drawing ------------------------------------------------------------------------------------------------------
+
+    def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: View) -> Drawn:
+        return self.draw_from(scan.position[index].astype(np.float64), heading, elevation, view)
+
+    def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
+        if self._scene is None:
+            raise InvalidValue("The simulator draws no images; call setRenderingEnabled(True) before initialize.")
+        focal = view.height / 2 / np.tan(view.vfov / 2)
+        intrinsics = Intrinsics(view.width, view.height, focal, focal, view.width / 2, view.height / 2)
+        camera = Camera(intrinsics, look(position, heading, elevation))
+        channels = frozenset({"rgb", "alpha", "depth"} if view.depth else {"rgb"})
+        try:
+            output = render_model(self._scene.model_at(camera.position)[1], camera, channels)
+        except InputError as error:
+            raise InvalidValue(str(error)) from error
+        assert output.rgb is not None
+        rgb = (np.clip(output.rgb[..., ::-1], 0, 1) * 255 + 0.5).astype(np.uint8)
+        if not view.depth:
+            return rgb, None
+        assert output.alpha is not None and output.depth is not None
+        rays = camera.rays()
+        # A floor-aware model has no Gaussians on the floor: there the ray meets the floor's surface.
+        surface = self._floor
+        if isinstance(surface, StackedFloor):
+            surface = surface.storeys[int(surface.storey_at(camera.position))]
+        floor = surface.meet(camera.position, rays) * (rays @ camera.rotation[:, 2].astype(np.float32))
+        metres = np.where(output.alpha >= _STANDS, output.depth, floor)
+        depth = np.where(np.isfinite(metres), np.minimum(metres * DEPTH_UNIT + 0.5, 65535), 0)
+        return rgb, depth.astype(np.uint16)[..., None]
+
+    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+        """See Images."""
+        return self._standing().stand(here, goal)
+
+    def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
+        """See Images."""
+        return self._standing().reachable(place, scan)
+
+    def _standing(self) -> Standing:
+        if self._scene is None or self._support is None:
+            raise InvalidValue("The project has no trained models to say where one can go; run `nvsim train` on it.")
+        if self._ground is None:
+            self._ground = Standing(SceneViews(self._scene, self._config), self._floor, self._support.at, self._config)
+        return self._ground

@@ -1,0 +1,135 @@
+"""One scan of a navigation graph as arrays: where its viewpoints stand, and what is known of every way before anybody
+looks along it.
+
+Numbers are of 32 bits where Matterport3DSimulator's are (glm), so that the order of ways that are all but level is the
+same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files.regular import read_json, shown
+from nvsim.r2r.simulator.errors import InvalidValue
+
+CANONICAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""(3, 3) camera-to-world rotation of a level pose that faces +y."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """id         scan id
+    ids        viewpoint ids in the order of the file, excluded ones too
+    included   (n,) bool
+    position   (n, 3) float32, metres, world
+    rotation   (n, 3, 3) float64, camera-to-world
+    starts     (n + 1,) int64, the ways of viewpoint i are starts[i] to starts[i + 1]
+    neighbour  (m,) int64, where a way leads, ascending for each viewpoint; to included viewpoints alone
+    towards    (m, 4) float32, x and y of the way in metres, and of its direction of length 1 seen from above: NaN for
+               a neighbour exactly above or below
+    reach      (m, 2) float64, metres and radians above the horizon
+    """
+
+    id: str
+    ids: tuple[str, ...]
+    included: NDArray[np.bool_]
+    position: NDArray[np.float32]
+    rotation: NDArray[np.float64]
+    starts: NDArray[np.int64]
+    neighbour: NDArray[np.int64]
+    towards: NDArray[np.float32]
+    reach: NDArray[np.float64]
+
+    @cached_property
+    def index_of(self) -> dict[str, int]:
+        """Viewpoint id -> its index; of two of one name the first."""
+        return {id: i for i, id in reversed(list(enumerate(self.ids)))}
+
+    def index(self, viewpoint: str) -> int:
+        """The index of a viewpoint to begin at. Raises InvalidValue where there is none, or it is excluded."""
+        found = self.index_of.get(viewpoint)
+        if found is None:
+            raise InvalidValue(f"MatterSim: Could not find viewpointId: {viewpoint}, is viewpoint id valid?")
+        if not self.included[found]:
+            raise InvalidValue(f"MatterSim: ViewpointId: {viewpoint}, is excluded from the connectivity graph.")
+        return found
+
+
+def scan_of(
+    id: str,
+    ids: Sequence[str],
+    included: NDArray[np.bool_],
+    pose: NDArray[np.float64],  # (n, 4, 4) camera-to-world
+    free: NDArray[np.bool_],  # (n, n) whether one can go from the row's viewpoint to the column's
+) -> Scan:
+    """The scan of these viewpoints. A way from a viewpoint to itself is none."""
+    free = free & included[None, :]
+    np.fill_diagonal(free, False)
+    start, neighbour = np.nonzero(free)
+    starts = np.zeros(len(ids) + 1, np.int64)
+    np.cumsum(free.sum(axis=1), out=starts[1:])
+    position = pose[:, :3, 3].astype(np.float32)
+    towards, reach = ways(position[start], position[neighbour])
+    rotation = np.ascontiguousarray(pose[:, :3, :3], np.float64)
+    return Scan(id, tuple(ids), included, position, rotation, starts, neighbour, towards, reach)
+
+
+def ways(start: NDArray[np.float32], end: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """`towards` (m, 4) and `reach` (m, 2) of a Scan, for ways between places (m, 3)."""
+    offset = (end - start).reshape(-1, 3).astype(np.float32)
+    x, y, z = offset.T
+    flat_square = x * x + y * y
+    flat = np.sqrt(flat_square)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unit = np.float32(1) / flat
+        towards = np.stack([x, y, x * unit, y * unit], axis=1).astype(np.float32)
+    reach = np.stack([np.sqrt(flat_square + z * z), np.arctan2(z.astype(np.float64), flat.astype(np.float64))], axis=1)
+    return towards, reach.astype(np.float64)
+
+
+def read_scan(path: Path, id: str) -> Scan:
+    """The scan of a connectivity file, as Matterport3DSimulator reads it: image_id, included, pose and unobstructed
+    alone; ways may go one way only, and poses need not be level. Raises InvalidValue where one of them makes no sense
+    (there, memory is read out of bounds), and where the file cannot be read."""
+    try:
+        entries = read_json(path, "a connectivity file", "export the scan again")
+    except InputError as error:
+        raise InvalidValue(str(error)) from error
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InvalidValue(f"{path} holds no list of viewpoints; export the scan again.")
+    count = len(entries)
+    ids: list[str] = []
+    included = np.zeros(count, bool)
+    pose = np.zeros((count, 4, 4))
+    free = np.zeros((count, count), bool)
+    for i, entry in enumerate(entries):
+        where = f"{path}, entry {i}"
+        name = entry.get("image_id")
+        if not isinstance(name, str) or not name or "/" in name or "\0" in name:
+            raise InvalidValue(f"{where}: image_id is {shown(name)}; it must be a name without slash.")
+        ids.append(name)
+        included[i] = bool(entry.get("included"))
+        pose[i] = _numbers(entry.get("pose"), 16, f"{where}: pose").reshape(4, 4)
+        free[i] = _numbers(entry.get("unobstructed"), count, f"{where}: unobstructed") != 0
+        if abs(np.linalg.det(pose[i, :3, :3])) < 0.5:
+            raise InvalidValue(f"{where}: the first three columns of pose are not a rotation; export the scan again.")
+    return scan_of(id, ids, included, pose, free)
+
+
+def _numbers(values: Any, count: int, where: str) -> NDArray[np.float64]:
+    if not isinstance(values, list) or len(values) != count:
+        found = f"{len(values)} values" if isinstance(values, list) else shown(values)
+        raise InvalidValue(f"{where} has {found} and must be a list of {count}; export the scan again.")
+    for value in values:
+        if not isinstance(value, bool | int | float) or not math.isfinite(value):
+            raise InvalidValue(f"{where} holds {shown(value)}, which is no finite number; export the scan again.")
+    return np.array(values, np.float64)

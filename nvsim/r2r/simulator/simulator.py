@@ -1,0 +1,287 @@
+"""Matterport3DSimulator in Python: the same calls, the same states, no C++ and no OpenGL.
+
+Source: github.com/peteanderson80/Matterport3DSimulator, whose words the messages keep. Two generations of it are one
+class here: agents of the batched one call `initialize()` and give lists; those of v0.1 call `init()` and give scalars.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.r2r.simulator.arguments import counts, names, numbers
+from nvsim.r2r.simulator.errors import InvalidValue, NotStarted, WrongType
+from nvsim.r2r.simulator.images import Drawn, Goal, Images, View, draw_all
+from nvsim.r2r.simulator.looking import TURN, go, turn
+from nvsim.r2r.simulator.nav_graph import Joined, Scans
+from nvsim.r2r.simulator.random_choice import Minstd
+from nvsim.r2r.simulator.settings import Settings
+from nvsim.r2r.simulator.source import source_of
+from nvsim.r2r.simulator.state import Batch, Beside, SimState, black, position_of
+from nvsim.r2r.simulator.timers import Timers
+
+
+class Simulator(Settings):
+    """A batch of environments. Calls from several threads take turns.
+
+    Unlike the original: many simulators of a process may have different graphs and data sets; a graph that was edited
+    holds from the next episode on; a call that is refused changes nothing; after `close()` it can be set up again.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lock = threading.RLock()
+        self._timers = Timers()
+        self._batch: Batch | None = None
+        self._states: list[SimState] = []
+        self._scalar = False  # whether getState gives one state, as v0.1 does
+        self._scans: Scans | None = None
+        self._images: Images | None = None
+
+    # Beginning and ending -----------------------------------------------------------------------------------------
+
+    def initialize(self) -> None:
+        """Opens graphs and images; most settings do not change after it. Raises InvalidValue where a project cannot be
+        read, and with preloading where any image cannot."""
+        with self._lock:
+            self._view = View(self.width, self.height, self.vfov, self.depth_enabled)
+            images = [black(self.width, self.height) for _ in range(self.batch_size)]
+            scans, drawing = source_of(self)
+            if self.rendering_enabled and self.preloading:
+                begin = time.perf_counter()
+                drawing.preload(scans, self.depth_enabled)
+                self._timers.preloading += time.perf_counter() - begin
+            self._scans, self._images = scans, drawing
+            self._random = Minstd(self.seed)
+            self._batch = Batch(self.batch_size, [rgb for rgb, _ in images], [depth for _, depth in images])
+            self._states = [SimState(self._batch, i) for i in range(self.batch_size)]
+            self.initialized = True
+
+    def init(self) -> None:
+        """As `initialize`; from here on getState gives one state and everything is given as scalars, as in v0.1."""
+        with self._lock:
+            if self.batch_size != 1:
+                raise WrongType("init() is v0.1's and has one environment; call initialize() for a batch.")
+            self.initialize()
+            self._scalar = True
+
+    def close(self) -> None:
+        """Lets go of graphs and images; the states that were given out stay as they are."""
+        with self._lock:
+            if self._images is not None:
+                self._images.close()
+            self._scans = self._images = None
+            self.initialized = False
+
+    @property
+    def scans(self) -> Scans:
+        """Where the scans come from. Raises NotStarted before `initialize`."""
+        if self._scans is None:
+            raise NotStarted("MatterSim: initialize must be called before the scans are known")
+        return self._scans
+
+    # Episodes -----------------------------------------------------------------------------------------------------
+
+    def newEpisode(
+        self,
+        scanId: str | Sequence[str],
+        viewpointId: str | Sequence[str],
+        heading: float | Sequence[float],
+        elevation: float | Sequence[float],
+    ) -> None:
+        """Begins an episode in each environment, at a viewpoint of a scan, looking to a heading and an elevation in
+        radians. With scalars instead of lists there is one environment, and the viewpoint "" is any.
+
+        Raises UnknownScan (IndexError), InvalidValue (ValueError) for a viewpoint that is not there or excluded and for
+        images that cannot be used, BatchMismatch (IndexError) for lists that are too short, WrongType (TypeError).
+        """
+        with self._lock, self._timers:
+            scalar = isinstance(scanId, str)
+            if scalar and (self.batch_size != 1 or self.batched):
+                raise WrongType("newEpisode takes lists, one value for each environment, once setBatchSize was called.")
+            size = self.batch_size
+            ids, viewpoints = names(scanId, size, "scanId"), names(viewpointId, size, "viewpointId")
+            headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")
+            if not self.initialized:
+                self.initialize()
+            assert self._scans is not None and self._batch is not None
+            found = {id: self._scans.scan(id) for id in dict.fromkeys(ids)}
+            if scalar and not viewpoints[0]:
+                viewpoints = [self._any_viewpoint(ids[0])]
+            indices = [found[id].index(v) for id, v in zip(ids, viewpoints, strict=True)]
+            joined = self._batch.joined
+            if joined is None or not joined.holds(found.values()):
+                joined = Joined({**({} if joined is None else joined.scans), **found}.values())
+            places = np.array([joined.first[id] + i for id, i in zip(ids, indices, strict=True)])
+            self._stand(joined, ids, places, headings, elevations, {}, np.zeros(size, np.int64))
+            self._scalar = scalar
+
+    def newRandomEpisode(self, scanId: str | Sequence[str]) -> None:
+        """Begins an episode at any viewpoint of each scan, looking anywhere along the horizon. The first seed gives the
+        episodes that the original gives."""
+        with self._lock:
+            scalar = isinstance(scanId, str)
+            ids = [scanId] if isinstance(scanId, str) else list(scanId)
+            if self._scans is None:
+                self.initialize()
+            directions = Minstd()
+            viewpoints = [self._any_viewpoint(id) for id in ids]
+            headings = [TURN * directions.real() for _ in ids]
+            if scalar:
+                self.newEpisode(ids[0], viewpoints[0], headings[0], 0.0)
+            else:
+                self.newEpisode(ids, viewpoints, headings, [0.0] * len(ids))
+
+    def _any_viewpoint(self, id: str) -> str:
+        assert self._scans is not None
+        scan = self._scans.scan(id)
+        if not scan.included.any():
+            raise NotStarted(f"MatterSim: ScanId: {id} has no included viewpoints!")
+        index = self._random.below(len(scan.ids))
+        while not scan.included[index]:
+            index = (index + 1) % len(scan.ids)
+        return scan.ids[index]
+
+    # Acting -------------------------------------------------------------------------------------------------------
+
+    def getState(self) -> Any:
+        """The states of the batch, or the one state where everything is given as scalars. They go on with the next
+        action: copy what is to be kept."""
+        return self._states[0] if self._scalar else self._states
+
+    def makeAction(
+        self,
+        index: int | Sequence[int],
+        heading: float | Sequence[float],
+        elevation: float | Sequence[float],
+    ) -> None:
+        """Goes to a navigable location of each environment, then turns by a heading and an elevation in radians; of
+        those the sign alone counts where viewing angles are discrete.
+
+        Raises NotStarted (RuntimeError) before anything, InvalidValue (ValueError) for an index that no location has.
+        """
+        batch = self._batch
+        if not self.initialized or batch is None:
+            raise NotStarted("MatterSim: newEpisode must be called before makeAction")
+        with self._lock, self._timers:
+            size = batch.size
+            chosen = counts(index, size, "index")
+            headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")
+            places = np.empty(size, np.int64)
+            turns = headings, elevations, batch.heading, batch.elevation, self.discrete
+            bad = go(chosen, batch.where, batch.count, places, *turns)
+            if bad >= 0:
+                raise InvalidValue(
+                    f"MatterSim: Invalid action index: {chosen[bad]} in environment {bad} of {self.batch_size}"
+                )
+            assert batch.joined is not None  # else there is no location to choose
+            beside = batch.beside_after(chosen, places) if batch.beside else {}
+            self._stand(batch.joined, batch.scan, places, headings, elevations, beside, batch.step + 1)
+
+    def move_to(
+        self,
+        x: float,
+        y: float,
+        z: float | None = None,
+        heading: float | None = None,
+        elevation: float | None = None,
+        *,
+        straight: bool = False,
+        locations: bool = True,
+        environment: int = 0,
+    ) -> None:
+        """Goes to any place of a project, metres, world; without `z` as high above the floor as now. Needs a project as
+        data set.
+
+        straight      the straight way there must be free; otherwise only the place itself
+        locations     whether the viewpoints near by that the way is free to become navigable, besides the place itself
+        environment   which of the batch goes
+
+        Raises InvalidValue (ValueError) with the reason where the evidence does not show the place or the way free,
+        NotStarted before `newEpisode`.
+        """
+        batch = self._batch
+        if not self.initialized or batch is None or batch.joined is None or self._images is None:
+            raise NotStarted("MatterSim: newEpisode must be called before move_to")
+        if not 0 <= environment < batch.size:
+            raise InvalidValue(f"There is no environment {environment} in a batch of {batch.size}.")
+        with self._lock, self._timers:
+            scan = batch.joined.scans[batch.scan[environment]]
+            goal = Goal(float(x), float(y), None if z is None else float(z), straight)
+            there = self._images.stand(position_of(batch, environment), goal)
+            near = self._images.reachable(there, scan) if locations else []
+            rows = [batch.joined.first[scan.id] + i for i in near]
+            headings, elevations, steps = batch.heading.copy(), batch.elevation.copy(), batch.step.copy()
+            headings[environment] = headings[environment] if heading is None else float(heading)
+            elevations[environment] = elevations[environment] if elevation is None else float(elevation)
+            steps[environment] += 1
+            beside = {**batch.beside, environment: Beside.at(there, rows, batch.joined)}
+            self._stand(batch.joined, batch.scan, batch.place, headings, elevations, beside, steps, environment)
+
+    def _stand(
+        self,
+        joined: Joined,
+        scans: list[str],
+        places: NDArray[np.int64],
+        headings: NDArray[np.float64],
+        elevations: NDArray[np.float64],
+        beside: dict[int, Beside],
+        steps: NDArray[np.int64],
+        alone: int | None = None,
+    ) -> None:
+        """Puts the environments where they are to be, once their images are drawn; those of one `alone` if need be."""
+        batch = self._batch
+        assert batch is not None
+        view = batch.view.copy()
+        turn(headings, elevations, self.discrete, self.lowest, self.highest, view)
+        if self.rendering_enabled:
+            wanted = range(batch.size) if alone is None else range(alone, alone + 1)
+            draw = self._draw(joined, scans, places, headings, elevations, beside)
+            begin = time.perf_counter()
+            assert self._images is not None
+            drawn = draw_all(self._images, [partial(draw, b) for b in wanted])
+            self._timers.rendering += time.perf_counter() - begin
+            self._timers.frames += len(wanted)
+            for b, (rgb, depth) in zip(wanted, drawn, strict=True):
+                batch.rgb[b] = rgb
+                if depth is not None:
+                    batch.depth[b] = depth
+        batch.joined, batch.scan, batch.place, batch.beside = joined, scans, places, beside
+        batch.heading, batch.elevation, batch.view, batch.step = headings, elevations, view, steps
+        batch.look_around(self.restricted, math.cos(self.vfov * self.width / self.height / 2.0))
+
+    def _draw(
+        self,
+        joined: Joined,
+        scans: list[str],
+        places: NDArray[np.int64],
+        headings: NDArray[np.float64],
+        elevations: NDArray[np.float64],
+        beside: dict[int, Beside],
+    ) -> Callable[[int], Drawn]:
+        images, view = self._images, self._view
+        assert images is not None
+
+        def draw(b: int) -> Drawn:
+            angles = float(headings[b]), float(elevations[b])
+            if b in beside:
+                return images.draw_from(beside[b].position, *angles, view)
+            return images.draw(joined.scans[scans[b]], joined.indices[places[b]], *angles, view)
+
+        return draw
+
+    # Timing -------------------------------------------------------------------------------------------------------
+
+    def resetTimers(self) -> None:
+        self._timers.reset()
+
+    def timingInfo(self) -> str:
+        """What took how long, in lines."""
+        return str(self._timers)

@@ -1,0 +1,139 @@
+"""The skybox strips of a viewpoint: found, decoded, checked, and the last used of them kept."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from weakref import WeakValueDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files.decoding import decoded
+from nvsim.files.regular import read_bytes
+from nvsim.r2r.simulator.errors import InvalidValue
+
+_THEN = "export the scan again"
+_SHARED: WeakValueDictionary[tuple[str, int, int], NDArray[Any]] = WeakValueDictionary()
+"""What some simulator of this process holds: those of a batch look at the same images."""
+
+
+class StripCache:
+    """The last used strips of a folder `<scan>/matterport_skybox_images/`, decoded, at most `size` of each kind; what
+    was preloaded stays besides. Thread-safe."""
+
+    def __init__(self, folder: Path | str, size: int) -> None:
+        self._folder, self._size = Path(folder), max(1, size)
+        self._lock = threading.Lock()
+        self._used: dict[str, OrderedDict[tuple[str, str], NDArray[Any]]] = {
+            "rgb": OrderedDict(),
+            "depth": OrderedDict(),
+        }
+        self._preloaded: dict[tuple[str, str, str], NDArray[Any]] = {}
+
+    def colours(self, scan: str, viewpoint: str) -> NDArray[np.uint8]:
+        """(side, 6 * side, 3) uint8, blue, green, red. Raises InvalidValue where the images cannot be used."""
+        return self._get("rgb", scan, viewpoint, read_colours)
+
+    def distances(self, scan: str, viewpoint: str) -> NDArray[np.uint16]:
+        """(side, 6 * side) uint16, 0.25 mm from the camera. Raises InvalidValue where the image cannot be used."""
+        return self._get("depth", scan, viewpoint, read_distances)
+
+    def preload(self, scan: str, viewpoint: str, depth: bool) -> None:
+        """Reads the images of a viewpoint to keep them."""
+        self._preloaded["rgb", scan, viewpoint] = self.colours(scan, viewpoint)
+        if depth:
+            self._preloaded["depth", scan, viewpoint] = self.distances(scan, viewpoint)
+
+    def __len__(self) -> int:
+        with self._lock:
+            return sum(map(len, self._used.values()))
+
+    def _get(self, kind: str, scan: str, viewpoint: str, read: Callable[[Path, str], NDArray[Any]]) -> NDArray[Any]:
+        used, key = self._used[kind], (scan, viewpoint)
+        with self._lock:
+            found = used.get(key)
+            if found is not None:
+                used.move_to_end(key)
+                return found
+            found = self._preloaded.get((kind, scan, viewpoint))
+        if found is None:
+            found = read(self._folder / scan / "matterport_skybox_images", viewpoint)
+        with self._lock:
+            used[key] = found
+            while len(used) > self._size:
+                used.popitem(last=False)
+        return found
+
+
+def read_colours(folder: Path, viewpoint: str) -> NDArray[np.uint8]:
+    """`<id>_skybox_small.jpg`, or the six `<id>_skybox<k>_sami.jpg` that it was made of where there is none."""
+    import cv2
+
+    path = folder / f"{viewpoint}_skybox_small.jpg"
+    if not os.path.lexists(path):
+        faces = [folder / f"{viewpoint}_skybox{k}_sami.jpg" for k in range(6)]
+        if all(map(os.path.lexists, faces)):
+            found = [_image(face, cv2.IMREAD_COLOR) for face in faces]
+            if len({face.shape for face in found}) > 1:
+                raise InvalidValue(f"The six faces {faces[0]} and so on are not of one size; {_THEN}.")
+            return _strip(np.concatenate(found, axis=1), faces[0])
+        raise InvalidValue(f"MatterSim: Could not open skybox RGB files at: {path}")
+    return _shared(path, lambda: _strip(_image(path, cv2.IMREAD_COLOR), path))
+
+
+def read_distances(folder: Path, viewpoint: str) -> NDArray[np.uint16]:
+    """`<id>_skybox_depth_small.png`."""
+    import cv2
+
+    path = folder / f"{viewpoint}_skybox_depth_small.png"
+    if not os.path.lexists(path):
+        raise InvalidValue(f"MatterSim: Could not open skybox depth files at: {path}")
+
+    def read() -> NDArray[np.uint16]:
+        image = _image(path, cv2.IMREAD_UNCHANGED)
+        if image.dtype != np.uint16 or image.ndim != 2:
+            raise InvalidValue(f"{path} is no depth image: it needs one channel of 16 bits; {_THEN}.")
+        return _strip(image, path)
+
+    return _shared(path, read)
+
+
+def _shared(path: Path, read: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    try:
+        state = os.stat(path)
+    except OSError as error:
+        raise InvalidValue(f"Cannot read {path}: {error.strerror}; {_THEN}.") from error
+    key = os.path.abspath(path), state.st_mtime_ns, state.st_size
+    found = _SHARED.get(key)
+    if found is None:
+        found = _SHARED[key] = read()
+    return found
+
+
+def _image(path: Path, flags: int) -> NDArray[Any]:
+    try:
+        data = read_bytes(path)
+        # A decoder fills what a file that was cut off lacks with grey, and says nothing.
+        if path.suffix == ".jpg" and not data.rstrip(b"\0").endswith(b"\xff\xd9"):
+            raise InvalidValue(f"{path} is cut off: it ends in the middle of the image; {_THEN}.")
+        return decoded(data, path, flags, what="a skybox", then=_THEN)
+    except InvalidValue:
+        raise
+    except InputError as error:
+        raise InvalidValue(str(error)) from error
+
+
+def _strip(image: NDArray[Any], path: Path) -> NDArray[Any]:
+    height, width = image.shape[:2]
+    if width != 6 * height:
+        raise InvalidValue(
+            f"{path} is {width}x{height} pixels, and a skybox is six square faces side by side, {6 * height}x{height}; "
+            f"{_THEN}."
+        )
+    return np.ascontiguousarray(image)

@@ -1,0 +1,112 @@
+"""Where one may stand in a project beside the viewpoints of its graph, and walk to straight.
+
+A place is as free as the map builder finds it: what its corridors show is measured in the models, and decided by the
+thresholds that the project's map was built with.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.stacked_floor import Floor
+from nvsim.graph.types import Viewpoint
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import SupportAt
+from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
+from nvsim.mapping.lattice import Lattice
+from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.view_source import ViewSource
+from nvsim.r2r.simulator.errors import InvalidValue
+from nvsim.r2r.simulator.images import Goal
+from nvsim.r2r.simulator.scan import Scan
+
+_LOW, _HIGH = 0.1, 3.0  # metres of a camera above the floor
+_MOST = 500  # places whose measurements are remembered
+
+
+class Standing:
+    """Asked from several threads, which take turns."""
+
+    def __init__(self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig) -> None:
+        self._source, self._floor, self._support, self._config = source, floor, support, config
+        self._lock = threading.Lock()
+        self._forget()
+
+    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+        """(3,) where one stands who went to `goal` from `here` (3,). Raises InvalidValue with the reason where nobody
+        can stand there, or where the straight way is wanted and not free."""
+        with self._lock:
+            if len(self._places) > _MOST:
+                self._forget()
+            x, y = goal.x, goal.y
+            above = here[2] - float(self._floor.height_at(here))
+            there = np.array([x, y, here[2] if goal.z is None else goal.z], np.float64)
+            if not np.isfinite(there).all():
+                raise InvalidValue(f"{there.tolist()} is no place; give finite metres.")
+            if goal.z is None:
+                there[2] = float(self._floor.height_at(there)) + above
+            start, end = self._viewpoint(here), self._viewpoint(there)
+            if not _LOW <= end.height <= _HIGH:
+                raise InvalidValue(
+                    f"One cannot stand at {_words(there)}: it is {end.height:.2f} m above the floor; give a height "
+                    f"from {_LOW} to {_HIGH} m above it."
+                )
+            why = self._not_free(start, end) if goal.straight else self._not_standing(end)
+            if why:
+                way = f"go straight from {_words(here)} to" if goal.straight else "stand at"
+                raise InvalidValue(f"One cannot {way} {_words(there)}: {why}.")
+            return there
+
+    def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
+        """The indices of the included viewpoints within a step of the map builder that the way from a place (3,) is
+        free to."""
+        with self._lock:
+            start = self._viewpoint(place)
+            apart = np.linalg.norm(scan.position - place, axis=1)
+            near = np.flatnonzero(scan.included & (apart <= self._config.tau_dist)).tolist()
+            ends = {i: self._viewpoint(scan.position[i].astype(np.float64)) for i in near}
+            return [i for i, end in ends.items() if apart[i] < 1e-3 or not self._blocked(start, end, ends.values())]
+
+    def _not_standing(self, end: Viewpoint) -> str:
+        around = self._measurements.around(end)
+        if can_stand(around, self._config):
+            return ""
+        if footing(around, self._config)[1] < self._config.support:
+            return "no image and no scan shows the floor there"
+        return "something stands there"
+
+    def _not_free(self, start: Viewpoint, end: Viewpoint) -> str:
+        """In legs no longer than the steps that the criteria were made for."""
+        a, b = np.array(start.position), np.array(end.position)
+        length = float(np.linalg.norm((b - a)[:2]))
+        legs = max(1, int(np.ceil(length / self._config.tau_dist)))
+        stops = [start, *(self._viewpoint(a + (b - a) * k / legs) for k in range(1, legs)), end]
+        for one, other in zip(stops, stops[1:]):
+            if one.position[:2] != other.position[:2] and (why := self._blocked(one, other)):
+                return why
+        return ""
+
+    def _blocked(self, one: Viewpoint, other: Viewpoint, also: object = ()) -> str:
+        decision = decide(self._measurements.between(one, other, also), self._config)  # type: ignore[arg-type]
+        return "" if decision == OPEN else DECISIONS[decision].clause
+
+    def _viewpoint(self, place: NDArray[np.float64]) -> Viewpoint:
+        x, y, z = (float(value) for value in place)
+        id = f"{x!r} {y!r} {z!r}"
+        if id not in self._places:
+            self._places.add(id)
+            self._lattice.begin(id, (x, y))
+        return Viewpoint(id, (x, y, z), z - float(self._floor.height_at(place)))
+
+    def _forget(self) -> None:
+        self._places: set[str] = set()
+        self._lattice = Lattice(self._config)
+        floor = self._floor.height_at
+        self._measurements = Measurements(self._source, floor, self._support, self._config, self._lattice)
+
+
+def _words(place: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in place) + ")"

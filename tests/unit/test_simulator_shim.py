@@ -1,0 +1,54 @@
+"""Programs that import MatterSim get our simulator where they are run by `nvsim r2r python`, and not unasked."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+PROGRAM = "import sys, MatterSim; print(MatterSim.Simulator.__module__, sys.argv[1:])"
+
+
+def nvsim(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "nvsim", *words]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=120, check=False, env=os.environ | environment
+    )
+
+
+def test_a_program_finds_our_simulator_and_keeps_its_arguments_and_its_exit_code() -> None:
+    done = nvsim("r2r", "python", "--", sys.executable, "-c", PROGRAM, "--json", "--lr", "3")
+    assert done.stdout.split(" ", 1) == ["nvsim.r2r.simulator.simulator", "['--json', '--lr', '3']\n"], done.stderr
+    assert nvsim("r2r", "python", "--", sys.executable, "-c", "raise SystemExit(7)").returncode == 7
+
+
+def test_the_folder_is_all_that_the_path_needs() -> None:
+    folder = nvsim("r2r", "path").stdout.strip()
+    assert json.loads(nvsim("r2r", "path", "--json").stdout) == {"path": folder}
+    path = os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": path},
+        check=True,
+    )
+    assert done.stdout.startswith("nvsim.r2r.simulator")
+
+
+def test_an_installed_simulator_is_not_shadowed_unasked(tmp_path: Path) -> None:
+    (tmp_path / "MatterSim.py").write_text("class Simulator: pass\n")
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    program = ("--", sys.executable, "-c", PROGRAM)
+    done = nvsim("r2r", "python", *program, PYTHONPATH=path)
+    assert done.returncode == 2 and "has a MatterSim already" in done.stderr and "--replace" in done.stderr
+    done = nvsim("r2r", "python", "--replace", *program, PYTHONPATH=path)
+    assert done.stdout.startswith("nvsim.r2r.simulator"), done.stderr
+
+
+def test_no_program_and_one_that_is_not_there_are_one_sentence() -> None:
+    for words in ((), ("--", "/nowhere/at/all")):
+        done = nvsim("r2r", "python", *words)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
