@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim.evaluation.calibration import Calibration
+from nvsim.evaluation.calibrated import Calibration
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 

@@ -26,7 +26,7 @@ from app.thresholds.calibration_plot import CalibrationPlot
 from app.thresholds.calibration_words import cells, sentences, status
 from app.thresholds.calibrations import Calibrations
 from app.thresholds.trial import Trial
-from nvsim.evaluation.calibration import Judge
+from nvsim.evaluation.calibrated import Judge
 
 _JUDGES: dict[Judge, str] = {"robot": "Free for the robot", "point": "Free for a point"}
 _COLUMNS = ("Threshold", "Now", "Suggested", "Free", "Covered", "Edges")

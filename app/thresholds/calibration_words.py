@@ -8,7 +8,7 @@ from app.look.plain_text import plain
 from app.state.document import Document
 from app.thresholds.calibrations import Calibrations
 from app.thresholds.table import thresholds
-from nvsim.evaluation.calibration import Judge
+from nvsim.evaluation.calibrated import Judge
 from nvsim.evaluation.interval import needed
 from nvsim.project.work import STAGE, sentence
 

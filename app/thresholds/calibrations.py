@@ -13,11 +13,11 @@ from app.state.document import Document
 from app.thresholds.table import changed
 from app.thresholds.trial import Trial
 from nvsim.errors import InputError
-from nvsim.evaluation.calibration import Calibration, Judge
+from nvsim.evaluation.calibrated import Calibration, Judge
 from nvsim.mapping.config import MappingConfig
 
 Row = dict[str, Any]
-"""Figures as `nvsim.evaluation.calibration.Calibration` describes them."""
+"""Figures as `nvsim.evaluation.calibrated.Calibration` describes them."""
 
 
 class Calibrations(QObject):

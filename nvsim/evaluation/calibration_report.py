@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.evaluation.calibration import Calibration, Judge
+from nvsim.evaluation.calibrated import Calibration, Judge
 from nvsim.evaluation.chart import Curve, Panel, draw_chart
 from nvsim.evaluation.table import Column, csv_table, text_table
 from nvsim.files import atomic

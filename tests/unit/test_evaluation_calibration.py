@@ -16,7 +16,8 @@ from columns import Columns, fill, flat_floor, room
 from scipy.stats import binomtest
 
 from nvsim.errors import InputError
-from nvsim.evaluation.calibration import Calibration, calibrate
+from nvsim.evaluation.calibrated import Calibration
+from nvsim.evaluation.calibration import calibrate
 from nvsim.evaluation.calibration_report import text_of, write_calibration
 from nvsim.evaluation.chart import Curve, Panel, draw_chart
 from nvsim.evaluation.corridors import Corridors

@@ -150,7 +150,7 @@ def test_torn_blobs_are_refused(cut: int, noise: bytes) -> None:
 def test_blobs_of_a_newer_version_are_refused() -> None:
     blob = encode_evidence(evidence("a", 0))
     with pytest.raises(InputError, match="newer"):
-        decode_evidence(struct.pack("<B", 3) + blob[1:])
+        decode_evidence(struct.pack("<B", 4) + blob[1:])
 
 
 def test_equal_graphs_are_equal_bytes() -> None:
