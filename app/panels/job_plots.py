@@ -14,6 +14,7 @@ from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import marked
+from app.look.plots import dress
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels
@@ -133,8 +134,5 @@ class JobPlots(QWidget):
     def _dress(self) -> None:
         palette = self.palette()
         for (_, title), plot in zip(_PLOTS, self.plots.values(), strict=True):
-            plot.setBackground(palette.base().color())
+            dress(plot, palette)
             plot.setTitle(marked(title), size="9pt", color=palette.text().color())
-            for side in ("left", "bottom"):
-                plot.getAxis(side).setPen(palette.placeholderText().color())
-                plot.getAxis(side).setTextPen(palette.text().color())

@@ -26,6 +26,7 @@ from app.look import colors
 from app.look.labels import Label
 from app.look.notices import Notices
 from app.look.plain_text import CAPTION, marked, plain, tip
+from app.look.plots import dress
 from app.panels.submaps import table as quiet_table
 from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
@@ -268,8 +269,4 @@ class ResultPanel(QWidget):
         super().changeEvent(event)
 
     def _dress(self) -> None:
-        palette = self.palette()
-        self.plot.setBackground(palette.base().color())
-        for side in ("left", "bottom"):
-            self.plot.getAxis(side).setPen(palette.placeholderText().color())
-            self.plot.getAxis(side).setTextPen(palette.text().color())
+        dress(self.plot, self.palette())

@@ -4,8 +4,6 @@ window that did it in a thread would move by jerks. Knows no Qt."""
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 import tempfile
 import threading
@@ -13,12 +11,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from app.state.child import Child, answer
 from nvsim.errors import InputError
 from nvsim.evaluation.calibrated import Calibration
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 
-NICE = 5  # the window comes first
 _NO_MAP = (
     "There is no occupancy map to judge by: choose one with Map…, or build one of the capture with "
     "`nvsim occupancy build --project PROJECT`."
@@ -53,47 +51,29 @@ class CalibrationChild:
     def __init__(self, asked: Asked) -> None:
         self._asked = asked
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._killed = False
 
     def result(self) -> Calibrated | None:
         """Works it out and waits for it; None after `kill`. Raises InputError with the reason when it cannot be."""
         with tempfile.TemporaryDirectory(prefix="nvsim-calibration-") as folder:
             _write(Path(folder), self._asked)
-            if not self._begin(folder):
-                return None
-            assert self._process is not None
-            found, words = self._process.communicate()
-        if self._killed:
+            with self._lock:
+                if self._killed:
+                    return None
+                self._child = Child("app.state.calibration_child", Path(folder), "The thresholds cannot be judged")
+            found = self._child.output()
+        if found is None:
             return None
-        if self._process.returncode != 0:
-            lines = words.decode(errors="replace").strip().splitlines()
-            why = lines[-1] if lines else f"its process ended with code {self._process.returncode}"
-            raise InputError(why if self._process.returncode == 2 else f"The thresholds cannot be judged: {why}.")
         data = json.loads(found)
         return Calibrated(Calibration(**data["calibration"]), Path(data["map"]))
-
-    def _begin(self, folder: str) -> bool:
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-        command = [sys.executable, "-P", "-m", "app.state.calibration_child", folder]
-        pipe = subprocess.PIPE
-        with self._lock:
-            if self._killed:
-                return False
-            try:
-                self._process = subprocess.Popen(
-                    command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, env=environment
-                )
-            except OSError as error:
-                raise InputError(f"The thresholds cannot be judged: {error}; close other programs.") from error
-        return True
 
     def kill(self) -> None:
         """Ends it; from any thread, also before it began and when it has ended."""
         with self._lock:
             self._killed = True
-            if self._process is not None:
-                self._process.kill()
+            if self._child is not None:
+                self._child.kill()
 
 
 def _write(folder: Path, asked: Asked) -> None:
@@ -126,17 +106,5 @@ def _work_out(folder: Path) -> dict[str, Any]:
     return {"calibration": asdict(found), "map": str(truth)}
 
 
-def main(folder: Path) -> int:
-    """Writes what was found to the standard output as JSON; returns the exit code."""
-    if hasattr(os, "nice"):
-        os.nice(NICE)
-    try:
-        print(json.dumps(_work_out(folder)))
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(answer(lambda folder: json.dumps(_work_out(folder)).encode()))

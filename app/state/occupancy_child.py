@@ -4,17 +4,13 @@ held, so that a window that did it in a thread would stand still for 100 ms and 
 from __future__ import annotations
 
 import io
-import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from nvsim.errors import InputError
+from app.state.child import Child, answer
 from nvsim.occupancy.types import OccupancyMap
-
-NICE = 5  # the window comes first
 
 
 class OccupancyChild:
@@ -22,28 +18,12 @@ class OccupancyChild:
 
     def __init__(self, path: Path) -> None:
         """Raises InputError when no process can be started."""
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-        command = [sys.executable, "-P", "-m", "app.state.occupancy_child", str(path)]
-        pipe = subprocess.PIPE
-        try:
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, env=environment
-            )
-        except OSError as error:
-            raise InputError(
-                f"The occupancy map cannot be read: {error}; close other programs and open the project again."
-            ) from error
-        self._killed = False
+        then = "close other programs and open the project again"
+        self._child = Child("app.state.occupancy_child", path, "The occupancy map cannot be read", then)
 
     def result(self) -> OccupancyMap | None:
         """Waits for it; None where a project has no map, or after `kill`. Raises InputError with the reason."""
-        found, words = self._process.communicate()
-        if self._killed:
-            return None
-        if self._process.returncode != 0:
-            lines = words.decode(errors="replace").strip().splitlines()
-            why = lines[-1] if lines else f"its process ended with code {self._process.returncode}"
-            raise InputError(why if self._process.returncode == 2 else f"The occupancy map cannot be read: {why}.")
+        found = self._child.output()
         if not found:
             return None
         with np.load(io.BytesIO(found)) as data:
@@ -52,8 +32,7 @@ class OccupancyChild:
 
     def kill(self) -> None:
         """Ends it; from any thread, also when it has ended."""
-        self._killed = True
-        self._process.kill()
+        self._child.kill()
 
 
 def _read(path: Path) -> OccupancyMap | None:
@@ -67,21 +46,13 @@ def _read(path: Path) -> OccupancyMap | None:
         return project.occupancy()
 
 
-def main(path: Path) -> int:
-    """Writes the map to the standard output, nothing where there is none; returns the exit code."""
-    if hasattr(os, "nice"):
-        os.nice(NICE)
-    try:
-        found = _read(path)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
+def _answer(path: Path) -> bytes:
+    """The map, nothing where there is none."""
+    found, written = _read(path), io.BytesIO()
     if found is not None:
-        written = io.BytesIO()
         np.savez(written, cells=found.cells, resolution=found.resolution, origin=found.origin)
-        sys.stdout.buffer.write(written.getvalue())
-    return 0
+    return written.getvalue()
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(answer(_answer))

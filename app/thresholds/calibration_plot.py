@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from app.look import colors
 from app.look.plain_text import plain, tip
+from app.look.plots import dress
 
 _TIPS = {
     "validity": "The share of free ways among those that pass, with its 95 % interval; dashed what is wanted",
@@ -105,10 +106,7 @@ class CalibrationPlot(QWidget):
             size=size,
         )
         for plot in self.plots.values():
-            plot.setBackground(palette.base().color())
-            for side in ("left", "bottom"):
-                plot.getAxis(side).setPen(palette.placeholderText().color())
-                plot.getAxis(side).setTextPen(palette.text().color())
+            dress(plot, palette)
         for line in self.now:
             line.setPen(pg.mkPen(palette.text().color(), width=1.6))
             line.label.setColor(palette.text().color())

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.faces import face_rays
+from nvsim.geometry.skybox_faces import face_rays
+from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator import Simulator
 
 WIDTH, HEIGHT, VFOV = 640, 480, math.radians(60)
@@ -57,7 +58,7 @@ def write_made_scan(
     before = listed.read_text().split() if listed.exists() else []
     listed.write_text("".join(f"{name}\n" for name in dict.fromkeys([*before, scan])))
     if side:
-        images = folder / "scans" / scan / "matterport_skybox_images"
+        images = folder / "scans" / scan / FOLDER
         images.mkdir(parents=True, exist_ok=True)
         for id, pose in zip(ids, poses, strict=True):
             _write_skybox(images, id, pose[:3, :3], side)
@@ -78,10 +79,10 @@ def _write_skybox(folder: Path, id: str, rotation: NDArray[np.float64], side: in
     waves = np.stack([np.sin(9 * rays[..., a] + 4 * rays[..., (a + 1) % 3]) for a in range(3)], axis=-1)
     strip = np.concatenate(list(128 + 80 * rays / 2 + 40 * waves), axis=1).round().astype(np.uint8)
     quality = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
-    (folder / f"{id}_skybox_small.jpg").write_bytes(cv2.imencode(".jpg", strip, quality)[1].tobytes())
+    SkyboxFiles(folder).strip(id).write_bytes(cv2.imencode(".jpg", strip, quality)[1].tobytes())
     metres = np.concatenate(list(3 + waves[..., 0]), axis=1)
     depth = (4000 * metres).round().astype(np.uint16)
-    (folder / f"{id}_skybox_depth_small.png").write_bytes(cv2.imencode(".png", depth)[1].tobytes())
+    SkyboxFiles(folder).depth(id).write_bytes(cv2.imencode(".png", depth)[1].tobytes())
 
 
 def measure_states(folder: Path, scan: str, ids: list[str], batch: int, seconds: float = 1.0) -> dict[str, float]:

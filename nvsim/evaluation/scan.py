@@ -18,11 +18,11 @@ from nvsim.evaluation.scan_seams import seam_steps
 from nvsim.evaluation.scores import psnr
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.view_sweep import STEP, VIEWS, sweep
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
 from nvsim.r2r.observations.skybox import focal_of
 from nvsim.r2r.observations.surround import draw_surround
-from nvsim.r2r.observations.sweep import STEP, VIEWS, sweep
 from nvsim.render.model import render_model
 
 STAGE = "check"

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from nvsim.capture.images import decode
 from nvsim.errors import InputError
 from nvsim.files.regular import read_bytes
+from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 from nvsim.graph.connectivity import read_connectivity, read_scans
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS
 from nvsim.r2r.observations.line_of_sight import read_depth
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.record import Part, part_of, read_manifest
-from nvsim.r2r.observations.sweep import HEIGHT, WIDTH
 
 
 class ScanFiles:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
+from nvsim.geometry.view_sweep import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.observations.sweep import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 
 
 def edges_out_of_reach(graph: NavGraph) -> list[tuple[str, str]]:

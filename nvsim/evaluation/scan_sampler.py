@@ -1,6 +1,7 @@
 """A strip as Matterport3DSimulator shows it: the nearest face of a cube map, sampled bilinearly, not over borders.
 
-Written from the layout's table of faces alone, and not from `nvsim.r2r.faces`, so that the one can test the other.
+Written from the layout's table of faces alone, and not from `nvsim.geometry.skybox_faces`, so that the one can test
+the other.
 Source: Matterport3DSimulator, MatterSim.cpp, whose pictures this was compared with.
 """
 

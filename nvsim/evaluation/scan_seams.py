@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nvsim.evaluation.scan_sampler import pixels_along
 from nvsim.geometry.camera import look
-from nvsim.r2r.faces import face_axes
+from nvsim.geometry.skybox_faces import face_axes
 
 
 def seam_steps(strip: NDArray[np.uint8]) -> tuple[float, float]:

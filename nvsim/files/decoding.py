@@ -23,6 +23,15 @@ than ten times its own length."""
 _FORMATS = "PNG, JPEG, PGM, PPM, WebP, TIFF and BMP"
 
 
+_ENDS_WITHIN = 64  # bytes; some programs pad their files
+
+
+def is_cut_off(data: bytes) -> bool:
+    """Whether a JPEG ends before its image does; a decoder fills what is missing with grey, and says so to nobody.
+    Cameras may append more than we allow here: for files that NVSim or a simulator's scripts wrote."""
+    return data.startswith(b"\xff\xd8") and b"\xff\xd9" not in data[-_ENDS_WITHIN:]
+
+
 def decoded(
     data: bytes,
     path: Path,

@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.mapping.walk import Walk
+from nvsim.occupancy.geodesic import steps_between
 
-ERROR = 0.028
-"""Share by which a way comes out too long at the most, laid from steps in 16 directions."""
 _CELL = 0.1  # metres
-_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))  # the other eight are these backwards
 _EASY = 0.6  # metres of room beside a way from which on more of it makes it no better
 _TIGHT = 2.0  # times as long, a way without any room counts on top
 _STOREY = 1.5  # metres between cameras of two storeys, at least
@@ -98,17 +96,5 @@ class _Window:
 
     def steps(self, tight: float) -> Any:
         """The steps between nodes as a sparse matrix of metres, longer by up to `tight` times where room is scarce."""
-        from scipy.sparse import coo_matrix
-
-        node, n = self._node, self._side
-        cost = 1 + tight * np.clip(1 - self._clearance / _EASY, 0, 1)
-        starts, stops, metres = [], [], []
-        for dr, dc in _STEPS:
-            here = (slice(0, n - dr), slice(max(0, -dc), n - max(0, dc)))
-            there = (slice(dr, n), slice(max(0, dc), n - max(0, -dc)))
-            free = (node[here] >= 0) & (node[there] >= 0)
-            starts.append(node[here][free])
-            stops.append(node[there][free])
-            metres.append(np.hypot(dr, dc) * _CELL * (cost[here] + cost[there])[free] / 2)
-        pairs = (np.concatenate(starts), np.concatenate(stops))
-        return coo_matrix((np.concatenate(metres), pairs), shape=(len(self.places),) * 2).tocsr()
+        dearer = 1 + tight * np.clip(1 - self._clearance / _EASY, 0, 1) if tight else None
+        return steps_between(self._node >= 0, self._node, _CELL, dearer)

@@ -23,7 +23,7 @@ class Geodesics:
         self._room, self._occupancy = room, occupancy
         self._node = np.full(room.shape, -1, np.int64)
         self._node[room] = np.arange(int(room.sum()))
-        self._matrix = _steps_between(room, self._node, occupancy.resolution)
+        self._matrix = steps_between(room, self._node, occupancy.resolution)
 
     def __len__(self) -> int:
         """Cells that can be walked on."""
@@ -56,8 +56,12 @@ class Geodesics:
         return found
 
 
-def _steps_between(room: NDArray[np.bool_], node: NDArray[np.int64], resolution: float) -> Any:
-    """The steps as a sparse matrix of metres. A slanted step needs the cells that it cuts, too."""
+def steps_between(
+    room: NDArray[np.bool_], node: NDArray[np.int64], resolution: float, dearer: NDArray[np.float64] | None = None
+) -> Any:
+    """The steps between cells in `room` (rows, columns), numbered by `node`, as a sparse matrix of metres, each one
+    way. A slanted step needs the cells that it cuts, too. Where there is `dearer` (rows, columns), a step counts as so
+    many times its length as the mean of its ends says."""
     from scipy.sparse import coo_matrix
 
     rows, columns = room.shape
@@ -74,7 +78,8 @@ def _steps_between(room: NDArray[np.bool_], node: NDArray[np.int64], resolution:
             free &= room[moved(r, c)]
         starts.append(node[here][free])
         stops.append(node[moved(dr, dc)][free])
-        metres.append(np.full(int(free.sum()), np.hypot(dr, dc) * resolution))
+        length = np.full(int(free.sum()), np.hypot(dr, dc) * resolution)
+        metres.append(length if dearer is None else length * (dearer[here] + dearer[moved(dr, dc)])[free] / 2)
     count = int(room.sum())
     pairs = (np.concatenate(starts), np.concatenate(stops))
     return coo_matrix((np.concatenate(metres), pairs), shape=(count, count)).tocsr()

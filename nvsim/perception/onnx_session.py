@@ -1,8 +1,9 @@
-"""A network that the user brings, opened with onnxruntime on the CPU."""
+"""A network that the user brings, opened with onnxruntime."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,9 @@ TYPES = {
 """What an input of the network takes, by onnxruntime's word for it."""
 
 
-def session(path: Path) -> Any:
-    """An `onnxruntime.InferenceSession`. Raises InputError for a file that cannot be loaded."""
+def session(path: Path, providers: Sequence[str] = ("CPUExecutionProvider",)) -> Any:
+    """An `onnxruntime.InferenceSession` on the first of `providers` that can run it. Raises InputError for a file that
+    cannot be loaded."""
     import onnxruntime
 
     with opened(path):
@@ -31,7 +33,7 @@ def session(path: Path) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        return onnxruntime.InferenceSession(str(path), options, providers=list(providers))
     except Exception as error:  # onnxruntime's classes share no base but this one
         words = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
         raise InputError(f"{path} cannot be loaded as an ONNX network ({words}); export it again.") from error

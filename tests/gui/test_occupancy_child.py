@@ -61,4 +61,4 @@ def test_a_reader_that_is_left_in_the_middle_leaves_no_process(project: Path) ->
             break
     child = reader._child
     reader.close()
-    assert child is not None and child._process.returncode is not None
+    assert child is not None and child._child._process.returncode is not None

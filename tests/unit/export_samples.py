@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from nvsim.geometry.skybox_faces import face_rays
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.r2r.faces import face_rays
 
 
 def random_graph(scan: str, count: int, seed: int = 0, reach: float = 4.0) -> NavGraph:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from nvsim.evaluation.structure import map_structure
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.known_room import ERROR, KnownRoom
+from nvsim.mapping.known_room import KnownRoom
 from nvsim.mapping.shortcuts import Shortcuts
 from nvsim.mapping.walk import Walk
-from nvsim.occupancy.geodesic import Geodesics
+from nvsim.occupancy.geodesic import ERROR, Geodesics
 from nvsim.occupancy.paths import standing_room
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 

@@ -7,19 +7,19 @@ import math
 import numpy as np
 import pytest
 from scan_samples import small_model
-from test_r2r_faces import CONFIRMED
 from test_render_panorama import HERE, RADIUS, sphere
+from test_skybox_faces import CONFIRMED
 
 from nvsim.benchmarks.panorama import furnished_hall
 from nvsim.evaluation.scan_directions import compass, direction_errors
 from nvsim.evaluation.scan_sampler import place_on_strip, sample_strip
 from nvsim.evaluation.scan_seams import seam_steps
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.r2r.faces import NAMES
+from nvsim.geometry.skybox_faces import NAMES
+from nvsim.geometry.view_sweep import sweep
 from nvsim.r2r.observations.line_of_sight import strip_pixels
 from nvsim.r2r.observations.skybox import as_units, focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
-from nvsim.r2r.observations.sweep import sweep
 from nvsim.render.camera_rig import skybox
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_cube

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.r2r.faces import face_axes, face_rays
+from nvsim.geometry.skybox_faces import face_axes, face_rays
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.cubemap import draw_colours, draw_depth, rays_of
 from nvsim.r2r.simulator.scan import CANONICAL
@@ -137,8 +137,7 @@ def test_strips_that_cannot_be_used_are_refused_and_the_state_stays(tmp_path: Pa
         (good[: len(good) // 2], "is cut off"),
         (jpeg(6 * 64, 80), "384x80 pixels, and a skybox is six square faces"),
         (jpeg(605, 100), "six square faces"),
-        (b"nothing", "is cut off"),
-        (b"nothing\xff\xd9", "not a skybox that can be decoded"),
+        (b"nothing", "not a skybox that can be decoded"),
     ):
         path.write_bytes(data)
         with pytest.raises(ValueError, match=words):

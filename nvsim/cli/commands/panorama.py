@@ -44,7 +44,7 @@ class Arguments(ProjectArguments):
 def run(arguments: Arguments) -> int:
     import numpy as np
 
-    from nvsim.r2r.faces import face_rays
+    from nvsim.geometry.skybox_faces import face_rays
     from nvsim.render.camera_rig import skybox
     from nvsim.render.panorama import render_cube, render_equirectangular
     from nvsim.render.panorama_files import write_panorama

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.graph.skybox_files import FOLDER
 from nvsim.occupancy.types import OccupancyMap
-
-_SKYBOX = "matterport_skybox_images"
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def look_beside(path: Path, scan: str) -> Beside:
 
 def _picture_folders(folder: Path, scan: str) -> tuple[Path, ...]:
     places = (folder / "scans" / scan, folder / "v1" / "scans" / scan, folder / scan, folder)
-    return (*(p / _SKYBOX for p in places), folder / scan, folder / "images" / scan)
+    return (*(p / FOLDER for p in places), folder / scan, folder / "images" / scan)
 
 
 def _ids_in(pictures: Path) -> frozenset[str]:

@@ -1,8 +1,7 @@
 """The images beside a connectivity file, as one panorama of a viewpoint.
 
-Skyboxes have six faces of 90 degrees in the frame of the viewpoint's pose (Matterport3DSimulator, `_skybox_small.jpg`
-as a strip, `_skybox0_sami.jpg` to `_skybox5_sami.jpg` one by one); of 36 discretised views, number k looks along
-heading 30 (k mod 12) degrees of the world, 30 degrees down, level or up, with 60 degrees from top to bottom.
+Skyboxes have six faces of 90 degrees in the frame of the viewpoint's pose (`nvsim.geometry.skybox_faces`), as a strip
+or one by one; 36 discretised views look around in the frame of the world (`nvsim.geometry.view_sweep`).
 """
 
 from __future__ import annotations
@@ -18,23 +17,13 @@ from nvsim.errors import InputError
 from nvsim.files.decoding import decoded
 from nvsim.files.image_size import image_size_of
 from nvsim.files.regular import is_regular, read_bytes
+from nvsim.geometry.skybox_faces import face_axes
+from nvsim.geometry.view_sweep import VFOV, VIEWS, sweep
 from nvsim.graph.foreign.beside import Beside
+from nvsim.graph.skybox_files import SkyboxFiles
 
 _FREE_PIXELS, _PIXELS_PER_BYTE = 20_000_000, 8
 """What all images of a viewpoint together may have, and beside that for each of their bytes."""
-
-FACES = np.array(
-    [
-        [[-1, 0, 0], [0, 0, -1], [0, -1, 0]],
-        [[-1, 0, 0], [0, 1, 0], [0, 0, -1]],
-        [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
-        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-        [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
-        [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
-    ],
-    np.float64,
-)
-"""(6, 3, 3) right, down and forward of each face, where x of the pose is right, y down and z forward."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +49,8 @@ def _views(beside: Beside, id: str, rotation: NDArray[np.float64]) -> list[_View
     folder = beside.pictures
     if folder is None or id not in (beside.images or ()):
         return []  # also what would lead out of the folder
-    strip = folder / f"{id}_skybox_small.jpg"
-    faces = [folder / f"{id}_skybox{k}_sami.jpg" for k in range(6)]
+    files = SkyboxFiles(folder)
+    strip, faces = files.strip(id), files.faces(id)
     if is_regular(strip):
         pixels = _read(strip)
         side = pixels.shape[0]
@@ -73,29 +62,25 @@ def _views(beside: Beside, id: str, rotation: NDArray[np.float64]) -> list[_View
         images = [_read(face, len(faces)) for face in faces]
     else:
         return _thirty_six(folder / id)
-    axes = FACES @ rotation.T
+    axes = np.swapaxes(face_axes(), 1, 2) @ rotation.T
     return [_View(image, axes[k], image.shape[1] / 2) for k, image in enumerate(images)]
 
 
 def _thirty_six(folder: Path) -> list[_View]:
     views: list[_View] = []
     names = _names_in(folder)
-    for k in range(36):
+    for k, camera in enumerate(sweep(np.zeros(3))):
         path = folder / f"{k}.jpg"
         if path.name not in names:
             continue
-        heading, elevation = math.radians(30 * (k % 12)), math.radians(30 * (k // 12 - 1))
-        right = np.array([math.cos(heading), -math.sin(heading), 0.0])
-        level = np.array([math.sin(heading), math.cos(heading), 0.0])
-        forward = math.cos(elevation) * level + np.array([0.0, 0.0, math.sin(elevation)])
         image = _read(path, len(names))
-        axes = np.stack([right, np.cross(forward, right), forward])
-        views.append(_View(image, axes, image.shape[0] / 2 / math.tan(math.radians(30))))
+        focal = image.shape[0] / 2 / math.tan(VFOV / 2)
+        views.append(_View(image, camera.camera_to_world[:3, :3].T, focal))
     return views
 
 
 def _names_in(folder: Path) -> set[str]:
-    return {f"{k}.jpg" for k in range(36) if is_regular(folder / f"{k}.jpg")}
+    return {f"{k}.jpg" for k in range(VIEWS) if is_regular(folder / f"{k}.jpg")}
 
 
 def _read(path: Path, together: int = 1) -> NDArray[np.uint8]:

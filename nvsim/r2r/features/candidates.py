@@ -9,11 +9,12 @@ axis the angles to it, heading and elevation, are smallest by sqrt(heading² + e
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from nvsim.geometry.view_sweep import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -21,10 +22,8 @@ Int64 = NDArray[np.int64]
 TIE = 1e-5
 """Radians. Views whose distances differ by less are equally good, and the lowest viewIndex counts, as it does in exact
 arithmetic with the agents' strict comparison. The simulator computes in 32 bits and decides such ties by chance."""
-_STEP = math.radians(30)
-_SEEN = math.radians(60) * 640 / 480 / 2
-HEADINGS: Float64 = np.array([view % 12 * _STEP for view in range(36)])
-ELEVATIONS: Float64 = np.array([(view // 12 - 1) * _STEP for view in range(36)])
+_SEEN = VFOV * WIDTH / HEIGHT / 2
+HEADINGS, ELEVATIONS = np.array([heading_and_elevation(view) for view in range(VIEWS)]).T
 """(36,) radians of the views, by viewIndex."""
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.regular import read_json, shown
 from nvsim.graph.connectivity import SUFFIX, check_scan_id, read_connectivity, read_scans
+from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +37,14 @@ class ExportedScan:
     @property
     def has_images(self) -> bool:
         """Whether there is a folder that may hold its images."""
-        return (self.root / "views" / self.id).is_dir() or self.strip("").parent.is_dir()
+        return (self.root / "views" / self.id).is_dir() or self.skyboxes.folder.is_dir()
 
     def view(self, viewpoint: str, index: int) -> Path:
         return self.root / "views" / self.id / viewpoint / f"{index}.jpg"
 
-    def strip(self, viewpoint: str) -> Path:
-        return self.root / self.id / "matterport_skybox_images" / f"{viewpoint}_skybox_small.jpg"
+    @property
+    def skyboxes(self) -> SkyboxFiles:
+        return SkyboxFiles(self.root / self.id / FOLDER)
 
 
 def read_exported_scans(root: Path, names: Sequence[str] = ()) -> list[ExportedScan]:

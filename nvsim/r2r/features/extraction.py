@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 import time
 from collections import deque
@@ -18,12 +19,13 @@ from numpy.typing import NDArray
 from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.geometry.view_sweep import VFOV
 from nvsim.r2r.features.backbone import Backbone, Float32
 from nvsim.r2r.features.exported_scan import ExportedScan
 from nvsim.r2r.features.feature_files import About, Place, Rows, about_of, write_hdf5, write_tsv
 from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
 from nvsim.r2r.features.layouts import Layout
-from nvsim.r2r.features.view_source import VFOV, ViewSource
+from nvsim.r2r.features.view_source import ViewSource
 from nvsim.r2r.features.width import Width
 
 STAGE = "features"
@@ -83,7 +85,7 @@ def extract(
                 kept.append(fingerprints[kept.count], size, row)
                 tell(kept.count, places[kept.count - 1][0].id)
         write = write_tsv if layout.is_tsv else write_hdf5
-        write(target, _placed(kept, places), about, VFOV)
+        write(target, _placed(kept, places), about, round(math.degrees(VFOV)))
     written = [target, about_of(target)] if layout.is_tsv else [target]
     words = (
         f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers a view"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import opened
+from nvsim.perception.onnx_session import session
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.description import Description, read_description
 from nvsim.r2r.features.layouts import CLASSES
@@ -38,7 +38,7 @@ class Network:
     def __init__(self, path: Path, batch: int, provider: Provider = "auto") -> None:
         self._path = path
         self._description = read_description(path)
-        self._session = _session(path, providers(provider))
+        self._session = session(path, providers(provider))
         self.name = self._description.name
         self.width = self._description.width
         self.prepared = self._description.preparation
@@ -121,22 +121,6 @@ def providers(wanted: Provider) -> list[str]:
             f"{', '.join(here) or 'nothing'}); install onnxruntime{'-gpu' if wanted == 'cuda' else ''}."
         )
     return found
-
-
-def _session(path: Path, on: list[str]) -> Any:
-    import onnxruntime
-
-    with opened(path):
-        pass  # a pipe is refused, and not waited for
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = os.cpu_count() or 1
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 3
-    try:
-        return onnxruntime.InferenceSession(str(path), options, providers=on)
-    except Exception as error:  # onnxruntime's classes share no base but this one
-        words = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
-        raise InputError(f"{path} cannot be loaded as an ONNX network ({words}); export it again.") from error
 
 
 def _digest(path: Path, description: Description) -> str:

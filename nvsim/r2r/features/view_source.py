@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from threading import Lock
 from typing import TypeVar
 
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded
+from nvsim.files.decoding import decoded, is_cut_off
 from nvsim.files.regular import read_bytes
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.view_sweep import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 from nvsim.r2r.features.backbone import Image
-from nvsim.r2r.features.candidates import ELEVATIONS, HEADINGS
 from nvsim.r2r.features.exported_scan import ExportedScan
 from nvsim.r2r.features.kept_rows import FINGERPRINT
-from nvsim.r2r.views_of_strips import StripViews, side_of
+from nvsim.r2r.simulator.cubemap import draw_colours, rays_of
+from nvsim.r2r.simulator.skybox import read_colours
 
-VIEWS = 36
-WIDTH, HEIGHT, VFOV = 640, 480, 60
-"""Of views that are sampled from strips: pixels and degrees."""
 LARGEST = 1 << 28
 """Bytes of an image file."""
 T = TypeVar("T")
@@ -35,8 +30,6 @@ class ViewSource:
 
     def __init__(self, scan: ExportedScan) -> None:
         self._scan = scan
-        self._samplers: dict[tuple[int, bytes], StripViews] = {}
-        self._lock = Lock()
 
     def files(self, index: int) -> list[Path]:
         """The files that the views of the viewpoint `index` come from: 36, or its strip. Raises InputError where there
@@ -46,7 +39,7 @@ class ViewSource:
         missing = next((path for path in views if not path.is_file()), None)
         if missing is None:
             return views
-        strip = self._scan.strip(viewpoint)
+        strip = self._scan.skyboxes.strip(viewpoint)
         if strip.is_file():
             return [strip]
         raise InputError(
@@ -70,9 +63,7 @@ class ViewSource:
         """
         files = self.files(index)
         if len(files) == 1:
-            strip = _image(files[0], None)
-            sampler = self._sampler(side_of(strip, str(files[0])), index)
-            return [use(sampler.view(strip, i)) for i in range(VIEWS)], (WIDTH, HEIGHT)
+            return [use(view) for view in self._sampled(index)], (WIDTH, HEIGHT)
         results, size = [], None
         for path in files:
             image = _image(path, size)
@@ -81,27 +72,22 @@ class ViewSource:
         assert size is not None
         return results, size
 
-    def _sampler(self, side: int, index: int) -> StripViews:
-        rotation = self._scan.rotations[index]
-        key = side, np.round(rotation, 9).tobytes()
-        with self._lock:
-            if key not in self._samplers:
-                self._samplers = {key: StripViews(_cameras(), rotation, side)}  # one is 70 MB
-            return self._samplers[key]
-
-
-def _cameras() -> list[Camera]:
-    focal = HEIGHT / 2 / math.tan(math.radians(VFOV) / 2)
-    intrinsics = Intrinsics(WIDTH, HEIGHT, focal, focal, WIDTH / 2, HEIGHT / 2)
-    return [Camera(intrinsics, look(np.zeros(3), h, e)) for h, e in zip(HEADINGS, ELEVATIONS)]
+    def _sampled(self, index: int) -> Iterator[Image]:
+        """The views that the simulator shows of the strip."""
+        strip = read_colours(self._scan.skyboxes.folder, self._scan.viewpoints[index])[..., ::-1]
+        strip, rotation = np.ascontiguousarray(strip), self._scan.rotations[index]
+        for view in range(VIEWS):
+            rays, _ = rays_of(rotation, *heading_and_elevation(view), WIDTH, HEIGHT, VFOV)
+            image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+            draw_colours(strip, rays, image)
+            yield image
 
 
 def _image(path: Path, size: tuple[int, int] | None) -> Image:
     import cv2
 
     data = read_bytes(path, LARGEST)
-    # The decoder fills with grey what a truncated JPEG lacks, and says so to nobody.
-    if data.startswith(b"\xff\xd8") and b"\xff\xd9" not in data[-64:]:
+    if is_cut_off(data):
         raise InputError(f"{path} ends before its image does; export the images of the scan again.")
     image = decoded(
         data,

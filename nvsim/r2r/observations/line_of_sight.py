@@ -11,8 +11,8 @@ from nvsim.errors import InputError
 from nvsim.files.decoding import decoded
 from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import look
+from nvsim.geometry.skybox_faces import face_axes
 from nvsim.graph.types import Viewpoint
-from nvsim.r2r.faces import face_axes
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METRE
 

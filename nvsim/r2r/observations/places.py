@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from nvsim.geometry.view_sweep import VIEWS
 from nvsim.graph.connectivity import SUFFIX
-from nvsim.r2r.observations.sweep import VIEWS
+from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class ScanPlaces:
 
     @property
     def images(self) -> Path:
-        return self.folder / "matterport_skybox_images"
+        return self.folder / FOLDER
 
     @property
     def graphs(self) -> Path:
@@ -62,14 +63,13 @@ class ScanPlaces:
         return self.root / "floor_plans" / self.scan
 
     def strip(self, viewpoint: str) -> Path:
-        return self.images / f"{viewpoint}_skybox_small.jpg"
+        return SkyboxFiles(self.images).strip(viewpoint)
 
     def depth(self, viewpoint: str) -> Path:
-        return self.images / f"{viewpoint}_skybox_depth_small.png"
+        return SkyboxFiles(self.images).depth(viewpoint)
 
     def faces(self, viewpoint: str) -> list[Path]:
-        """The six single faces, as the simulator's version 0.1 reads them."""
-        return [self.images / f"{viewpoint}_skybox{i}_sami.jpg" for i in range(6)]
+        return SkyboxFiles(self.images).faces(viewpoint)
 
     def sweep(self, viewpoint: str) -> list[Path]:
         """The 36 views, in the order of viewIndex."""

@@ -1,7 +1,8 @@
 """The six faces of a viewpoint as one strip, and its depth, as Matterport3DSimulator reads them.
 
-Format: `<id>_skybox_small.jpg`, six square faces side by side in the order of `nvsim.r2r.faces`, chroma not subsampled,
-which would bleed over their borders; `<id>_skybox_depth_small.png`, 16 bits, metres along the ray times 4000.
+Format: `<id>_skybox_small.jpg`, six square faces side by side in the order of `nvsim.geometry.skybox_faces`, chroma not
+subsampled, which would bleed over their borders; `<id>_skybox_depth_small.png`, 16 bits, metres along the ray times
+4000.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.r2r.faces import face_axes
+from nvsim.geometry.skybox_faces import face_axes
 from nvsim.r2r.observations.floor_distance import distances
 from nvsim.r2r.observations.surround import Surround
 

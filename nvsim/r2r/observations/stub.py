@@ -5,16 +5,19 @@ What is written under that name is an empty room of ours; nothing of Matterport'
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
+from nvsim.geometry.view_sweep import sweep
 from nvsim.graph.connectivity import list_scan, write_connectivity
+from nvsim.graph.skybox_files import SkyboxFiles
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.encoding import jpeg, png
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.skybox import as_bytes, as_units, face_cameras
-from nvsim.r2r.observations.sweep import sweep
 
 SCAN = "ZMojNkEp431"
 VIEWPOINT = "2f4d90acd4024c269fb0efe49a8ac540"
@@ -49,7 +52,8 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
     return True
 
 
-_NAMES = {f"{VIEWPOINT}_skybox_small.jpg", f"{VIEWPOINT}_skybox_depth_small.png"}
+_FILES = SkyboxFiles(Path())
+_NAMES = {_FILES.strip(VIEWPOINT).name, _FILES.depth(VIEWPOINT).name}
 
 
 def _seen(rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

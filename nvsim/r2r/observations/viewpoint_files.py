@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.view_sweep import sweep
 from nvsim.graph.types import Viewpoint
 from nvsim.r2r.observations.encoding import jpeg, png
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.skybox import Skybox, as_bytes, focal_of, skybox_of
 from nvsim.r2r.observations.surround import Surround, draw_surround
-from nvsim.r2r.observations.sweep import sweep
 from nvsim.render.backends import Backend
 from nvsim.splats.types import SubmapModel
 

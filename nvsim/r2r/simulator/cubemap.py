@@ -35,7 +35,7 @@ def rays_of(
 @njit(cache=True, nogil=True, inline="always")
 def _on_face(x: np.float32, y: np.float32, z: np.float32, half: np.float32) -> tuple[int, np.float32, np.float32]:
     """The face that a ray meets, and where: pixels right and down from its corner, the centre being `half` of both. The
-    table of `nvsim.r2r.faces`, written out, because to look it up for each pixel takes as long as all the rest."""
+    table of `nvsim.geometry.skybox_faces`, written out: to look it up for each pixel takes as long as all the rest."""
     ax, ay, az = abs(x), abs(y), abs(z)
     if az >= ax and az >= ay:
         scale = half / az

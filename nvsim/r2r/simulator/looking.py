@@ -12,9 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-HEADINGS = 12
-STEP = math.pi / 6
-"""Radians between discrete headings, and elevations."""
+from nvsim.geometry.view_sweep import HEADINGS, STEP
+
 TURN = 2 * math.pi
 
 

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded
+from nvsim.files.decoding import decoded, is_cut_off
 from nvsim.files.regular import read_bytes
+from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator.errors import InvalidValue
 
 _THEN = "export the scan again"
@@ -63,7 +64,7 @@ class StripCache:
                 return found
             found = self._preloaded.get((kind, scan, viewpoint))
         if found is None:
-            found = read(self._folder / scan / "matterport_skybox_images", viewpoint)
+            found = read(self._folder / scan / FOLDER, viewpoint)
         with self._lock:
             used[key] = found
             while len(used) > self._size:
@@ -75,9 +76,10 @@ def read_colours(folder: Path, viewpoint: str) -> NDArray[np.uint8]:
     """`<id>_skybox_small.jpg`, or the six `<id>_skybox<k>_sami.jpg` that it was made of where there is none."""
     import cv2
 
-    path = folder / f"{viewpoint}_skybox_small.jpg"
+    files = SkyboxFiles(folder)
+    path = files.strip(viewpoint)
     if not os.path.lexists(path):
-        faces = [folder / f"{viewpoint}_skybox{k}_sami.jpg" for k in range(6)]
+        faces = files.faces(viewpoint)
         if all(map(os.path.lexists, faces)):
             found = [_image(face, cv2.IMREAD_COLOR) for face in faces]
             if len({face.shape for face in found}) > 1:
@@ -91,7 +93,7 @@ def read_distances(folder: Path, viewpoint: str) -> NDArray[np.uint16]:
     """`<id>_skybox_depth_small.png`."""
     import cv2
 
-    path = folder / f"{viewpoint}_skybox_depth_small.png"
+    path = SkyboxFiles(folder).depth(viewpoint)
     if not os.path.lexists(path):
         raise InvalidValue(f"MatterSim: Could not open skybox depth files at: {path}")
 
@@ -119,8 +121,7 @@ def _shared(path: Path, read: Callable[[], NDArray[Any]]) -> NDArray[Any]:
 def _image(path: Path, flags: int) -> NDArray[Any]:
     try:
         data = read_bytes(path)
-        # A decoder fills what a file that was cut off lacks with grey, and says nothing.
-        if path.suffix == ".jpg" and not data.rstrip(b"\0").endswith(b"\xff\xd9"):
+        if is_cut_off(data):
             raise InvalidValue(f"{path} is cut off: it ends in the middle of the image; {_THEN}.")
         return decoded(data, path, flags, what="a skybox", then=_THEN)
     except InvalidValue:

@@ -7,6 +7,7 @@ The reward of an action is by how many metres the way to the goal became shorter
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ STOP = 0
 Observation = dict[str, NDArray[Any]]
 
 
-class EpisodeEnv(gymnasium.Env[Observation, np.int64]):
+class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
     """Observations: `rgb` (height, width, 3) uint8, where there are images; `goal` (2,) float32, metres as the crow
     flies and radians to the right of where one looks; and what each environment adds.
 
@@ -120,8 +121,9 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64]):
 
     # What the environments add ------------------------------------------------------------------------------------
 
+    @abstractmethod
     def _act(self, action: int) -> dict[str, Any]:
-        raise NotImplementedError
+        """Does it; what `info` says of it."""
 
     def _seen(self) -> Observation:
         state = self.state

@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
-VIEWS = 36
+VIEWS = 36  # three elevations of twelve headings
 WIDTH, HEIGHT = 640, 480
 VFOV = math.radians(60)
+HEADINGS = 12
 STEP = math.radians(30)
 """Between headings, and between elevations."""
 
 
 def heading_and_elevation(index: int) -> tuple[float, float]:
     """Radians of the view `index`: 0 is +y and positive turns right; positive looks up."""
-    return index % 12 * STEP, (index // 12 - 1) * STEP
+    return index % HEADINGS * STEP, (index // HEADINGS - 1) * STEP
 
 
 def sweep(position: NDArray[np.floating], width: int = WIDTH, height: int = HEIGHT) -> list[Camera]:

@@ -1,0 +1,59 @@
+"""A computation of the window in a process of its own, that answers with bytes. Knows no Qt."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from nvsim.errors import InputError
+
+NICE = 5  # the window comes first
+
+
+class Child:
+    """One run of `module`, which begins at once and whose `main` is `answer`."""
+
+    def __init__(self, module: str, argument: Path, cannot: str, then: str = "close other programs") -> None:
+        """`cannot` begins the sentence about a failure, `then` says what to do where no process can be started, which
+        raises InputError."""
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+        command, pipe = [sys.executable, "-P", "-m", module, str(argument)], subprocess.PIPE
+        try:
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, env=environment
+            )
+        except OSError as error:
+            raise InputError(f"{cannot}: {error}; {then}.") from error
+        self._cannot, self._killed = cannot, False
+
+    def output(self) -> bytes | None:
+        """Waits for it; None after `kill`. Raises InputError with the reason."""
+        found, words = self._process.communicate()
+        if self._killed:
+            return None
+        if self._process.returncode != 0:
+            lines = words.decode(errors="replace").strip().splitlines()
+            why = lines[-1] if lines else f"its process ended with code {self._process.returncode}"
+            raise InputError(why if self._process.returncode == 2 else f"{self._cannot}: {why}.")
+        return found
+
+    def kill(self) -> None:
+        """Ends it; from any thread, also when it has ended."""
+        self._killed = True
+        self._process.kill()
+
+
+def answer(work: Callable[[Path], bytes]) -> int:
+    """In the child: writes what `work` makes of the argument to the standard output; returns the exit code."""
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    try:
+        found = work(Path(sys.argv[1]))
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    sys.stdout.buffer.write(found)
+    return 0
