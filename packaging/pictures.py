@@ -176,6 +176,7 @@ def take(shoot: Callable[[Camera], None], about: str | None, size: tuple[int, in
         session.window.show()
         session.open(project)
         try:
+            given.out.mkdir(parents=True, exist_ok=True)
             shoot(Camera(session, given.out))
         finally:
             session.close()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.capture.raw import read_bytes
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded
+from nvsim.files.decoding import decoded, is_cut_off
 from nvsim.files.image_size import image_size_of
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
@@ -28,7 +28,7 @@ def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]
     image, or not of the `size` (width, height) of its camera, where that is given. (Decoders fill what is missing with
     grey, so the end mark is looked for.)"""
     data = read_bytes(path)
-    if _is_truncated(data):
+    if is_cut_off(data):
         raise InputError(f"{path} is truncated (its end mark is missing); {_AGAIN}.")
     image = decoded(data, path, _FLAGS, size=size, then=_AGAIN)
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
@@ -74,25 +74,3 @@ def _sampling(lens: Lens, target: Intrinsics) -> tuple[int, NDArray[np.float32]]
     ratio = min(lens.focal[0] / target.fx, lens.focal[1] / target.fy)
     finer = max(1, math.ceil(ratio - 1e-6))
     return finer, lens.undistort_map(target.scaled(target.width * finer, target.height * finer))
-
-
-def _is_truncated(data: bytes) -> bool:
-    if data.startswith(b"\xff\xd8"):
-        return data.find(b"\xff\xd9", _start_of_scan(data)) < 0
-    if data.startswith(b"\x89PNG"):
-        return data.rfind(b"IEND") < 0
-    return False
-
-
-def _start_of_scan(data: bytes) -> int:
-    """Where a JPEG's first scan begins: after the segments, whose thumbnails have end marks of their own."""
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        if data[at + 1] == 0xFF:
-            at += 1
-            continue
-        length = int.from_bytes(data[at + 2 : at + 4], "big")
-        if data[at + 1] == 0xDA or length < 2:
-            return at + 2
-        at += 2 + length
-    return len(data)

@@ -23,15 +23,6 @@ than ten times its own length."""
 _FORMATS = "PNG, JPEG, PGM, PPM, WebP, TIFF and BMP"
 
 
-_ENDS_WITHIN = 64  # bytes; some programs pad their files
-
-
-def is_cut_off(data: bytes) -> bool:
-    """Whether a JPEG ends before its image does; a decoder fills what is missing with grey, and says so to nobody.
-    Cameras may append more than we allow here: for files that NVSim or a simulator's scripts wrote."""
-    return data.startswith(b"\xff\xd8") and b"\xff\xd9" not in data[-_ENDS_WITHIN:]
-
-
 def decoded(
     data: bytes,
     path: Path,
@@ -81,3 +72,26 @@ def decoded(
         if image is None:
             raise InputError(f"{path} is not {what} that can be decoded; {then}.")
         return np.asarray(image)
+
+
+def is_cut_off(data: bytes) -> bool:
+    """Whether a JPEG or PNG ends before its image does; decoders fill what is missing with grey, and say so to nobody."""
+    if data.startswith(b"\xff\xd8"):
+        return data.find(b"\xff\xd9", _start_of_scan(data)) < 0
+    if data.startswith(b"\x89PNG"):
+        return data.rfind(b"IEND") < 0
+    return False
+
+
+def _start_of_scan(data: bytes) -> int:
+    """Where a JPEG's first scan begins: after the segments, whose thumbnails have end marks of their own."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        if data[at + 1] == 0xFF:
+            at += 1
+            continue
+        length = int.from_bytes(data[at + 2 : at + 4], "big")
+        if data[at + 1] == 0xDA or length < 2:
+            return at + 2
+        at += 2 + length
+    return len(data)
