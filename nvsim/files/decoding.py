@@ -75,7 +75,7 @@ def decoded(
 
 
 def is_cut_off(data: bytes) -> bool:
-    """Whether a JPEG or PNG ends before its image does; decoders fill what is missing with grey, and say so to nobody."""
+    """Whether a JPEG or PNG ends before its image does. Decoders fill what is missing with grey, and say nothing."""
     if data.startswith(b"\xff\xd8"):
         return data.find(b"\xff\xd9", _start_of_scan(data)) < 0
     if data.startswith(b"\x89PNG"):
