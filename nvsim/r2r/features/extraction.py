@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import math
 import os
-import time
 from collections import deque
 from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -76,14 +75,13 @@ def extract(
         kept.take_over(fingerprints)
         if kept.count:
             listen(Log(f"{kept.count} of {len(places)} viewpoints are there from before", STAGE))
-        tell = _Teller(listen, len(places), kept.count)
         with contextlib.closing(_read_ahead([place[1:] for place in places[kept.count :]], backbone)) as read:
             for prepared, size in read:
                 rows = _through(backbone, prepared)
                 values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
                 row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
                 kept.append(fingerprints[kept.count], size, row)
-                tell(kept.count, places[kept.count - 1][0].id)
+                listen(Progress(STAGE, kept.count, len(places), places[kept.count - 1][0].id))
         write = write_tsv if layout.is_tsv else write_hdf5
         write(target, _placed(kept, places), about, round(math.degrees(VFOV)))
     written = [target, about_of(target)] if layout.is_tsv else [target]
@@ -117,15 +115,3 @@ def _read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) ->
             yield waiting.popleft().result()
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-class _Teller:
-    """Says how far it is, and how long the rest will take at the pace so far."""
-
-    def __init__(self, listen: Listener, total: int, before: int) -> None:
-        self._listen, self._total, self._before, self._since = listen, total, before, time.monotonic()
-
-    def __call__(self, done: int, scan: str) -> None:
-        left = (time.monotonic() - self._since) / (done - self._before) * (self._total - done)
-        words = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
-        self._listen(Progress(STAGE, done, self._total, f"{scan}, {words} left" if done < self._total else scan))
