@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +39,22 @@ def floor_of(project: Project) -> Floor:
     if len(known) == 1:
         return next(iter(known.values()))
     return _joined(positions[:, :2], positions[:, :2], owners, known, _SPACING)
+
+
+def floors_seen(project: Project) -> dict[int, FloorSurface]:
+    """Frame index -> the floor surface that holds around it, the same object for all frames whose floors are looked for
+    together: that of the submap which has the frame in its core; where storeys lie over one another, of the storey that
+    the camera is nearer to, with the stairs from and to it. Frames of submaps without a floor are left out."""
+    floor, positions = floor_of(project), project.need_capture().positions
+    storey = storeys_of(positions).nearest(positions[:, 2])
+    found = {}
+    for submap in project.submaps("floors"):
+        surface = project.surface(submap.index)
+        if surface is None:
+            continue
+        floors = [replace(s) for s in floor.storeys] if isinstance(floor, StackedFloor) else [surface]
+        found.update({frame: floors[storey[frame] if len(floors) > 1 else 0] for frame in submap.core})
+    return found
 
 
 def stacked_floor(
