@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.sphere import Sphere
 from nvsim.graph.types import Evidence
-from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor, HeightAt, SupportAt
+from nvsim.mapping.corridor import CLIMB, DEPTH, NEAR, WIDTH, Corridor, HeightAt, SupportAt
 from nvsim.mapping.floor_pixels import Eye, FloorPixels, size_of
+
+_GRAZING = 0.15  # metres of height over the floor for each metre to it; less shows a slope edge-on
 
 
 @lru_cache(maxsize=64)
@@ -56,8 +58,11 @@ def measure(
     floor_at: HeightAt,
     support: SupportAt,
     joins: str = "",
+    both_ways: bool = False,
 ) -> Evidence:
-    """What `view` shows on the floor cells of `corridor`; the decision is left empty.
+    """What `view` shows on the floor cells of `corridor`; the decision is left empty. Where the corridor back is asked
+    as well (`both_ways`), floor that climbs out of sight, as the last steps of a stair do from below, speaks for
+    nothing: from its other end the same floor lies in full view.
 
     The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
     background's floor, whose normal points up, and adds to the z of the Gaussians' normals. So it is no second opinion
@@ -65,14 +70,19 @@ def measure(
     of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
     """
     ground, pixels = corridor.ground(floor_at), _pixels(view.camera, corridor, floor_at)
-    alpha = np.where(pixels.inside, pixels.values(view.alpha), 1.0)
-    normal_z = np.where(pixels.inside, pixels.values(view.normal_z), 0.0)
+    blind = _out_of_sight(view.camera, ground) if both_ways else np.zeros(ground.shape[:2], bool)
+
+    def read(values: NDArray[np.float64], outside: float, free: float) -> NDArray[np.float64]:
+        return np.where(blind, free, np.where(pixels.inside, values, outside))
+
+    alpha = read(pixels.values(view.alpha), 1.0, 0.0)
+    normal_z = read(pixels.values(view.normal_z), 0.0, 0.0)
     reach = network_up = None
     if view.depth is not None:
         share = pixels.values(view.depth) / np.maximum(pixels.depth, 1e-6) + (1.0 - alpha)
-        reach = _bytes(np.where(pixels.inside, share, 0.0))
+        reach = _bytes(read(share, 0.0, 1.0))
     if view.network_z is not None:
-        network_up = _bytes(np.where(pixels.inside, pixels.values(view.network_z), 0.0))
+        network_up = _bytes(read(pixels.values(view.network_z), 0.0, 1.0))
     return Evidence(
         viewpoint,
         direction,
@@ -91,6 +101,14 @@ def measure(
         network_up=network_up,
         views="panorama" if isinstance(view.camera, Sphere) else "pitched",
     )
+
+
+def _out_of_sight(eye: Eye, ground: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(rows, cells) which of the floor cells (rows, cells, 3) lie so much higher than the first that they are seen from
+    beneath or at a grazing angle."""
+    climb = ground[..., 2] - np.median(ground[0, :, 2])
+    distance = np.hypot(*np.moveaxis(ground[..., :2] - eye.position[:2], -1, 0))
+    return np.asarray((climb > CLIMB) & (eye.position[2] - ground[..., 2] < _GRAZING * distance))
 
 
 def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -64,8 +64,7 @@ class Measurements:
         from is rendered along."""
         found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
-        another = self._another(viewpoint)
-        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, another)]
+        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, viewpoint)]
         if len(known) == DIRECTIONS:
             return known
         wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
@@ -73,7 +72,7 @@ class Measurements:
             if other.id != viewpoint.id:
                 towards = _corridor(viewpoint, other.position[:2])
                 wanted[view_of(towards, self._config)].append(towards)
-        views = self._look_down(viewpoint, wanted, another)
+        views = self._look_down(viewpoint, wanted)
         self._keep(viewpoint, views)
         self.rendered_viewpoints += 1
         measured = []
@@ -88,8 +87,7 @@ class Measurements:
         Where a view has to be rendered for it, the corridors to those of `also` that it shows are measured as well."""
         corridor = _corridor(viewpoint, other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
-        another = self._another(viewpoint)
-        if found is not None and self._holds(found, corridor, another):
+        if found is not None and self._holds(found, corridor, viewpoint):
             return found
         k = view_of(corridor, self._config)
         views = self._views.get(viewpoint.id)
@@ -100,7 +98,7 @@ class Measurements:
                 shown = self._config.views == "panorama" or view_of(towards, self._config) == k
                 if third.id not in (viewpoint.id, other.id) and shown:
                     wanted[third] = towards
-            views = self._look_down(viewpoint, {k: list(wanted.values())}, another)
+            views = self._look_down(viewpoint, {k: list(wanted.values())})
             if self._config.views == "panorama" and self._whole:
                 self._keep(viewpoint, views)
         for end, towards in wanted.items():
@@ -138,8 +136,8 @@ class Measurements:
             self._ends[ends] = _corridor(viewpoint, target).end(self._floor_at)
         return *target, self._ends[ends] + viewpoint.height
 
-    def _holds(self, evidence: Evidence, corridor: Corridor, another: int | None) -> bool:
-        heard = another is None or evidence.second is not None
+    def _holds(self, evidence: Evidence, corridor: Corridor, viewpoint: Viewpoint) -> bool:
+        heard = self._asked(viewpoint, corridor) is None or evidence.second is not None
         return heard and answers(evidence, corridor.length, corridor.heading, self._config)
 
     def _another(self, viewpoint: Viewpoint) -> int | None:
@@ -150,10 +148,17 @@ class Measurements:
             self._others[viewpoint.id] = self._ensemble.another(np.array(viewpoint.position))
         return self._others[viewpoint.id]
 
-    def _look_down(
-        self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]], another: int | None
-    ) -> list[dict[int, FloorView]]:
+    def _asked(self, viewpoint: Viewpoint, corridor: Corridor) -> int | None:
+        """The same for one corridor: of a stair that it climbs, a model knows only what its own frames climbed."""
+        another = self._another(viewpoint)
+        if another is None or self._ensemble is None or not corridor.climbs(self._floor_at):
+            return another
+        end = np.array(self.arrival(viewpoint, corridor.target))
+        return another if self._ensemble.trained_at(another, end) else None
+
+    def _look_down(self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]]) -> list[dict[int, FloorView]]:
         """The views of each model that is asked."""
+        another = self._another(viewpoint)
         place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
         self.rendered_views += len(models) * (1 if self._config.views == "panorama" else len(wanted))
         return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
@@ -176,7 +181,9 @@ class Measurements:
         self, views: Sequence[FloorView], viewpoint: Viewpoint, k: int, corridor: Corridor, joins: str = ""
     ) -> Evidence:
         """What each model shows of a corridor, the first with the other's opinion."""
-        found = [measure(view, viewpoint.id, k, corridor, self._floor_at, self._support, joins) for view in views]
+        asked = views if self._asked(viewpoint, corridor) is not None else views[:1]
+        both = self._config.both_ways
+        found = [measure(view, viewpoint.id, k, corridor, self._floor_at, self._support, joins, both) for view in asked]
         if "slice" in self._config.criteria and self._ensemble is not None:
             found = [replace(e, mass=self._mass(self._ensemble, e.submap, viewpoint, corridor)) for e in found]
         return found[0] if len(found) == 1 else joined(*found)

@@ -59,6 +59,10 @@ class Ensemble(ViewSource, Protocol):
         there is none."""
         ...
 
+    def trained_at(self, submap: int, position: NDArray[np.floating]) -> bool:
+        """Whether the model of a submap was trained on the place `position` (3,)."""
+        ...
+
     def views_of(
         self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:

@@ -98,11 +98,21 @@ class SceneModel:
         to `position` (3,) as well: where the overlap of two submaps lies. None where there is none."""
         if len(self._submaps) == 1:
             return None
-        frame = self._frames[int(np.argmin(np.sum((self._positions - position) ** 2, axis=1)))]
+        frame = self._nearest_frame(position)
         for i in np.argsort(self._distances(position), kind="stable")[1:]:
             if frame in self._trained[i]:
                 return self._submaps[i].index
         return None
+
+    def trained_at(self, index: int, position: NDArray[np.floating]) -> bool:
+        """Whether a submap was trained on the frame nearest to `position` (3,)."""
+        return any(
+            s.index == index and self._nearest_frame(position) in t for s, t in zip(self._submaps, self._trained)
+        )
+
+    def _nearest_frame(self, position: NDArray[np.floating]) -> np.int64:
+        nearest: np.int64 = self._frames[int(np.argmin(np.sum((self._positions - position) ** 2, axis=1)))]
+        return nearest
 
     def model_at(self, position: NDArray[np.floating]) -> tuple[int, SubmapModel]:
         """Index and model of `nearest`. Raises InputError when its files cannot be read."""

@@ -128,3 +128,49 @@ def test_a_step_arrives_on_the_floor_that_it_follows() -> None:
     ):
         found = measurements.arrival(viewpoint("v", x, y, floor), target)
         assert found[:2] == target and found[2] == pytest.approx(arrives + EYE, abs=0.07)
+
+
+class Walls(Clear):
+    """Views of nothing but Gaussians, from two models; the second was trained on the lower storey alone."""
+
+    def views(self, position, cameras, masks):  # type: ignore[no-untyped-def]
+        return 0, self.views_of(0, cameras, masks)
+
+    def views_of(self, submap, cameras, masks):  # type: ignore[no-untyped-def]
+        shape = masks[0].shape
+        return [RenderOutput(alpha=np.ones(shape, np.float32), normal=np.zeros((*shape, 3), np.float32))] * len(masks)
+
+    def another(self, position):  # type: ignore[no-untyped-def]
+        return 1
+
+    def trained_at(self, submap, position):  # type: ignore[no-untyped-def]
+        return position[2] < 1.0 + EYE
+
+    def gaussians(self, submap):  # type: ignore[no-untyped-def]
+        raise AssertionError("nobody asked for the slice")
+
+
+def test_the_last_steps_that_are_seen_edge_on_from_below_are_left_to_the_corridor_back() -> None:
+    low, high = viewpoint("a", 4.2, 0.5, 1.32), viewpoint("b", 6.7, 0.5, 2.82)
+    config = MappingConfig()
+    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    up, down = measurements.between(low, high), measurements.between(high, low)
+    corridor = Corridor((4.2, 0.5), (6.7, 0.5), 1.32 + EYE)
+    ground = corridor.ground(FLOOR.height_at)[:, 5:13]
+    over, distance = 1.32 + EYE - ground[..., 2], np.hypot(ground[..., 0] - 4.2, ground[..., 1] - 0.5)
+    np.testing.assert_array_equal(up.alpha[:, 5:13], np.where(over < 0.15 * distance, 0, 255))
+    assert (over < 0).any() and (over > 0.15 * distance).any(), "some of it lies over the eye, and some is seen"
+    assert (down.alpha == 255).all(), "from above all of it is seen"
+    alone = MappingConfig(both_ways=False)
+    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, alone, Lattice(alone))
+    assert (paper.between(low, high).alpha == 255).all(), "where nobody asks for the way back it is no floor"
+
+
+def test_a_model_has_an_opinion_on_the_part_of_a_stair_that_it_was_trained_on() -> None:
+    config = MappingConfig()
+    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    foot, low, middle = viewpoint("a", 1.2, 0.5, 0), viewpoint("b", 3.2, 0.5, 0.72), viewpoint("c", 4.2, 0.5, 1.32)
+    assert measurements.between(foot, low).second is not None
+    assert measurements.between(low, middle).second is None and measurements.between(foot, middle).second is None
+    level = viewpoint("d", 8.0, 2.0, 3), viewpoint("e", 8.0, 4.0, 3)
+    assert measurements.between(*level).second is not None, "on the level it is asked as ever"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from stairwell import SLOPE, stairwell
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera, Intrinsics
@@ -12,7 +13,6 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricFloor
 from nvsim.perception.obstacles import standing
 from nvsim.perception.stairs import Stairs
-from tests.unit.stairwell import SLOPE, stairwell
 
 RISE, GOING = 0.168, 0.28
 

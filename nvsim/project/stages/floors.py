@@ -32,7 +32,7 @@ STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
 _WITH_DEPTH = 3  # the same where images have a depth
-_WITH_STAIRS = "stairs 2"  # and where storeys lie over one another
+_WITH_STAIRS = "stairs 3"  # and where storeys lie over one another
 
 _NOTHING_STANDS = (
     "There is neither a scan nor depth of the images, so little says what stands on the floor: masks and map may lead "
