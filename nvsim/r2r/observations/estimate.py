@@ -1,0 +1,189 @@
+"""How much an export of a scan writes and how long it takes, from its settings and from counts, before it begins.
+
+The sizes are those of what NVSim draws of furnished rooms: `python tests/benchmarks/scan_sizes.py PROJECT` measures
+them. The whole is within a factor of two of what is written where rooms are neither bare nor full of fine patterns.
+The time is that of x86-64 cores of 2020 and later with nothing else to do, within a factor of three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from nvsim.geometry.view_sweep import VIEWS
+from nvsim.graph.skybox_files import FOLDER
+from nvsim.r2r.observations import stub
+from nvsim.r2r.observations.settings import ScanSettings
+
+# Bytes a pixel of faces of 512 pixels, as JPEG of quality 95, and of their depth as PNG.
+_STRIP, _DEPTH = 0.30, 0.60
+_SHRINKS = {"strip": -0.30, "depth": -0.30}  # power of the side of a face: finer pixels are more alike
+_VIEW = 0.15  # bytes a pixel of a view, which is 640 x 480
+_QUALITIES = ((50, 75, 90, 95, 100), (0.25, 0.38, 0.70, 1.0, 2.1))  # size of a JPEG of a quality beside that of 95
+_PLAN, _PLAN_WITH_GRAPH = 0.5, 0.5  # bytes a pixel
+_STUB, _STUB_VIEWS = 300_000, 700_000  # bytes
+_ENTRY, _PAIR = 250, 12  # bytes of a viewpoint in a connectivity file, and of each pair of two
+_LINE = 200  # bytes of a file in the manifest
+_OTHERS = 400  # bytes of scans.txt and what else is small
+
+# Processor seconds of a viewpoint with faces of 512 pixels.
+_DRAW, _PER_GAUSSIAN, _SAMPLE, _VIEWS = 0.75, 4e-6, 0.31, 0.67
+_ALONE = 0.2  # share of them that one core does while others wait
+_PLAN_PIXEL = 3e-7  # seconds
+_START = 5.0  # seconds until the first viewpoint is drawn
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What there is of one scan.
+
+    scan       its id
+    viewpoints of its graph
+    drawn      those of them that have images
+    todo       those of these that are not finished in the folder
+    plans      (width, height) of the floor plan of each storey, pixels
+    gaussians  of the model that draws a viewpoint, mean over them
+    """
+
+    scan: str
+    viewpoints: int
+    drawn: int
+    todo: int
+    plans: tuple[tuple[int, int], ...]
+    gaussians: float
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Files of one kind: what they are, the folder below that of the export, how many, bytes of all."""
+
+    what: str
+    folder: str
+    files: int
+    bytes: int
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """kinds    of files, those of all scans together
+    drawn    viewpoints with images
+    todo     those of them that are still to be drawn
+    missing  bytes that are still to be written
+    seconds  that it takes, None where that is not known
+    """
+
+    kinds: tuple[Kind, ...]
+    drawn: int
+    todo: int
+    missing: int
+    seconds: float | None
+
+    @property
+    def files(self) -> int:
+        return sum(kind.files for kind in self.kinds)
+
+    @property
+    def bytes(self) -> int:
+        """Of the finished export."""
+        return sum(kind.bytes for kind in self.kinds)
+
+    @property
+    def sentence(self) -> str:
+        """All of it in a line."""
+        words = f"{self.drawn} viewpoints in {self.files} files, about {size_words(self.bytes)}"
+        if self.todo < self.drawn:
+            there = self.drawn - self.todo
+            words += f"; {there} of the viewpoints {'is' if there == 1 else 'are'} there already"
+        return f"{words}; {self.time}."
+
+    @property
+    def time(self) -> str:
+        """How long it takes, in words."""
+        return "how long it takes is not known for gsplat" if self.seconds is None else time_words(self.seconds)
+
+    def as_data(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {**asdict(self), "files": self.files, "bytes": self.bytes, "sentence": self.sentence, "time": self.time}
+
+
+def estimate(
+    scans: Sequence[Counts], settings: ScanSettings, *, with_stub: bool, cores: int, on_card: bool = False
+) -> Estimate:
+    """The estimate for scans, one or the parts of a large graph, on so many `cores`, or drawn by a graphics card.
+    `with_stub` says whether a stub will be written beside them."""
+    name = scans[0].scan if len(scans) == 1 else "SCAN"
+    drawn, todo = (sum(getattr(scan, which) for scan in scans) for which in ("drawn", "todo"))
+    each = _of_a_viewpoint(settings, name)
+    kinds = [Kind(k.what, k.folder, k.files * drawn, k.bytes * drawn) for k in each]
+    others = []
+    if settings.plans:
+        pixels = sum(w * h for scan in scans for w, h in scan.plans)
+        count = sum(2 * len(scan.plans) + 1 for scan in scans)
+        others.append(Kind("floor plans", f"floor_plans/{name}", count, round((_PLAN + _PLAN_WITH_GRAPH) * pixels)))
+    files = sum(k.files for k in each)
+    graphs = sum(_ENTRY * s.viewpoints + _PAIR * s.viewpoints**2 for s in scans) + _OTHERS
+    others.append(Kind("connectivity and scans.txt", "connectivity", len(scans) + 1, graphs))
+    others.append(Kind("manifest", name, len(scans), _LINE * files * drawn))
+    if len(scans) > 1:
+        others.append(Kind("table of the parts", "", 1, 80 * sum(s.viewpoints for s in scans)))
+    if with_stub:
+        views = VIEWS if settings.views else 0
+        others.append(Kind("stub for agents", stub.SCAN, 3 + views, _STUB + (_STUB_VIEWS if views else 0)))
+    missing = sum(k.bytes for k in each) * todo + sum(k.bytes for k in others)
+    seconds = None if on_card else _START + sum(_seconds(s, settings, cores) for s in scans)
+    return Estimate((*kinds, *others), drawn, todo, missing, seconds)
+
+
+def _of_a_viewpoint(settings: ScanSettings, scan: str) -> list[Kind]:
+    """Files and bytes of one viewpoint."""
+    pixels, finer = 6 * settings.size**2, settings.size / 512
+    quality = float(np.interp(settings.quality, *_QUALITIES))
+    strip = round(_STRIP * finer ** _SHRINKS["strip"] * quality * pixels)
+    kinds = [
+        Kind("strips of six faces", f"{scan}/{FOLDER}", 1, strip),
+        Kind("their depth", f"{scan}/{FOLDER}", 1, round(_DEPTH * finer ** _SHRINKS["depth"] * pixels)),
+    ]
+    if settings.faces:
+        kinds.append(Kind("single faces", f"{scan}/{FOLDER}", 6, strip))
+    if settings.views:
+        kinds.append(Kind("views", f"views/{scan}", VIEWS, round(VIEWS * _VIEW * quality * 640 * 480)))
+    return kinds
+
+
+def _seconds(scan: Counts, settings: ScanSettings, cores: int) -> float:
+    pixels = (settings.size / 512) ** 2
+    work = (_DRAW + _SAMPLE) * pixels + _PER_GAUSSIAN * scan.gaussians + (_VIEWS if settings.views else 0)
+    plans = _PLAN_PIXEL * sum(w * h for w, h in scan.plans) if settings.plans else 0.0
+    return scan.todo * work * (_ALONE + (1 - _ALONE) / max(1, cores)) + plans
+
+
+def shortage(missing: int, free: int, place: object) -> str:
+    """One sentence where the `free` bytes at `place` are too few, "" where they are enough."""
+    if free >= missing:
+        return ""
+    return (
+        f"About {size_words(missing)} are still to be written, but only {size_words(free)} are free at {place}; free "
+        "some space, choose another folder, or ask for less."
+    )
+
+
+def size_words(count: float) -> str:
+    """Bytes as "3 kB", "45 MB", "1.2 GB"."""
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if count < 999.5 or unit == "GB":
+            break
+        count /= 1000
+    return f"{count:.1f} {unit}" if count < 9.95 and unit == "GB" else f"{count:.0f} {unit}"
+
+
+def time_words(seconds: float) -> str:
+    """Roughly: "less than a minute", "about 3 minutes", "about 2 hours"."""
+    if seconds < 50:
+        return "less than a minute"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"about {minutes} minute{'' if minutes == 1 else 's'}"
+    return f"about {round(seconds / 3600)} hours"
