@@ -15,7 +15,6 @@ import numpy as np
 
 from nvsim.geometry.view_sweep import VIEWS
 from nvsim.graph.skybox_files import FOLDER
-from nvsim.r2r.observations import stub
 from nvsim.r2r.observations.settings import ScanSettings
 
 # Bytes a pixel of faces of 512 pixels, as JPEG of quality 95, and of their depth as PNG.
@@ -110,10 +109,10 @@ class Estimate:
 
 
 def estimate(
-    scans: Sequence[Counts], settings: ScanSettings, *, with_stub: bool, cores: int, on_card: bool = False
+    scans: Sequence[Counts], settings: ScanSettings, *, cores: int, on_card: bool = False, stub: str = ""
 ) -> Estimate:
     """The estimate for scans, one or the parts of a large graph, on so many `cores`, or drawn by a graphics card.
-    `with_stub` says whether a stub will be written beside them."""
+    `stub` is the id of the stub that will be written beside them, "" for none."""
     name = scans[0].scan if len(scans) == 1 else "SCAN"
     drawn, todo = (sum(getattr(scan, which) for scan in scans) for which in ("drawn", "todo"))
     each = _of_a_viewpoint(settings, name)
@@ -129,9 +128,9 @@ def estimate(
     others.append(Kind("manifest", name, len(scans), _LINE * files * drawn))
     if len(scans) > 1:
         others.append(Kind("table of the parts", "", 1, 80 * sum(s.viewpoints for s in scans)))
-    if with_stub:
+    if stub:
         views = VIEWS if settings.views else 0
-        others.append(Kind("stub for agents", stub.SCAN, 3 + views, _STUB + (_STUB_VIEWS if views else 0)))
+        others.append(Kind("stub for agents", stub, 3 + views, _STUB + (_STUB_VIEWS if views else 0)))
     missing = sum(k.bytes for k in each) * todo + sum(k.bytes for k in others)
     seconds = None if on_card else _START + sum(_seconds(s, settings, cores) for s in scans)
     return Estimate((*kinds, *others), drawn, todo, missing, seconds)

@@ -66,11 +66,9 @@ class Prepared:
         description of a model is damaged."""
         import numba
 
-        wanted = with_stub and stub.is_wanted(self.places[0])
+        beside = stub.SCAN if with_stub and stub.is_wanted(self.places[0]) else ""
         on_card, cores = chosen(backend) == "gsplat", numba.get_num_threads()
-        return estimate(
-            tuple(self._counts(settings, backend)), settings, with_stub=wanted, cores=cores, on_card=on_card
-        )
+        return estimate(tuple(self._counts(settings, backend)), settings, cores=cores, on_card=on_card, stub=beside)
 
     @property
     def free(self) -> int:
