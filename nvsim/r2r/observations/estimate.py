@@ -17,21 +17,22 @@ from nvsim.geometry.view_sweep import VIEWS
 from nvsim.graph.skybox_files import FOLDER
 from nvsim.r2r.observations.settings import ScanSettings
 
-# Bytes a pixel of faces of 512 pixels, as JPEG of quality 95, and of their depth as PNG.
-_STRIP, _DEPTH = 0.30, 0.60
-_SHRINKS = {"strip": -0.30, "depth": -0.30}  # power of the side of a face: finer pixels are more alike
-_VIEW = 0.15  # bytes a pixel of a view, which is 640 x 480
-_QUALITIES = ((50, 75, 90, 95, 100), (0.25, 0.38, 0.70, 1.0, 2.1))  # size of a JPEG of a quality beside that of 95
-_PLAN, _PLAN_WITH_GRAPH = 0.5, 0.5  # bytes a pixel
-_STUB, _STUB_VIEWS = 300_000, 700_000  # bytes
-_ENTRY, _PAIR = 250, 12  # bytes of a viewpoint in a connectivity file, and of each pair of two
-_LINE = 200  # bytes of a file in the manifest
-_OTHERS = 400  # bytes of scans.txt and what else is small
+# Bytes a pixel of strips as JPEG of quality 95 and of their depth as PNG, for faces of 512 pixels; with the side of a
+# face they grow to the powers below, as finer pixels are more alike.
+_STRIP, _STRIP_POWER = 0.25, -0.5
+_DEPTH, _DEPTH_POWER = 0.90, -0.2
+_VIEW = 0.17  # bytes a pixel of a view, which is 640 x 480
+_QUALITIES = ((50, 75, 90, 95, 100), (0.32, 0.43, 0.69, 1.0, 2.4))  # size of a JPEG of a quality beside that of 95
+_PLANS = 1.2  # bytes a pixel of a floor plan, the one with the graph included
+_STUB, _STUB_VIEWS = 1_590_000, 290_000  # bytes
+_ENTRY, _PAIR = 170, 12  # bytes of a viewpoint in a connectivity file, and of each pair of two
+_LINE = 185  # bytes of a file in the manifest
+_OTHERS = 50  # bytes of scans.txt
 
-# Processor seconds of a viewpoint with faces of 512 pixels.
-_DRAW, _PER_GAUSSIAN, _SAMPLE, _VIEWS = 0.75, 4e-6, 0.31, 0.67
-_ALONE = 0.2  # share of them that one core does while others wait
-_PLAN_PIXEL = 3e-7  # seconds
+# Processor seconds of a viewpoint with faces of 512 pixels, of a Gaussian in each, and of the 36 views of one.
+_DRAW, _PER_GAUSSIAN, _VIEWS = 1.3, 1.5e-6, 0.7
+_ALONE = 0.3  # share of them that one core does while others wait
+_PLAN_PIXEL = 5e-7  # seconds
 _START = 5.0  # seconds until the first viewpoint is drawn
 
 
@@ -121,7 +122,7 @@ def estimate(
     if settings.plans:
         pixels = sum(w * h for scan in scans for w, h in scan.plans)
         count = sum(2 * len(scan.plans) + 1 for scan in scans)
-        others.append(Kind("floor plans", f"floor_plans/{name}", count, round((_PLAN + _PLAN_WITH_GRAPH) * pixels)))
+        others.append(Kind("floor plans", f"floor_plans/{name}", count, round(_PLANS * pixels)))
     files = sum(k.files for k in each)
     graphs = sum(_ENTRY * s.viewpoints + _PAIR * s.viewpoints**2 for s in scans) + _OTHERS
     others.append(Kind("connectivity and scans.txt", "connectivity", len(scans) + 1, graphs))
@@ -140,10 +141,10 @@ def _of_a_viewpoint(settings: ScanSettings, scan: str) -> list[Kind]:
     """Files and bytes of one viewpoint."""
     pixels, finer = 6 * settings.size**2, settings.size / 512
     quality = float(np.interp(settings.quality, *_QUALITIES))
-    strip = round(_STRIP * finer ** _SHRINKS["strip"] * quality * pixels)
+    strip = round(_STRIP * finer**_STRIP_POWER * quality * pixels)
     kinds = [
         Kind("strips of six faces", f"{scan}/{FOLDER}", 1, strip),
-        Kind("their depth", f"{scan}/{FOLDER}", 1, round(_DEPTH * finer ** _SHRINKS["depth"] * pixels)),
+        Kind("their depth", f"{scan}/{FOLDER}", 1, round(_DEPTH * finer**_DEPTH_POWER * pixels)),
     ]
     if settings.faces:
         kinds.append(Kind("single faces", f"{scan}/{FOLDER}", 6, strip))
@@ -154,7 +155,7 @@ def _of_a_viewpoint(settings: ScanSettings, scan: str) -> list[Kind]:
 
 def _seconds(scan: Counts, settings: ScanSettings, cores: int) -> float:
     pixels = (settings.size / 512) ** 2
-    work = (_DRAW + _SAMPLE) * pixels + _PER_GAUSSIAN * scan.gaussians + (_VIEWS if settings.views else 0)
+    work = _DRAW * pixels + _PER_GAUSSIAN * scan.gaussians + (_VIEWS if settings.views else 0)
     plans = _PLAN_PIXEL * sum(w * h for w, h in scan.plans) if settings.plans else 0.0
     return scan.todo * work * (_ALONE + (1 - _ALONE) / max(1, cores)) + plans
 
