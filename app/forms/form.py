@@ -206,7 +206,7 @@ class CommandForm(QDialog):
     def stand_beside(self, widget: QWidget) -> None:
         """Shows `widget`, which has a width of its own, to the right of the options."""
         self._middle.addWidget(widget)
-        self.resize(self.width() + widget.sizeHint().width(), self.height())
+        self.resize(self.width() + widget.sizeHint().width() + 40, self.height())
 
     def hold(self, sentence: str) -> None:
         """Says why the command cannot be started although its options make sense, "" when it can."""

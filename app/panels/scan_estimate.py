@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtGui import QFont
+from PySide6.QtGui import QFont, QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.jobs.scan_estimate import ScanEstimate, ScanQuestion
@@ -90,7 +90,8 @@ class ScanEstimatePanel(QFrame):
 
     def _wait(self) -> None:
         """What was said before stays, in grey, until there is an answer."""
-        self.rows.setEnabled(False)
+        for widget in (self.rows, self.room, self.there):
+            widget.setEnabled(False)
         if self.estimate is None:
             self.title.setText("Working out what it comes to…")
 
@@ -132,17 +133,20 @@ class ScanEstimatePanel(QFrame):
             widget = item.widget()
             if widget is not None:
                 widget.deleteLater()
-        rows = [(k.what, f"{k.files:,}", size_words(k.bytes)) for k in found.kinds]
-        rows.append(("in all, about", f"{found.files:,}", size_words(found.bytes)))
+        rows = [("", "files", "about"), *((k.what, f"{k.files:,}", size_words(k.bytes)) for k in found.kinds)]
+        rows.append(("in all", f"{found.files:,}", size_words(found.bytes)))
         for i, (what, files, size) in enumerate(rows):
             for column, words in enumerate((what, files, size)):
                 label = Label(words, self.rows)
                 if column:
                     label.setAlignment(Qt.AlignmentFlag.AlignRight)
+                if i == 0:
+                    label.setForegroundRole(QPalette.ColorRole.PlaceholderText)
                 if i == len(rows) - 1:
                     label.setFont(self.title.font())
                 self._grid.addWidget(label, i, column)
-        self.rows.setEnabled(True)
+        for widget in (self.rows, self.room, self.there):
+            widget.setEnabled(True)
         self.rows.show()
         self.room.show()
 

@@ -26,7 +26,7 @@ _QUALITIES = ((50, 75, 90, 95, 100), (0.32, 0.43, 0.69, 1.0, 2.4))  # size of a 
 _PLANS = 1.2  # bytes a pixel of a floor plan, the one with the graph included
 _STUB, _STUB_VIEWS = 1_590_000, 290_000  # bytes
 _ENTRY, _PAIR = 170, 12  # bytes of a viewpoint in a connectivity file, and of each pair of two
-_LINE = 185  # bytes of a file in the manifest
+_HEAD, _LINE = 2_000, 185  # bytes of the manifest, and of each file in it
 _OTHERS = 50  # bytes of scans.txt
 
 # Processor seconds of a viewpoint with faces of 512 pixels, of a Gaussian in each, and of the 36 views of one.
@@ -97,12 +97,12 @@ class Estimate:
         if self.todo < self.drawn:
             there = self.drawn - self.todo
             words += f"; {there} of the viewpoints {'is' if there == 1 else 'are'} there already"
-        return f"{words}; {self.time}."
+        return f"{words}; takes {self.time}."
 
     @property
     def time(self) -> str:
-        """How long it takes, in words."""
-        return "how long it takes is not known for gsplat" if self.seconds is None else time_words(self.seconds)
+        """What it takes, in words."""
+        return "a time that is not known for gsplat" if self.seconds is None else time_words(self.seconds)
 
     def as_data(self) -> dict[str, Any]:
         """JSON-able."""
@@ -126,7 +126,7 @@ def estimate(
     files = sum(k.files for k in each)
     graphs = sum(_ENTRY * s.viewpoints + _PAIR * s.viewpoints**2 for s in scans) + _OTHERS
     others.append(Kind("connectivity and scans.txt", "connectivity", len(scans) + 1, graphs))
-    others.append(Kind("manifest", name, len(scans), _LINE * files * drawn))
+    others.append(Kind("manifest", name, len(scans), _HEAD * len(scans) + _LINE * files * drawn))
     if len(scans) > 1:
         others.append(Kind("table of the parts", "", 1, 80 * sum(s.viewpoints for s in scans)))
     if stub:
