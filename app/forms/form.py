@@ -63,7 +63,7 @@ class CommandForm(QDialog):
         self._paper = paper_values(verb)
         self.rows: dict[str, Row] = {}
         self._headings: dict[str, Label] = {}
-        self._held = ""  # why it cannot be started although its options make sense
+        self._wrong = self._held = ""  # what is wrong with the options; what else speaks against it
         self._build(title, start_text)
         self._waiting = self._sections()
         self._try = QTimer(self, singleShot=True, interval=TYPING)
@@ -213,7 +213,7 @@ class CommandForm(QDialog):
         for row in self.rows.values():
             sentence = re.sub(rf"{re.escape(row.field.flag)}(?![\w-]|\.\w)", f"“{row.field.name}”", sentence)
         self._held = sentence
-        self._show_problem("")
+        self._show_problem()
 
     # What it says -----------------------------------------------------------------------------------------------
 
@@ -253,15 +253,17 @@ class CommandForm(QDialog):
             self._command_line = command_line(self.verb, ["--project", str(self._project), *arguments])
             self.command.setText(plain(self._command_line, SENTENCE))
             self.command.setCursorPosition(0)
-        self._show_problem(problem)
+        self._wrong = problem
+        self._show_problem()
         if not problem:
             self.tried.emit(arguments)
 
-    def _show_problem(self, problem: str) -> None:
-        self.problem.setText(problem or self._held)
-        self.problem.setVisible(bool(problem or self._held))
-        self.keep_button.setEnabled(not problem)
-        self.start_button.setEnabled(not problem and not self._held)
+    def _show_problem(self) -> None:
+        problem = self._wrong or self._held
+        self.problem.setText(problem)
+        self.problem.setVisible(bool(problem))
+        self.keep_button.setEnabled(not self._wrong)
+        self.start_button.setEnabled(not problem)
 
     def _filter(self, words: str) -> None:
         seen: set[str] = set()

@@ -1,7 +1,7 @@
 """What files of an exported scan weigh, and what the estimate says: `python tests/benchmarks/scan_sizes.py PROJECT`.
 
-The constants of `nvsim.r2r.observations.estimate` are the figures of this table on the built-in building. Everything is
-written into a temporary folder and removed.
+The constants of `nvsim.r2r.observations.estimate` come from this table. Everything is written into a temporary folder
+and removed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ from nvsim.r2r.observations.prepared import Prepared
 from nvsim.r2r.observations.settings import ScanSettings
 
 ALL = ScanSettings(faces=True, views=True)
-TRIED = (ALL, *(replace(ALL, quality=q) for q in (50, 75, 90, 100)), *(replace(ALL, size=s) for s in (128, 256, 1024)))
+TRIED = (
+    ScanSettings(),
+    ALL,
+    *(replace(ALL, quality=q) for q in (50, 75, 90, 100)),
+    *(replace(ALL, size=s) for s in (128, 256, 1024)),
+)
 
 
 def measure(project: Project, settings: ScanSettings) -> None:

@@ -227,6 +227,11 @@ def test_a_folder_of_other_things_and_a_wrong_id_hold_the_form(form: CommandForm
     qtbot.waitUntil(form.start_button.isEnabled, timeout=SECONDS)
     form.rows["scan"].editor.line.setText("my_room")
     qtbot.waitUntil(lambda: "without underscore" in form.problem.text(), timeout=SECONDS)
+    form.rows["size"].editor.line.setText("large")
+    qtbot.waitUntil(lambda: "not a whole number" in form.problem.text(), timeout=SECONDS)
+    panel_of(form).refused.emit("")
+    assert "not a whole number" in form.problem.text(), "an answer that comes late hides nothing"
+    assert not form.start_button.isEnabled() and not form.keep_button.isEnabled()
     form.rows["size"].editor.line.setText("100")
     form.rows["scan"].editor.line.setText("")
     qtbot.waitUntil(lambda: "“Size”" in form.problem.text(), timeout=SECONDS)
@@ -241,6 +246,29 @@ def test_a_disk_that_is_too_small_is_said_and_holds_nothing(form: CommandForm, q
     panel.show_estimate(estimate_of(line))
     assert panel.shortage.isVisible() and "only 10 bytes are free" in panel.shortage.text()
     assert form.start_button.isEnabled()
+
+
+def test_what_a_job_may_yet_mend_does_not_hold_the_form(tmp_path: Path, settings: QSettings, qtbot: QtBot) -> None:
+    project = write_project(tmp_path / "new.nvsim", count=300, models=1, with_graph=False)
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    session.open(project)
+    qtbot.waitUntil(lambda: session.document.contents.scene_stamp is not None, timeout=SECONDS)
+    action = session.window.actions_table["export_scan"]
+    assert not action.isEnabled() and "no navigation graph is built yet" in action.toolTip()
+    JobList(project).add("map", ["--project", str(project)], "Build the map")  # it waits, and nobody starts it
+    qtbot.waitUntil(lambda: bool(session.window.jobs.handles), timeout=SECONDS)
+    session.window.actions_table.refresh()
+    action.trigger()
+    form = session.window.findChild(CommandForm)
+    assert form is not None
+    form.finish_building()
+    panel = answered(form, qtbot)
+    assert "jobs that are under way may mend that" in panel.title.text() and panel.estimate is None
+    assert form.start_button.isEnabled() and not form.problem.isVisible()
+    form.reject()
+    session.close()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "3", '{"scans": 3}', '{"event": "failed"}', "{"])

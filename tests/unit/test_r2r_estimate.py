@@ -191,3 +191,14 @@ def test_a_dry_run_refuses_what_a_run_refuses(project, tmp_path):
     assert nvsim(*words, "--dry-run", "--force").returncode == 0
     with Project.open(copy) as opened, pytest.raises(InputError, match="is a project"):
         Prepared.of(opened, copy, force=True)
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_drawn(project, tmp_path, monkeypatch):
+    (tmp_path / "letter.txt").write_text("dear")
+    with Project.open(project) as opened:
+        with pytest.raises(InputError, match="a part of the path is a file"):
+            Prepared.of(opened, tmp_path / "letter.txt" / "scans")
+        monkeypatch.setattr("os.access", lambda *_: False)  # the tests may run as root, who may write anywhere
+        with pytest.raises(InputError, match="permission is denied; choose a folder"):
+            Prepared.of(opened, tmp_path / "below" / "scans")
+    assert not (tmp_path / "below").exists()

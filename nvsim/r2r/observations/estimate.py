@@ -1,8 +1,8 @@
 """How much an export of a scan writes and how long it takes, from its settings and from counts, before it begins.
 
-The sizes are those of what NVSim draws of furnished rooms: `python tests/benchmarks/scan_sizes.py PROJECT` measures
-them. The whole is within a factor of two of what is written where rooms are neither bare nor full of fine patterns.
-The time is that of x86-64 cores of 2020 and later with nothing else to do, within a factor of three.
+The constants are fitted to exports of `nvsim demo --small` and of the hall of the tests: `python
+tests/benchmarks/scan_sizes.py PROJECT` prints what is said beside what is written. All files together are meant to
+hold within a factor of two, the time within a factor of three on x86-64 cores that have nothing else to do.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Estimate:
 
     @property
     def bytes(self) -> int:
-        """Of the finished export."""
+        """All of them, those that are there already included."""
         return sum(kind.bytes for kind in self.kinds)
 
     @property

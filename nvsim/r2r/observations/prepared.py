@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.errors import InputError
+from nvsim.files.atomic import as_input_error
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.exports import refuse
 from nvsim.graph.types import NavGraph
@@ -48,7 +51,7 @@ class Prepared:
         project: Project, root: Path, scan: str | None = None, force: bool = False, most: int | None = None
     ) -> Prepared:
         """Raises InputError when a model or the graph is missing, agents would choke on it (unless with `force`), or
-        the folder holds what is not ours."""
+        the folder holds what is not ours or may not be written."""
         graph = replace(project.need_graph(), scan=scan or scan_name(project))
         check_scan_id(graph.scan)
         if graph.scan == stub.SCAN:
@@ -59,6 +62,7 @@ class Prepared:
         places = tuple(ScanPlaces(root, part.scan) for part in parts)
         for scan_places in places:
             refuse_foreign(scan_places)
+        _refuse_unwritable(root)
         return Prepared(root, graph, parts, places, Source.of(project, graph))
 
     def estimate(self, settings: ScanSettings, with_stub: bool, backend: Backend) -> Estimate:
@@ -72,11 +76,11 @@ class Prepared:
 
     @property
     def free(self) -> int:
-        """Bytes that are free where the folder lies, or will lie."""
-        place = self.root.absolute()
-        while not place.exists() and place != place.parent:
-            place = place.parent
-        return shutil.disk_usage(place).free
+        """Bytes that are free where the folder lies, or will lie. Raises InputError where nobody can say."""
+        try:
+            return shutil.disk_usage(_there(self.root)).free
+        except OSError as error:
+            raise as_input_error(self.root, error) from error
 
     def shortage(self, estimate: Estimate) -> str:
         """One sentence where the disk is too small for it, else ""."""
@@ -96,3 +100,18 @@ class Prepared:
             plans = tuple((frame.width, frame.height) for frame in (frame_of(graph, storey) for storey in storeys))
             mean = sum(drawing) / max(1, len(drawing))
             yield Counts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean)
+
+
+def _there(root: Path) -> Path:
+    """The folder itself, or the nearest one above it that exists."""
+    place = root.absolute()
+    while not os.path.lexists(place) and place != place.parent:
+        place = place.parent
+    return place
+
+
+def _refuse_unwritable(root: Path) -> None:
+    place = _there(root)
+    why = errno.ENOTDIR if not place.is_dir() else 0 if os.access(place, os.W_OK | os.X_OK) else errno.EACCES
+    if why:
+        raise as_input_error(root, OSError(why, os.strerror(why)))
