@@ -12,13 +12,14 @@ from app.agent.state import AgentState
 from app.painting.picking import NEAR
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 
-MARGIN = 16.0  # pixels from the rim to what lies beyond it
+MARGIN = 16.0  # pixels from the rim to the middle of a mark, which is seen whole
+_WITHIN = 0.5  # pixels from the rim; looking up or down, what is level lies on it
 
 
 @dataclass(frozen=True)
 class Mark:
     """index     in navigableLocations
-    x, y      pixels of the 640 x 480 image: where the viewpoint's camera is, or at the rim where that is beyond it
+    x, y      pixels of the 640 x 480 image: where the viewpoint's camera is, or by the rim where that is beyond it
     inside    whether it is in the image
     foot      pixels of its foot on the floor, None where that is behind the camera
     distance  metres
@@ -41,7 +42,7 @@ def marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> tuple[M
         eye = np.array([place.x, place.y, place.z])
         pixels, depths = camera.project(np.stack([eye, feet.get(place.viewpointId, eye)]))
         (x, y), foot = pixels[0].tolist(), pixels[1].tolist()
-        inside = bool(depths[0] > NEAR and 0 <= x <= WIDTH and 0 <= y <= HEIGHT)
+        inside = bool(depths[0] > NEAR and _WITHIN <= x <= WIDTH - _WITHIN and _WITHIN <= y <= HEIGHT - _WITHIN)
         if depths[0] <= NEAR:  # beside or behind: at the side to turn to
             x = WIDTH if place.rel_heading > 0 else 0.0
             y = HEIGHT / 2
@@ -49,8 +50,8 @@ def marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> tuple[M
             Mark(
                 index,
                 place.viewpointId,
-                x if inside else min(max(x, MARGIN), WIDTH - MARGIN),
-                y if inside else min(max(y, MARGIN), HEIGHT - MARGIN),
+                min(max(x, MARGIN), WIDTH - MARGIN),
+                min(max(y, MARGIN), HEIGHT - MARGIN),
                 inside,
                 (foot[0], foot[1]) if inside and depths[1] > NEAR else None,
                 place.rel_distance,

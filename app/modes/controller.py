@@ -60,8 +60,6 @@ class ModeController(QObject):
         self.canvases.append(ModeOverlay(surface, self))
         self._inputs.append(_Input(surface, self))
         self.listen(surface.widget)
-        if (focused := surface.widget.focusProxy()) is not None:
-            self.listen(focused)  # a plot has the keys itself, and the mouse in a widget inside it
 
     def listen(self, widget: QWidget) -> None:
         """From now on the current mode hears the keys that are pressed in this widget."""

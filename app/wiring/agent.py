@@ -64,6 +64,7 @@ class AgentPart(Part):
         modes.listen(self.view)
         workspace.window.centre.addWidget(self.view)
         self._hidden: list[tuple[QDockWidget, bool]] = []  # to make room, and whether it was before its tabs
+        self._before: QDockWidget | None = None  # the panel before whose tab the agent's came
         self._at = ""  # the viewpoint that was last selected and brought into view
         self._connect(document)
 
@@ -81,7 +82,7 @@ class AgentPart(Part):
         panel.imageChosen.connect(self._show_image)
         panel.copyStateWanted.connect(self.copy_state)
         panel.copyTrajectoryWanted.connect(self.copy_trajectory)
-        window.centre.currentChanged.connect(lambda _: panel.image.setChecked(window.centre.currentWidget() is view))
+        window.centre.currentChanged.connect(self._on_page)
         document.projectLeft.connect(self._leave)
         document.contentsChanged.connect(self._on_contents)
 
@@ -109,6 +110,8 @@ class AgentPart(Part):
         place = scene.pose.position if chosen is None else chosen.position
         self._at = ""
         self._make_room()
+        own = self._dock()
+        self._before = next((d for d in window.tabifiedDockWidgets(own) if _in_front(d)), None)
         window.show_dock("agent")
         window.show_page(self.view)
         self.view.setFocus()
@@ -127,8 +130,15 @@ class AgentPart(Part):
         for dock in (dock for dock, front in self._hidden if front):
             dock.raise_()
         self._hidden = []
+        if self._before is not None and _in_front(self._dock()):
+            self._before.raise_()
         if seen and state is not None and state.location.viewpointId in self.workspace.document.graph_arrays.index:
             scene.go_to_position(state.position, state.heading)
+
+    def _dock(self) -> QDockWidget:
+        dock = self.workspace.window.findChild(QDockWidget, "dock_agent")
+        assert isinstance(dock, QDockWidget)
+        return dock
 
     def _leave(self) -> None:
         if self.workspace.modes.current is self.mode:
@@ -147,7 +157,7 @@ class AgentPart(Part):
         }
         docks = [d for d in window.findChildren(QDockWidget) if not d.isHidden() and not d.isFloating()]
         docks = [dock for dock in docks if short.get(window.dockWidgetArea(dock), False)]
-        self._hidden = [(dock, not dock.visibleRegion().isEmpty()) for dock in docks]
+        self._hidden = [(dock, _in_front(dock)) for dock in docks]
         for dock in docks:
             dock.hide()
 
@@ -181,6 +191,10 @@ class AgentPart(Part):
             return
         self._at = state.location.viewpointId
         document.select(viewpoint=self._at)
+        self._bring_into_view()
+
+    def _bring_into_view(self) -> None:
+        document = self.workspace.document
         row = document.graph_arrays.index.get(self._at)
         if row is None:
             return
@@ -194,11 +208,15 @@ class AgentPart(Part):
             else:
                 self._map.centre_on(float(foot[0]), float(foot[1]), _AROUND)
 
+    def _on_page(self, _: int) -> None:
+        self.panel.image.setChecked(self.workspace.window.centre.currentWidget() is self.view)
+
     def _show_image(self, on: bool) -> None:
         window = self.workspace.window
         if self.walk.active and on != (window.centre.currentWidget() is self.view):
             window.show_page(self.view if on else None)
             (self.view if on else self.workspace.scene).setFocus()
+            self._bring_into_view()
 
     # Copying ------------------------------------------------------------------------------------------------------
 
@@ -213,6 +231,11 @@ class AgentPart(Part):
         if self.walk.state is not None:
             QApplication.clipboard().setText(trajectory_json(self.walk.trajectory))
             self.workspace.modes.said.emit("The trajectory is copied as JSON.")
+
+
+def _in_front(dock: QDockWidget) -> bool:
+    """Whether it is shown, and not behind the tab of another, which Qt lays beyond the window."""
+    return not dock.isHidden() and (dock.isFloating() or dock.geometry().right() >= 0)
 
 
 def _holds(surface: GraphSurface, place: np.ndarray) -> bool:
