@@ -21,6 +21,7 @@ from app.state.graph_files import ForeignGraph
 from app.state.graph_reasons import with_editing
 from app.state.reasons import Reason
 from app.views.graph_surface import GraphSurface
+from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
@@ -110,6 +111,7 @@ class AgentPart(Part):
         place = scene.pose.position if chosen is None else chosen.position
         self._at = ""
         self._make_room()
+        self.workspace.part(InspectorPart).hold_back(True)
         own = self._dock()
         self._before = next((d for d in window.tabifiedDockWidgets(own) if _in_front(d)), None)
         window.show_dock("agent")
@@ -121,6 +123,7 @@ class AgentPart(Part):
         """The 3D view goes on where the agent stood."""
         state, window, scene = self.walk.state, self.workspace.window, self.workspace.scene
         self.walk.stop()
+        self.workspace.part(InspectorPart).hold_back(False)
         seen = window.centre.currentWidget() is self.view
         if seen:
             window.show_page(None)

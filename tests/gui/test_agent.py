@@ -25,6 +25,7 @@ from app.state import edit_commands
 from app.state.document import Document
 from app.state.graph_source import GraphSource
 from app.wiring.agent import AgentPart
+from app.wiring.inspector import InspectorPart
 from app.wiring.window import MainWindow
 from nvsim.geometry.view_sweep import VFOV
 from nvsim.graph.connectivity import write_connectivity
@@ -336,6 +337,18 @@ def test_the_3d_view_shows_the_agent_in_place_of_its_image(hands: Hands) -> None
     assert hands.state.viewIndex == (before - 11) % 12 + 12
     hands.part.panel.image.click()
     assert hands.window.centre.currentWidget() is hands.part.view
+
+
+def test_regions_are_drawn_only_while_the_inspector_is_looked_at(hands: Hands) -> None:
+    inspector = hands.window.part(InspectorPart)
+    hands.begin()
+    assert inspector.layer.held_back
+    inspector.show_panel()
+    QApplication.processEvents()
+    assert not inspector.layer.held_back
+    hands.window.actions_table["cancel"].trigger()
+    QApplication.processEvents()
+    assert not inspector.layer.held_back
 
 
 def test_closing_the_project_ends_the_walk(hands: Hands) -> None:
