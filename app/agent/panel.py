@@ -37,7 +37,7 @@ _FIELDS: dict[str, Callable[[AgentState], str]] = {
     "elevation": lambda s: angle(s.elevation),
     "viewIndex": lambda s: str(s.viewIndex),
 }
-_COLUMNS = ("", "viewpointId", "rel_heading", "rel_elevation", "rel_distance")
+_COLUMNS = ("", "viewpoint", "rel_heading", "rel_elevation", "rel_distance")
 _NOTHING = "Graph > Walk as an agent begins at the selected viewpoint: what an agent sees and is told stands here."
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from PySide6.QtCore import QSettings, Qt
 from PySide6.QtWidgets import QApplication, QDockWidget
@@ -29,6 +31,7 @@ from nvsim.project.work import STAGE
 
 _RIM = 0.1  # of a view's width and height: nearer to its rim the agent has left it
 _AROUND = 8.0  # metres of the map around an agent that left it
+_DOWN, _REACH = -0.9, 7.0  # radians and metres from which the 3D view looks at an agent that left it
 
 
 def with_standing(document: Document) -> Reason:
@@ -207,7 +210,9 @@ class AgentPart(Part):
             if _holds(surface, foot):
                 continue
             if surface is scene.surface:
-                scene.navigation.go_to(cameras.focused(scene.pose, foot))
+                # From above, where no wall stands before the agent.
+                above = replace(scene.pose, elevation=min(scene.pose.elevation, _DOWN))
+                scene.navigation.go_to(cameras.focused(above, foot, _REACH))
             else:
                 self._map.centre_on(float(foot[0]), float(foot[1]), _AROUND)
 

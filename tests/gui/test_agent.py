@@ -209,6 +209,19 @@ def test_marks_lie_where_the_angles_to_their_locations_say(hands: Hands) -> None
         assert not mark.inside and mark.y == pytest.approx(480 - 16)
 
 
+def test_no_mark_hides_another_not_even_of_those_behind(hands: Hands) -> None:
+    hands.begin()
+    hands.part.panel.restricted.click()
+    hands.rest()
+    for _ in range(12):
+        found = hands.part.view.marks
+        assert len(found) == len(hands.state.navigableLocations) - 1 >= 3
+        for i, one in enumerate(found):
+            assert all(max(abs(one.x - other.x), abs(one.y - other.y)) >= 24 for other in found[:i])
+            assert 0 < one.x < 640 and 0 < one.y < 480
+        hands.press(K.Key_Right)
+
+
 def test_a_click_on_a_mark_goes_there(hands: Hands, qtbot: QtBot) -> None:
     hands.begin()
     hands.turn_to()
