@@ -21,6 +21,7 @@ from PySide6.QtWidgets import QApplication, QDockWidget, QWidget
 from pytestqt.qtbot import QtBot
 
 from app.agent.state import AgentState
+from app.drawing.life import RESTARTS
 from app.state import edit_commands
 from app.state.document import Document
 from app.state.graph_source import GraphSource
@@ -480,6 +481,28 @@ def test_a_process_that_dies_is_started_again_and_the_walk_goes_on(hands: Hands)
     hands.qtbot.waitUntil(lambda: any("started again" in text for text in hands.told), timeout=PATIENCE)
     hands.press(K.Key_Right)
     assert hands.state.step == before.step + 1 and hands.walk.link.process_id not in (None, old)
+
+
+def test_a_process_that_dies_again_and_again_ends_the_walk_with_a_sentence(hands: Hands) -> None:
+    hands.begin()
+    for _ in range(RESTARTS + 1):
+        hands.qtbot.waitUntil(lambda: hands.walk.link.ready or not hands.walk.active, timeout=PATIENCE)
+        process = hands.walk.link.process_id
+        assert process is not None
+        psutil.Process(process).kill()
+        hands.qtbot.waitUntil(lambda: hands.walk.link.process_id != process, timeout=PATIENCE)  # noqa: B023
+    hands.qtbot.waitUntil(lambda: not hands.walk.active, timeout=PATIENCE)
+    assert "stopped repeatedly" in hands.told[-1] and hands.window.modes.current.name == "select"
+    hands.begin()
+    assert hands.state.step == 0
+
+
+def test_a_window_that_closes_while_the_process_starts_leaves_nothing(hands: Hands) -> None:
+    hands.window.actions_table["mode_agent"].trigger()
+    assert hands.walk.active and hands.walk.state is None
+    QTest.keyClick(hands.part.view, K.Key_Right)  # nobody knows yet where the agent stands
+    hands.window.close()
+    assert not hands.walk.active and hands.walk.link.process_id is None
 
 
 def exported(folder: Path) -> Path:

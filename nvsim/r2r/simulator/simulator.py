@@ -57,7 +57,7 @@ class Simulator(Settings):
             self._view = View(self.width, self.height, self.vfov, self.depth_enabled)
             images = [black(self.width, self.height) for _ in range(self.batch_size)]
             scans, drawing = source_of(self)
-            scans = self._given or scans
+            scans = scans if self._given is None else self._given
             if self.rendering_enabled and self.preloading:
                 begin = time.perf_counter()
                 drawing.preload(scans, self.depth_enabled)
