@@ -21,13 +21,14 @@ _NOWHERE = "The graph has no viewpoint left where an agent may stand."
 
 class AgentWalk(QObject):
     """changed(): another state, another trajectory, or none; pictured(): another image, or why there is none;
-    refused(str): why what was asked for is not done; said(str): what the user should know of the walk; ended(str): it
-    cannot go on, and why."""
+    refused(str): why what was asked for is not done; said(str): what the user should know of the walk; failed(str, str):
+    an image failed for a reason that is not the user's, with the trace; ended(str): the walk cannot go on, and why."""
 
     changed = Signal()
     pictured = Signal()
     refused = Signal(str)
     said = Signal(str)
+    failed = Signal(str, str)
     ended = Signal(str)
 
     def __init__(self, document: Document, parent: QObject | None = None) -> None:
@@ -166,6 +167,8 @@ class AgentWalk(QObject):
     def _on_seen(self, answer: Seen) -> None:
         self.drawing = False
         self.pixels, self.no_image = answer.pixels, answer.why
+        if answer.trace:
+            self.failed.emit(answer.why, answer.trace)
         self.pictured.emit()
 
     def _on_refused(self, answer: Refused) -> None:

@@ -77,6 +77,7 @@ class AgentPart(Part):
         walk.changed.connect(self._follow)
         walk.refused.connect(document.editing.refuse)
         walk.said.connect(self.workspace.notices.info)
+        walk.failed.connect(self._on_failed)
         walk.ended.connect(self._on_ended)
         view.taken.connect(walk.take_viewpoint)
         view.pointedAt.connect(panel.point)
@@ -153,6 +154,9 @@ class AgentPart(Part):
     def _on_ended(self, why: str) -> None:
         self.workspace.notices.add("warning", why)
         self._leave()
+
+    def _on_failed(self, why: str, trace: str) -> None:
+        self.workspace.notices.add("warning", why, trace)
 
     def _make_room(self) -> None:
         """Hides the panels beside and below the centre where the image would have to be shrunk."""
