@@ -21,8 +21,9 @@ _NOWHERE = "The graph has no viewpoint left where an agent may stand."
 
 class AgentWalk(QObject):
     """changed(): another state, another trajectory, or none; pictured(): another image, or why there is none;
-    refused(str): why what was asked for is not done; said(str): what the user should know of the walk; failed(str, str):
-    an image failed for a reason that is not the user's, with the trace; ended(str): the walk cannot go on, and why."""
+    refused(str): why what was asked for is not done; said(str): what the user should know of the walk;
+    failed(str, str): why there is no image where that is our mistake, and the trace; ended(str): it cannot go on, and
+    why."""
 
     changed = Signal()
     pictured = Signal()
