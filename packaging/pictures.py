@@ -21,12 +21,14 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDockWidget
 
+from app.agent.state import AgentState
 from app.look import theme
 from app.panels.jobs import JobPanel
 from app.panels.results import ResultPanel
 from app.session import Session
 from app.start.application import make_application
 from app.thresholds.calibration_panel import CalibrationPanel
+from app.wiring.agent import AgentPart
 from app.wiring.frames import FramePart
 from app.wiring.inspector import InspectorPart
 from app.wiring.jobs import JobsPart
@@ -112,6 +114,8 @@ def shoot(camera: Camera) -> None:
     directions.setCurrentItem(next(item for item in items if item.text(1).startswith("blocked")))
     camera.take("window-inspector")
 
+    walk_as_an_agent(camera)
+
     document.select()
     table["home"].trigger()
     table["thresholds"].trigger()
@@ -156,6 +160,41 @@ def shoot(camera: Camera) -> None:
     camera.take("window-training")
     window.jobs.cancel(handle)
     camera.until(lambda: handle.state not in ("running", "queued"))
+
+
+def walk_as_an_agent(camera: Camera) -> None:
+    """Three steps ahead from a viewpoint in the middle of the list, then a turn to where most can be gone to."""
+    window, document = camera.window, camera.session.document
+    ids = document.graph_arrays.ids
+    document.select(viewpoint=ids[len(ids) // 3])
+    window.actions_table["mode_agent"].trigger()
+    walk = window.part(AgentPart).walk
+
+    def now() -> AgentState:
+        camera.until(lambda: walk.state is not None and not walk.drawing)
+        assert walk.state is not None
+        return walk.state
+
+    for _ in range(3):
+        for _ in range(12):
+            new = [
+                p for p in now().navigableLocations[1:] if p.viewpointId not in {t.viewpoint for t in walk.trajectory}
+            ]
+            if new:
+                walk.take_viewpoint(new[0].viewpointId)
+                break
+            walk.turn(1, 0)
+    seen = []
+    for _ in range(12):
+        seen.append(len(now().navigableLocations))
+        walk.turn(1, 0)
+    for _ in range(seen.index(max(seen))):
+        now()
+        walk.turn(1, 0)
+    now()
+    window.panels["map"].frame_everything()
+    camera.take("window-agent")
+    window.actions_table["cancel"].trigger()
 
 
 def take(shoot: Callable[[Camera], None], about: str | None, size: tuple[int, int]) -> None:

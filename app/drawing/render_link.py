@@ -3,65 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
-import threading
-from collections.abc import Callable
-from multiprocessing.process import BaseProcess
 
 from PySide6.QtCore import QObject, Signal
 
+from app.drawing.life import RESTARTS, Life
 from app.drawing.painter import Remark
 from app.drawing.panorama_child import Panorama, PanoramaRequest
 from app.drawing.render_child import Opened, Picture, RenderSource, Request, Trouble, serve
-
-RESTARTS = 2  # a process that dies more often than this stays dead
-
-
-class _Life:
-    """One run of the process, and the thread that starts it and reads from it: starting costs some 70 ms of imports
-    and forking, which the window's own thread must not spend."""
-
-    def __init__(self, source: RenderSource, heard: Callable[[object], None]) -> None:
-        # Spawned: a fork of a process with threads and a window is not safe.
-        self._context = multiprocessing.get_context("spawn")
-        self.connection, self._theirs = self._context.Pipe()
-        self._source, self._heard = source, heard
-        self._started = threading.Event()
-        self.process: BaseProcess | None = None
-        self._thread = threading.Thread(target=self._run, name="render link", daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        try:
-            process = self._context.Process(
-                target=serve, args=(self._theirs, self._source), name="nvsim renderer", daemon=True
-            )
-            process.start()
-            self.process = process
-        except (OSError, RuntimeError) as error:
-            self._heard(
-                Trouble(f"The renderer cannot be started: {error}; close other programs and open again.", "", True)
-            )
-            return
-        finally:
-            self._theirs.close()
-            self._started.set()
-        try:
-            while True:
-                self._heard(self.connection.recv())
-        except (EOFError, OSError):
-            self._heard(None)
-
-    def end(self) -> None:
-        """Returns when process and thread are gone."""
-        self._started.wait()
-        if self.process is not None:
-            self.process.terminate()
-            self.process.join()
-            self.process.close()
-            self.process = None
-        self._thread.join()  # the process held the other end, so reading has ended
-        self.connection.close()
 
 
 class RenderLink(QObject):
@@ -80,7 +28,7 @@ class RenderLink(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._source: RenderSource | None = None
-        self._life: _Life | None = None
+        self._life: Life | None = None
         self._number = 0  # of the life, so that late words of a former one are not heard
         self._deaths = 0
         self._ready = False
@@ -147,13 +95,17 @@ class RenderLink(QObject):
     def _start(self) -> None:
         assert self._source is not None
         number = self._number
-        self._life = _Life(self._source, lambda message: self._heard.emit(number, message))
+        self._life = Life(serve, self._source, "renderer", lambda message: self._heard.emit(number, message))
 
     def _on_heard(self, number: int, message: object) -> None:
         if number != self._number:
             return
         if message is None:
             self._on_death()
+        elif isinstance(message, OSError | RuntimeError):
+            self.close()
+            words = f"The renderer cannot be started: {message}; close other programs and open again."
+            self.troubled.emit(Trouble(words, fatal=True))
         elif isinstance(message, Opened):
             self._ready = True
             self.opened.emit(message.seconds)

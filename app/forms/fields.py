@@ -17,7 +17,8 @@ from typing import Any, Literal
 
 from nvsim.cli.main import COMMANDS
 
-LEFT_OUT = ("project", "json", "capture", "preset", "config.name")  # given by the window, or standing above the form
+# Given by the window, standing above the form, or no way to start a job.
+LEFT_OUT = ("project", "json", "dry_run", "capture", "preset", "config.name")
 Kind = Literal["number", "count", "switch", "choice", "path", "text", "several"]
 
 

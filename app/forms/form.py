@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -36,11 +37,13 @@ TYPING = 250  # milliseconds after the last key until the values are tried
 
 class CommandForm(QDialog):
     """started(list of arguments) when the user wants the command run with them; they are stored before.
+    tried(list of arguments) whenever the options were tried and make sense.
 
     preset_values  path -> value that this form begins with where the user has not set one
     """
 
     started = Signal(object)
+    tried = Signal(object)
 
     def __init__(
         self,
@@ -60,6 +63,7 @@ class CommandForm(QDialog):
         self._paper = paper_values(verb)
         self.rows: dict[str, Row] = {}
         self._headings: dict[str, Label] = {}
+        self._wrong = self._held = ""  # what is wrong with the options; what else speaks against it
         self._build(title, start_text)
         self._waiting = self._sections()
         self._try = QTimer(self, singleShot=True, interval=TYPING)
@@ -109,9 +113,9 @@ class CommandForm(QDialog):
         self.area.setFrameShape(QFrame.Shape.StyledPanel)
         self.area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.area.setWidget(self._page)
-        middle = QHBoxLayout()
-        middle.addWidget(self.list)
-        middle.addWidget(self.area, 1)
+        self._middle = QHBoxLayout()
+        self._middle.addWidget(self.list)
+        self._middle.addWidget(self.area, 1)
         self.problem = Label(self)
         self.problem.setWordWrap(True)
         self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
@@ -140,7 +144,7 @@ class CommandForm(QDialog):
         layout.addWidget(intro)
         layout.addWidget(self.replaces)
         layout.addLayout(above)
-        layout.addLayout(middle, 1)
+        layout.addLayout(self._middle, 1)
         layout.addWidget(self.problem)
         layout.addLayout(line)
         layout.addWidget(buttons)
@@ -199,6 +203,18 @@ class CommandForm(QDialog):
         while self._more.isActive():
             self._build_section()
 
+    def stand_beside(self, widget: QWidget) -> None:
+        """Shows `widget`, which has a width of its own, to the right of the options."""
+        self._middle.addWidget(widget)
+        self.resize(self.width() + widget.sizeHint().width() + 40, self.height())
+
+    def hold(self, sentence: str) -> None:
+        """Says why the command cannot be started although its options make sense, "" when it can."""
+        for row in self.rows.values():
+            sentence = re.sub(rf"{re.escape(row.field.flag)}(?![\w-]|\.\w)", f"“{row.field.name}”", sentence)
+        self._held = sentence
+        self._show_problem()
+
     # What it says -----------------------------------------------------------------------------------------------
 
     def changed(self) -> dict[str, Any]:
@@ -237,10 +253,17 @@ class CommandForm(QDialog):
             self._command_line = command_line(self.verb, ["--project", str(self._project), *arguments])
             self.command.setText(plain(self._command_line, SENTENCE))
             self.command.setCursorPosition(0)
+        self._wrong = problem
+        self._show_problem()
+        if not problem:
+            self.tried.emit(arguments)
+
+    def _show_problem(self) -> None:
+        problem = self._wrong or self._held
         self.problem.setText(problem)
         self.problem.setVisible(bool(problem))
-        for button in (self.start_button, self.keep_button):
-            button.setEnabled(not problem)
+        self.keep_button.setEnabled(not self._wrong)
+        self.start_button.setEnabled(not problem)
 
     def _filter(self, words: str) -> None:
         seen: set[str] = set()
@@ -263,7 +286,7 @@ class CommandForm(QDialog):
     def _keep(self) -> Sequence[str] | None:
         self.finish_building()
         self._show_command()
-        if not self.start_button.isEnabled():
+        if not self.keep_button.isEnabled():
             return None
         self._settings.keep(self.verb, self.presets.currentText(), self.changed())
         return self.arguments()
@@ -274,6 +297,6 @@ class CommandForm(QDialog):
 
     def _start(self) -> None:
         arguments = self._keep()
-        if arguments is not None:
+        if arguments is not None and not self._held:
             self.started.emit(list(arguments))
             self.accept()

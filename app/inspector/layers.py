@@ -31,11 +31,12 @@ def before_the_eye(corners: NDArray[np.float64], camera: Camera) -> NDArray[np.f
 
 
 class RegionLayer(Layer):
-    """Over the 3D view."""
+    """Over the 3D view; not while `held_back`, whatever the user has switched on."""
 
     name = "rois"
     title = "Regions of interest"
     opacity = 0.85
+    held_back = False
 
     def __init__(self, inspection: Inspection) -> None:
         self._inspection = inspection
@@ -47,6 +48,8 @@ class RegionLayer(Layer):
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         """Draws over an image that `camera` took, scaled to the widget's logical pixels."""
+        if self.held_back:
+            return
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         current = self._inspection.current
         for direction in sorted(self._inspection.directions, key=lambda d: d is current):
@@ -100,6 +103,10 @@ class RegionMarks(QObject):
         inspection.changed.connect(self.refresh)
         inspection.pointed.connect(self.refresh)
         self.refresh()
+
+    def set_shown(self, on: bool) -> None:
+        for item in self._items.values():
+            item.setVisible(on)
 
     def refresh(self) -> None:
         current = self._inspection.current

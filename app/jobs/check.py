@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from PySide6.QtCore import QObject, QProcess, Signal
+from PySide6.QtCore import QObject
 
+from app.jobs.question import Question
 from nvsim.capture.findings import SEVERITIES, Severity
 
 SCALE_UNKNOWN = "the scale is unknown"
@@ -66,58 +66,15 @@ def result_of(text: str) -> CheckResult:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
 
 
-class CaptureCheck(QObject):
+class CaptureCheck(Question):
     """finished(CheckResult), or failed(str) with a sentence; of the last `start` only."""
 
-    finished = Signal(object)
-    failed = Signal(str)
-
     def __init__(self, parent: QObject | None = None) -> None:
-        super().__init__(parent)
-        self._process: QProcess | None = None
-
-    @property
-    def running(self) -> bool:
-        return self._process is not None
+        super().__init__(result_of, "The data check", parent)
 
     def start(self, capture: Path, scale: float | None = None, camera_height: float | None = None) -> None:
         """Checks in the background, in place of what is being checked."""
-        self.stop()
-        words = ["-P", "-m", "nvsim.cli.main", "check", str(capture), "--json"]
+        words = ["check", str(capture), "--json"]
         words += [] if scale is None else ["--scale", str(scale)]
         words += [] if camera_height is None else ["--camera-height", str(camera_height)]
-        process = self._process = QProcess(self)
-        process.finished.connect(self._on_finished)
-        process.errorOccurred.connect(self._on_error)
-        process.start(sys.executable, words)
-
-    def stop(self) -> None:
-        """Ends the check; nothing is told about it."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.finished.disconnect(self._on_finished)
-            process.errorOccurred.disconnect(self._on_error)
-            process.kill()
-            process.waitForFinished(2000)
-            process.deleteLater()
-
-    def _on_finished(self) -> None:
-        process, self._process = self._process, None
-        if process is None:
-            return
-        lines = bytes(process.readAllStandardOutput().data()).decode(errors="replace").splitlines()
-        said = bytes(process.readAllStandardError().data()).decode(errors="replace").strip()
-        process.deleteLater()
-        for line in reversed(lines):
-            try:
-                self.finished.emit(result_of(line))
-                return
-            except ValueError:
-                continue
-        self.failed.emit(said.splitlines()[-1] if said else "The data check ended without an answer; try it again.")
-
-    def _on_error(self, error: QProcess.ProcessError) -> None:
-        if error == QProcess.ProcessError.FailedToStart and self._process is not None:
-            self._process.deleteLater()
-            self._process = None
-            self.failed.emit(f"The data check could not be started with {sys.executable}; is NVSim installed whole?")
+        self.ask(words)

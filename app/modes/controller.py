@@ -41,8 +41,9 @@ class ModeController(QObject):
         self.canvases: list[ModeOverlay] = []
         self.layers: list[Layer] = []
         """What parts draw over every view, in the pixels of its surface."""
-        context = ModeContext(document, document.editing, self.said.emit, self.refresh)
-        self.modes: dict[str, Mode] = {name: kind(context) for name, kind in MODES.items()}
+        self.context = ModeContext(document, document.editing, self.said.emit, self.refresh)
+        self.modes: dict[str, Mode] = {name: kind(self.context) for name, kind in MODES.items()}
+        """Name -> mode; a part may add one of its own."""
         self.current: Mode = self.modes["select"]
         self._inputs: list[_Input] = []
         self._marks = SelectionMarks(document)
@@ -58,6 +59,11 @@ class ModeController(QObject):
         """From now on the current mode works in this view too."""
         self.canvases.append(ModeOverlay(surface, self))
         self._inputs.append(_Input(surface, self))
+        self.listen(surface.widget)
+
+    def listen(self, widget: QWidget) -> None:
+        """From now on the current mode hears the keys that are pressed in this widget."""
+        _Keys(widget, self)
 
     def choose(self, name: str) -> None:
         """Makes another mode current."""
@@ -160,8 +166,25 @@ class ModeOverlay(QWidget):
         painter.end()
 
 
+class _Keys(QObject):
+    """Hears a widget's keys before the widget does, and before the shortcuts of commands."""
+
+    def __init__(self, widget: QWidget, stage: ModeController) -> None:
+        super().__init__(widget)
+        self._stage = stage
+        widget.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if not isinstance(event, QKeyEvent):
+            return False
+        if event.type() == QEvent.Type.ShortcutOverride and self._stage.current.takes_key(event):
+            event.accept()
+            return True
+        return event.type() == QEvent.Type.KeyPress and self._stage.current.key(event)
+
+
 class _Input(QObject):
-    """Hears a view's events before the view does."""
+    """Hears a view's mouse before the view does."""
 
     def __init__(self, surface: GraphSurface, stage: ModeController) -> None:
         super().__init__(surface.widget)
@@ -178,8 +201,6 @@ class _Input(QObject):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if self._passing:
             return False
-        if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress:
-            return self._stage.current.key(event)
         if not isinstance(event, QMouseEvent):
             return False
         if event.type() == QEvent.Type.MouseButtonPress and event.button() == Qt.MouseButton.LeftButton:

@@ -98,6 +98,10 @@ class Mode:
         """The cursor moved without a button. Returns True when the view's own hovering would be wrong."""
         return False
 
+    def takes_key(self, event: QKeyEvent) -> bool:
+        """Whether a key is this mode's although it is the shortcut of a command."""
+        return False
+
     def key(self, event: QKeyEvent) -> bool:
         """A key was pressed in a view. Returns whether it was used."""
         return False

@@ -6,11 +6,12 @@ import math
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from app.look import colors
 from app.look.labels import Label, MarkedLabel
-from app.look.plain_text import marked, plain, tip
+from app.look.plain_text import marked, plain
+from app.look.value import Value
 from app.state.directions import Direction, directions
 from app.state.document import Document
 from app.state.graph_details import marks_of, of_edge, of_several
@@ -61,21 +62,6 @@ class DirectionRose(QWidget):
         for text, x, y in (("N", 0, -1), ("E", 1, 0), ("S", 0, 1), ("W", -1, 0)):
             box = QRectF(x * (radius + 9) - 10, y * (radius + 9) - 9, 20, 18)
             painter.drawText(box, Qt.AlignmentFlag.AlignCenter, text)
-
-
-class _Value(QLineEdit):
-    """A value to be selected and copied whole, also where it is longer than its place."""
-
-    def __init__(self, value: str) -> None:
-        super().__init__(plain(value))
-        self.setReadOnly(True)
-        self.setFrame(False)
-        self.setTextMargins(-2, 0, 0, 0)
-        self.setToolTip(tip(value))
-        self.setCursorPosition(0)
-        palette = self.palette()
-        palette.setColor(palette.ColorRole.Base, Qt.GlobalColor.transparent)
-        self.setPalette(palette)
 
 
 class DetailsPanel(QScrollArea):
@@ -183,7 +169,7 @@ class DetailsPanel(QScrollArea):
                 widget.hide()
                 widget.deleteLater()
         for row, (name, value) in enumerate(facts.items()):
-            label, text = Label(plain(name)), _Value(value)
+            label, text = Label(plain(name)), Value(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QGuiApplication, QPalette
+from PySide6.QtCore import Qt, QUrl, Signal
+from PySide6.QtGui import QDesktopServices, QGuiApplication, QPalette
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSplitter, QTabWidget, QVBoxLayout, QWidget
 
 from app.forms.arguments import command_line
+from app.jobs.made import folder_of
 from app.jobs.queue import JobHandle, JobQueue
 from app.look.hint import Hint
 from app.look.labels import Label
@@ -144,10 +145,12 @@ class JobPanel(QWidget):
         self.go_on = self._button("Go on", self._on_go_on)
         self.cancel = self._button("Cancel", self._on_cancel)
         self.look = self._button("Look…", self._on_look)
+        self.show_folder = self._button("Show folder", self._on_show_folder)
         self.again = self._button("Settings…", self._on_again)
         self.remove = self._button("Remove", self._on_remove)
         self.copy = self._button("Copy command", self._on_copy)
-        for button in (self.pause, self.go_on, self.cancel, self.look, self.again, self.remove, self.copy):
+        left, right = (self.pause, self.go_on, self.cancel, self.look), (self.again, self.remove, self.copy)
+        for button in (*left, self.show_folder, *right):
             row.addWidget(button)
         row.addStretch(1)
         return row
@@ -220,6 +223,7 @@ class JobPanel(QWidget):
         asked = handle is not None and handle.wish is not None and handle.running
         reasons = {
             self.look: nothing or ("it was ordered here" if handle is None or handle.ours else ""),
+            self.show_folder: nothing or ("" if handle and folder_of(handle.job) else "it wrote no folder"),
             self.pause: nothing or ("" if state in ("running", "queued") and not asked else _is(state)),
             self.go_on: nothing or self._why_not_on(state),
             self.cancel: nothing or ("" if state in ("running", "queued", "paused", "interrupted") else _is(state)),
@@ -229,7 +233,7 @@ class JobPanel(QWidget):
         }
         for button, reason in reasons.items():
             button.setEnabled(not reason)
-            if button is self.look:
+            if button in (self.look, self.show_folder):
                 button.setVisible(not reason)
             button.setToolTip(tip(_TIPS[button.text()] + (f"\nNot now: {reason}." if reason else "")))
 
@@ -270,6 +274,11 @@ class JobPanel(QWidget):
         if self.handle is not None and not self.handle.ours:
             ForeignJob(self.queue, self.handle.job, self).open()
 
+    def _on_show_folder(self) -> None:
+        folder = None if self.handle is None else folder_of(self.handle.job)
+        if folder is not None:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
+
     def _on_copy(self) -> None:
         if self.handle is not None:
             order = self.handle.job.order
@@ -285,6 +294,7 @@ _TIPS = {
     "Pause": "Stop at the last checkpoint and free the memory; it can go on at any time, also in another window",
     "Go on": "Run it once more; what was finished is not done again",
     "Cancel": "End it; what it finished stays in the project",
+    "Show folder": "Open the folder that it wrote in the file manager",
     "Settings…": "Look at its settings, change them, and run it again",
     "Remove": "Take it off this list; what it made stays in the project",
     "Copy command": "Copy the command that does the same in a terminal",

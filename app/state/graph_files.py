@@ -15,6 +15,7 @@ from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, words_of_saving
 from nvsim.graph.journal import sidecar
+from nvsim.graph.skybox_files import FOLDER
 from nvsim.graph.types import NavGraph
 
 PANORAMA_WIDTH = 1536  # pixels
@@ -107,6 +108,16 @@ class ForeignGraph:
     def pictured(self) -> bool:
         """Whether images of viewpoints lie beside it."""
         return self._file.beside.pictures is not None
+
+    @property
+    def path(self) -> Path:
+        return self._file.path
+
+    @property
+    def skyboxes(self) -> Path | None:
+        """The folder of skyboxes beside it, as Matterport3DSimulator reads them; None where there is none."""
+        found = self._file.beside.pictures
+        return found if found is not None and found.name == FOLDER else None
 
     def panorama(self, id: str) -> NDArray[np.uint8] | None:
         """(H, 2 H, 4) uint8, blue, green, red, 255, as the inspector shows it; None where there is none of it. Raises

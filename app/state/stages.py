@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from app.state.document import Document
-from app.state.reasons import Reason, always, with_graph, with_scene, with_trajectory
+from app.state.reasons import UNDECIDED, Reason, always, with_graph, with_scene, with_trajectory
 from nvsim.project.work import STAGE, WORK, StageName
 
 
@@ -14,9 +14,15 @@ def _pending(document: Document) -> bool:
     return document.jobs is not None and any(h.state in ("running", "queued") for h in document.jobs.handles)
 
 
+def _without_project(document: Document) -> str:
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return "a graph alone is open, without the project it was made in" if document.path else "no project is open"
+
+
 def with_capture(document: Document) -> Reason:
     if document.project is None:
-        return "no project is open"
+        return _without_project(document)
     return None if document.contents.capture is not None or _pending(document) else with_trajectory(document)
 
 
@@ -42,13 +48,13 @@ def with_floors(document: Document) -> Reason:
 
 def with_models(document: Document) -> Reason:
     if document.project is None:
-        return "no project is open"
+        return _without_project(document)
     return None if _pending(document) else with_scene(document)
 
 
 def with_map(document: Document) -> Reason:
     if document.project is None:
-        return "no project is open"
+        return _without_project(document)
     return None if _pending(document) else with_graph(document)
 
 
@@ -64,5 +70,8 @@ _WITH: dict[StageName, Callable[[Document], Reason]] = {
 
 def enabled(verb: str) -> Callable[[Document], Reason]:
     """Why `nvsim VERB` cannot begin on the document."""
-    needs = WORK[verb].needs
-    return always if needs is None else _WITH[needs]
+    row = WORK[verb]
+    needed = always if row.needs is None else _WITH[row.needs]
+    if not row.draws:
+        return needed
+    return lambda document: needed(document) or with_models(document)

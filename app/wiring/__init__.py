@@ -4,6 +4,7 @@ window itself knows none of them."""
 from __future__ import annotations
 
 from app.actions import Action
+from app.wiring.agent import AgentPart
 from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
 from app.wiring.camera_path import CameraPathPart
@@ -44,6 +45,7 @@ PARTS: tuple[type[Part], ...] = (
     MapPart,
     ShownPart,
     InspectorPart,
+    AgentPart,
     ThresholdPart,
     JobsPart,
     NewProjectPart,

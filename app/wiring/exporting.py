@@ -1,5 +1,6 @@
-"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, an image. What agents would choke on is refused
-with the finding that says why, or written all the same when a user insists."""
+"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, an image; and the whole scan with its images, as a
+job. What agents would choke on is refused with the finding that says why, or written all the same when a user
+insists."""
 
 from __future__ import annotations
 
@@ -7,15 +8,22 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
+from app.forms.form import CommandForm
+from app.jobs.scan_estimate import VERB
 from app.panels.form import Form
 from app.state.graph_reasons import with_editing
+from app.state.stages import enabled
+from app.wiring.jobs import JobsPart
 from app.wiring.part import Part, Workspace
+from app.wiring.scan_form import ScanForm
 from nvsim.errors import InputError
 from nvsim.graph.offers import Choice
 from nvsim.graph.types import NavGraph
+from nvsim.project.work import WORK
 
 KINDS = {
     "r2r": "R2R connectivity and scans.txt, for agents",
@@ -31,6 +39,8 @@ class ExportPart(Part):
     ACTIONS = (
         Action("export_graph", "&Export graph…", "Write the graph for agents, other tools, or as an image", "&File", 1,
                "Ctrl+E", "export", enabled=with_editing),
+        Action("export_scan", f"{WORK[VERB].title}…", f"{WORK[VERB].does[0].upper()}{WORK[VERB].does[1:]}", "&File", 1,
+               "Ctrl+Shift+E", enabled=enabled(VERB)),
     )  # fmt: skip
 
     def __init__(self, workspace: Workspace) -> None:
@@ -38,7 +48,22 @@ class ExportPart(Part):
         self.form: Form | None = None
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"export_graph": self.show_form}
+        return {"export_graph": self.show_form, "export_scan": self.open_scan_form}
+
+    def restore(self, settings: QSettings) -> None:
+        self.workspace.part(JobsPart).formOpened.connect(self._on_form)
+
+    # A scan -----------------------------------------------------------------------------------------------------
+
+    def open_scan_form(self) -> CommandForm | None:
+        """The options of the export of a scan, and what it comes to."""
+        return self.workspace.part(JobsPart).open_form(VERB)
+
+    def _on_form(self, form: CommandForm) -> None:
+        if form.verb == VERB and self.workspace.document.project is not None:
+            ScanForm(form, self.workspace)
+
+    # The graph --------------------------------------------------------------------------------------------------
 
     def show_form(self) -> None:
         if self.form is not None:

@@ -57,7 +57,7 @@ class InspectorPart(Part):
         self.inspection = Inspection(workspace.document, self)
         self.panoramas = Panoramas(workspace.scene.link, self)
         self.panel = InspectorPanel(self.inspection, self.panoramas)
-        self._seen = False
+        self._seen = self._held_back = False
         self.layer = RegionLayer(self.inspection)
         self.panel.chosen.connect(self._go)
         self.panel.view.walked.connect(self._walk)
@@ -92,7 +92,19 @@ class InspectorPart(Part):
     def _on_seen(self, seen: bool) -> None:
         # A panel behind another's tab counts as visible for Qt, but not for this signal.
         self._seen = seen
+        self._draw_regions()
         self._follow()
+
+    def hold_back(self, on: bool) -> None:
+        """Draws regions in the views only while the panel is in front: something else is followed there."""
+        self._held_back = on
+        self._draw_regions()
+
+    def _draw_regions(self) -> None:
+        drawn = self._seen or not self._held_back
+        self.layer.held_back = not drawn
+        self._marks.set_shown(drawn)
+        self.workspace.scene.update()
 
     def show_panel(self) -> None:
         """Brings the panel to the front."""

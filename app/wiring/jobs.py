@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QSettings, Signal
 
 from app.actions import Action
 from app.forms.arguments import Settings
@@ -23,6 +23,7 @@ from nvsim.project.project import Project
 from nvsim.project.restored import kept_results
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
 
+_EXPORTS = tuple(verb for verb in EXPORTS if verb != "export scan")  # that stands beside Export graph
 _SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}
 
 
@@ -47,6 +48,9 @@ def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
 
 
 class JobsPart(Part):
+    """formOpened(CommandForm) before the form of a command is shown: a part may stand something beside its options."""
+
+    formOpened = Signal(object)
     ACTIONS = (
         Action(
             "run_everything",
@@ -68,7 +72,7 @@ class JobsPart(Part):
             4,
             enabled=with_earlier,
         ),
-        *_actions(EXPORTS, 3),
+        *_actions(_EXPORTS, 3),
     )
 
     def docks(self) -> tuple[Dock, ...]:
@@ -83,7 +87,7 @@ class JobsPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {
-            _name(verb): lambda _=False, v=verb: self.open_form(v) for verb in (*PIPELINE, *EVALUATIONS, *EXPORTS)
+            _name(verb): lambda _=False, v=verb: self.open_form(v) for verb in (*PIPELINE, *EVALUATIONS, *_EXPORTS)
         }
         return {"run_everything": self.run_everything, "earlier_results": self.open_earlier, **opened}
 
@@ -146,6 +150,7 @@ class JobsPart(Part):
             "Add to the queue" if self.workspace.jobs.busy and WORK[verb].heavy else "Start",
         )
         form.started.connect(lambda arguments: self.run_stage(verb, arguments))
+        self.formOpened.emit(form)
         form.open()
         return form
 

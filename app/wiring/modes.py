@@ -70,6 +70,7 @@ class ModePart(Part):
         self.stage.attach(workspace.scene.surface)
         plan = workspace.part(MapPart).view
         self.stage.attach(MapSurface(plan, workspace.document))
+        self.stage.listen(plan.plot)  # it has the keys, and in it a widget has the mouse
 
     def _show(self, name: str) -> None:
         self.workspace.window.actions_table[f"mode_{name}"].setChecked(True)

@@ -24,7 +24,7 @@ from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, Workspace
 
-LAYOUT_VERSION = 2  # raised when docks or toolbars change, so that an old stored layout is not forced on them
+LAYOUT_VERSION = 3  # raised when docks or toolbars change, so that an old stored layout is not forced on them
 _AREAS = {
     "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
     "left": Qt.DockWidgetArea.LeftDockWidgetArea,

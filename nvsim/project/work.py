@@ -25,6 +25,7 @@ class Work(NamedTuple):
     needs           the stage whose result it begins with; None where it needs none
     heavy           whether it waits until no other heavy job runs on the project
     prints_figures  whether figures are its result, which it prints as JSON when it is asked to
+    draws           whether it draws with the models too, beside what it needs
     """
 
     verb: str
@@ -33,6 +34,7 @@ class Work(NamedTuple):
     needs: StageName | None
     heavy: bool = True
     prints_figures: bool = False
+    draws: bool = False
 
 
 class Stage(NamedTuple):
@@ -123,9 +125,10 @@ WORK: dict[str, Work] = {
         ),
         Work(
             "export scan",
-            "Export a scan",
+            "Export scan for agents",
             "write a scan in Matterport's layout: connectivity, skyboxes with depth, views, floor plans",
             "map",
+            draws=True,
         ),
         Work(
             "export splats",

@@ -161,6 +161,13 @@ def memory_needed(folder: Path) -> int:
         return 4 * values * int(data["count"]) + networks * (1 if data["texture"] is None else 2)
 
 
+def count_of(folder: Path) -> int:
+    """How many Gaussians the model in `folder` has. Raises InputError when its description is missing or damaged."""
+    data = _read_description(folder)
+    with _described(folder):
+        return int(data["count"])
+
+
 def _read_description(folder: Path) -> dict[str, Any]:
     path = folder / DESCRIPTION
     then = "it is damaged: train this submap again"

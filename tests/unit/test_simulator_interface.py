@@ -14,7 +14,11 @@ import pytest
 
 from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.errors import InputError
+from nvsim.graph.connectivity import write_connectivity
+from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.simulator import Simulator, cbf
+from nvsim.r2r.simulator.nav_graph import OneScan
+from nvsim.r2r.simulator.scan import level_scan
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +47,35 @@ def test_v0_1_gives_one_state_with_a_point(made: tuple[Path, list[str]]) -> None
     assert sim.getState().heading == pytest.approx(1.0) and sim.getState().step == 1
     sim.newEpisode("made", "", 0, 0)
     assert sim.getState().location.viewpointId in ids
+
+
+def test_scans_that_are_given_are_walked_as_those_of_a_file(tmp_path: Path) -> None:
+    noise = np.random.default_rng(4)
+    ids = [f"v{k}" for k in range(9)]
+    viewpoints = {id: Viewpoint(id, tuple(noise.uniform(-4, 4, 3).tolist()), included=id != "v3") for id in ids}
+    pairs = [(a, b) for a in ids for b in ids if a < b and noise.random() < 0.6]
+    graph = NavGraph("given", viewpoints, {pair: edge(*pair) for pair in pairs})
+    write_connectivity(graph, tmp_path)
+    positions = np.array([v.position for v in viewpoints.values()])
+    edges = np.array([(ids.index(a), ids.index(b)) for a, b in pairs])
+    scan = level_scan("given", ids, np.array([id != "v3" for id in ids]), positions, edges)
+    sims = Simulator(OneScan(scan)), Simulator()
+    sims[1].setNavGraphPath(tmp_path)
+    for sim in sims:
+        sim.setRenderingEnabled(False)
+        sim.newEpisode("given", "v0", 0.3, 0.1)
+    for _ in range(60):
+        states = [sim.getState() for sim in sims]
+        told = [
+            [(p.viewpointId, p.ix, p.rel_heading, p.rel_elevation, p.rel_distance) for p in s.navigableLocations]
+            for s in states
+        ]
+        assert told[0] == told[1] and states[0].location.point == states[1].location.point
+        action = int(noise.integers(len(told[0]))), float(noise.normal()), 0.0
+        for sim in sims:
+            sim.makeAction(*action)
+    with pytest.raises(IndexError, match="other"):
+        sims[0].newEpisode("other", "v0", 0, 0)
 
 
 def test_the_batched_interface_gives_lists(made: tuple[Path, list[str]]) -> None:

@@ -6,11 +6,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import ProjectArguments
 from nvsim.cli.console import listening
 from nvsim.project.project import Project
+
+if TYPE_CHECKING:
+    from nvsim.r2r.observations.prepared import Prepared
+    from nvsim.r2r.observations.settings import ScanSettings
 
 
 @dataclass(frozen=True)
@@ -37,18 +41,24 @@ class Arguments(ProjectArguments):
     """Write what R2R agents would choke on as well."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    dry_run: bool = False
+    """Say what would be written, its size and the time it takes, or what speaks against it; write nothing."""
 
 
 def run(arguments: Arguments) -> int:
     from nvsim.cli import show
     from nvsim.graph.connectivity import read_connectivity
     from nvsim.r2r.observations.export import export_scan
+    from nvsim.r2r.observations.prepared import Prepared
     from nvsim.r2r.observations.settings import ScanSettings
 
     a = arguments
     settings = ScanSettings(a.size, a.quality, a.faces, a.views, a.plans)
     # Only read: it may be exported while a submap trains.
     with Project.open(a.project) as project, listening(a.json) as listen:
+        if a.dry_run:
+            _foretell(Prepared.of(project, a.out, a.scan, a.force, a.max_viewpoints), settings, a)
+            return 0
         written = export_scan(project, a.out, a.scan, settings, a.stub, a.force, a.backend, a.max_viewpoints, listen)
     if a.json:
         return 0
@@ -59,3 +69,20 @@ def run(arguments: Arguments) -> int:
     for places in written:
         print(places.folder)
     return 0
+
+
+def _foretell(prepared: Prepared, settings: ScanSettings, a: Arguments) -> None:
+    """Prints what the export comes to; {"scans", "free", "shortage"} and all of the estimate with --json."""
+    from nvsim.cli import show
+    from nvsim.r2r.observations.estimate import size_words
+
+    found = prepared.estimate(settings, a.stub, a.backend)
+    short = prepared.shortage(found)
+    if a.json:
+        scans = [places.scan for places in prepared.places]
+        print(show.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
+        return
+    rows = [(k.what, k.folder or ".", k.files, size_words(k.bytes)) for k in found.kinds]
+    show.table(("files", f"in {prepared.root}", "how many", "about"), rows)
+    print(found.sentence)
+    print(short or f"{size_words(prepared.free)} are free at {prepared.root}.")

@@ -10,7 +10,7 @@ from dataclasses import asdict
 import numpy as np
 
 from nvsim.events import Listener, Progress
-from nvsim.graph.types import Viewpoint
+from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.record import Part, Record, key_of, written
 from nvsim.r2r.observations.settings import ScanSettings
@@ -22,7 +22,12 @@ STAGE = "scan"
 MADE = 1
 """Counts the changes of how images are made: those of a former count are made anew."""
 
-_Todo = tuple[int, Viewpoint, str]  # submap, viewpoint, key
+Todo = tuple[int, Viewpoint, str]  # submap, viewpoint, key
+
+
+def drawn_of(graph: NavGraph) -> dict[str, Viewpoint]:
+    """The viewpoints of `graph` that have images: those that are not left out of navigation."""
+    return {v.id: v for v in graph.viewpoints.values() if v.included}
 
 
 def draw_viewpoints(
@@ -36,7 +41,7 @@ def draw_viewpoints(
 ) -> None:
     """Draws and writes those that `record` does not know as finished. Raises InputError when a model cannot be read or
     the disk refuses."""
-    todo = sorted(_todo(source, viewpoints, settings, record, backend), key=lambda row: row[0])
+    todo = sorted(missing(source, viewpoints, settings, record, backend), key=lambda row: row[0])
     done = len(viewpoints) - len(todo)
     listen(Progress(STAGE, done, len(viewpoints)))
     for id, part in _written(source, todo, places, settings, backend):
@@ -45,9 +50,10 @@ def draw_viewpoints(
         listen(Progress(STAGE, done, len(viewpoints), id))
 
 
-def _todo(
+def missing(
     source: Source, viewpoints: Mapping[str, Viewpoint], settings: ScanSettings, record: Record, backend: Backend
-) -> Iterator[_Todo]:
+) -> Iterator[Todo]:
+    """Those that `record` does not know as finished, made from the same."""
     how = {**asdict(settings), "plans": None, "backend": chosen(backend), "made": MADE}
     for v in viewpoints.values():
         submap = source.scene.nearest(np.array(v.position))
@@ -57,7 +63,7 @@ def _todo(
 
 
 def _written(
-    source: Source, todo: list[_Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
+    source: Source, todo: list[Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
 ) -> Iterator[tuple[str, Part]]:
     """Names of viewpoints and their files, once these are on disk. Of what is drawn, two are in memory at most."""
 

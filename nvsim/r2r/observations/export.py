@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from nvsim import __version__
-from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, silent
+from nvsim.events import Done, Listener, Log, Warning, silent
 from nvsim.files import atomic
 from nvsim.files.locking import WriterLock
-from nvsim.graph.connectivity import check_scan_id, write_connectivity
-from nvsim.graph.exports import refuse
+from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.project.stages.mapped import scan_name
 from nvsim.r2r.observations import stub
-from nvsim.r2r.observations.drawing import MADE, STAGE, draw_viewpoints
+from nvsim.r2r.observations.drawing import MADE, STAGE, draw_viewpoints, drawn_of
+from nvsim.r2r.observations.estimate import Estimate
 from nvsim.r2r.observations.line_of_sight import visible_from
-from nvsim.r2r.observations.ours import refuse_foreign, remove_leftovers
-from nvsim.r2r.observations.parts import split, write_parts
+from nvsim.r2r.observations.ours import remove_leftovers
+from nvsim.r2r.observations.parts import write_parts
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.plan_files import write_plans
+from nvsim.r2r.observations.prepared import Prepared
 from nvsim.r2r.observations.record import Record, key_of, part_on_disk
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.source import Source
@@ -60,21 +59,11 @@ def export_scan(
     holds what is not ours, or the disk refuses.
     """
     settings = settings or ScanSettings()
-    graph = replace(project.need_graph(), scan=scan or scan_name(project))
-    check_scan_id(graph.scan)
-    if graph.scan == stub.SCAN:
-        raise InputError(f"{stub.SCAN} is the name of the stub that agents look for; choose another --scan.")
-    if not force:
-        refuse(graph)
-    parts = [graph] if most is None else split(graph, most)
-    places = [ScanPlaces(root, part.scan) for part in parts]
-    for scan_places in places:
-        refuse_foreign(scan_places)
-    source = Source.of(project, graph)
+    prepared = Prepared.of(project, root, scan, force, most)
+    graph, parts, places = prepared.graph, prepared.parts, prepared.places
+    _say_before(prepared.estimate(settings, with_stub, backend), prepared, listen)
     for part, scan_places in zip(parts, places, strict=True):
-        write_scan(source, part, scan_places, settings, backend, listen)
-        results = {"scan": part.scan, "viewpoints": len(part.viewpoints), "written": str(scan_places.folder)}
-        listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}", results))
+        write_scan(prepared.source, part, scan_places, settings, backend, listen)
     if len(parts) > 1:
         write_parts(root / f"{graph.scan}-parts.csv", parts)
         cut = len(graph.edges) - sum(len(part.edges) for part in parts)
@@ -82,7 +71,17 @@ def export_scan(
     if with_stub:
         stub.write_stub(places[0], settings.views)
         listen(Log(stub.WHY, STAGE))
-    return places
+    for part, scan_places in zip(parts, places, strict=True):
+        results = {"scan": part.scan, "viewpoints": len(part.viewpoints), "written": str(scan_places.folder)}
+        listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}", results))
+    return list(places)
+
+
+def _say_before(estimate: Estimate, prepared: Prepared, listen: Listener) -> None:
+    listen(Log(estimate.sentence, STAGE))
+    short = prepared.shortage(estimate)
+    if short:
+        listen(Warning(short, STAGE))
 
 
 def write_scan(
@@ -93,7 +92,7 @@ def write_scan(
     with _locked(places):
         record = Record(places)
         remove_leftovers(places)
-        viewpoints = {v.id: v for v in graph.viewpoints.values() if v.included}
+        viewpoints = drawn_of(graph)
         draw_viewpoints(source, viewpoints, places, settings, record, backend, listen)
         if settings.plans:
             _add_plans(source, graph, places, record)

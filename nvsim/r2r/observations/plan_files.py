@@ -62,7 +62,7 @@ def write_plans(scene: SceneModel, graph: NavGraph, submaps: tuple[Submap, ...],
     """
     written, notes = [], []
     for storey in storeys_with(graph, submaps):
-        frame = Frame.around(np.concatenate([storey.positions, _places(graph, storey.ids)]))
+        frame = frame_of(graph, storey)
         image = draw_plan(scene, frame, storey.positions, storey.owners)
         plain, drawn = (folder / f"storey_{storey.number}{end}.png" for end in ("", "_graph"))
         atomic.write_bytes(plain, png(image))
@@ -80,8 +80,10 @@ def write_plans(scene: SceneModel, graph: NavGraph, submaps: tuple[Submap, ...],
     return [*written, path]
 
 
-def _places(graph: NavGraph, ids: tuple[str, ...]) -> NDArray[np.float64]:
-    return np.array([graph.viewpoints[id].position for id in ids], np.float64).reshape(-1, 3)
+def frame_of(graph: NavGraph, storey: Storey) -> Frame:
+    """What the plan of a storey of `graph` shows."""
+    places = np.array([graph.viewpoints[id].position for id in storey.ids], np.float64).reshape(-1, 3)
+    return Frame.around(np.concatenate([storey.positions, places]))
 
 
 def _note(graph: NavGraph, storey: Storey, frame: Frame, plain: Path, drawn: Path) -> dict[str, Any]:

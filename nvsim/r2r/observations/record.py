@@ -83,13 +83,17 @@ def part_on_disk(root: Path, files: Iterable[Path], key: str) -> Part:
 class Record:
     """The finished parts of one scan, by name. Held by one process at a time, see `ScanPlaces.lock`."""
 
-    def __init__(self, places: ScanPlaces) -> None:
-        """Reads the manifest and the journal that are there. Raises InputError where the manifest is damaged."""
+    def __init__(self, places: ScanPlaces, only_look: bool = False) -> None:
+        """Reads the manifest and the journal that are there; begins a journal unless with `only_look`, which writes
+        nothing. Raises InputError where the manifest is damaged."""
         self._places = places
         self.parts: dict[str, Part] = {}
         for name, data in read_manifest(places.manifest).get("parts", {}).items():
             self.parts[name] = _part(data, places.manifest)
-        self._continue()
+        whole = self._take_over_journal()
+        if not only_look:
+            # A line that was cut off is left out, so that the next begins a line.
+            atomic.write_text(places.journal, "".join(whole))
         self._before = {file for part in self.parts.values() for file in part.files}
 
     def finished(self, name: str, key: str) -> bool:
@@ -122,12 +126,11 @@ class Record:
         atomic.write_text(self._places.manifest, text + "\n")
         self._places.journal.unlink(missing_ok=True)
 
-    def _continue(self) -> None:
-        """Takes over the lines of the journal, and leaves out one that was cut off, so that the next begins a line."""
+    def _take_over_journal(self) -> list[str]:
+        """The whole lines of the journal, whose parts are known from now on."""
         path = self._places.journal
         if not os.path.lexists(path):
-            atomic.write_text(path, "")
-            return
+            return []
         whole = []
         for line in read_text(path, "a journal of an export", "remove it and export again", _LARGEST).splitlines():
             try:
@@ -136,7 +139,7 @@ class Record:
             except (ValueError, KeyError, TypeError, AttributeError):
                 continue
             whole.append(line + "\n")
-        atomic.write_text(path, "".join(whole))
+        return whole
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +23,17 @@ from nvsim.submaps.types import Submap
 class Source:
     """scene    of the models in use, one of them in memory at a time
     submaps  those that have a model
-    keys     index of a submap -> SHA-256 of the files of its model
+    folders  index of a submap -> where its model lies
     """
 
     scene: SceneModel
     submaps: tuple[Submap, ...]
-    keys: Mapping[int, str]
+    folders: Mapping[int, Path]
+
+    @cached_property
+    def keys(self) -> Mapping[int, str]:
+        """Index of a submap -> SHA-256 of the files of its model, which are read whole for it."""
+        return {i: _key(folder) for i, folder in self.folders.items()}
 
     @staticmethod
     def of(project: Project, graph: NavGraph) -> Source:
@@ -45,7 +51,7 @@ class Source:
                         f"Submap {nearest.index}, in which viewpoint {v.id} stands, has no model; run `nvsim train "
                         f"--project {project.layout.root}` first."
                     )
-        return Source(scene, trained, {i: _key(project.layout.model(i)) for i in scene.indices})
+        return Source(scene, trained, {i: project.layout.model(i) for i in scene.indices})
 
 
 def _distance(submap: Submap, viewpoint: Viewpoint) -> float:

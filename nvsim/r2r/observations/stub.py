@@ -31,14 +31,21 @@ _SHADES = np.array([0.72, 0.62, 0.52, 0.80])  # walls across x, walls across y, 
 _SIZE = 512
 
 
+def is_wanted(places: ScanPlaces) -> bool:
+    """Whether no scan of the stub's name lies in the folder of `places` yet."""
+    stub = ScanPlaces(places.root, SCAN)
+    if stub.connectivity.exists():
+        return False
+    return not (stub.folder.exists() and any(p.name not in _NAMES for p in stub.folder.rglob("*") if p.is_file()))
+
+
 def write_stub(places: ScanPlaces, views: bool) -> bool:
     """Writes the stub into the folder of `places`, with the 36 views where `views` is set, and returns True; does
     nothing where any scan of that name is there. Raises InputError when the disk refuses."""
     stub = ScanPlaces(places.root, SCAN)
-    if stub.connectivity.exists():
-        list_scan(stub.scans, SCAN)
-        return False
-    if stub.folder.exists() and any(p.name not in _NAMES for p in stub.folder.rglob("*") if p.is_file()):
+    if not is_wanted(places):
+        if stub.connectivity.exists():
+            list_scan(stub.scans, SCAN)
         return False
     cameras = face_cameras(np.array(_EYE), _SIZE)
     rooms = [_seen(camera.rays().astype(np.float64)) for camera in cameras]

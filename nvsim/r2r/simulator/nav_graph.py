@@ -19,7 +19,7 @@ from nvsim.errors import InputError
 from nvsim.files.regular import read_text
 from nvsim.graph.types import NavGraph as Graph
 from nvsim.r2r.simulator.errors import InvalidValue, UnknownScan
-from nvsim.r2r.simulator.scan import CANONICAL, Scan, read_scan, scan_of
+from nvsim.r2r.simulator.scan import Scan, level_scan, read_scan
 
 _LARGEST_LIST = 1 << 24  # bytes of a scans.txt
 _LOCK = threading.Lock()
@@ -74,28 +74,31 @@ class NavGraph:
         return found
 
 
-class GraphOfProject:
-    """The graph of a project as a scan: its viewpoints are all level and face +y."""
+class OneScan:
+    """A single scan, whoever made it."""
 
-    def __init__(self, graph: Graph, id: str) -> None:
-        viewpoints = list(graph.viewpoints.values())
-        index = {v.id: i for i, v in enumerate(viewpoints)}
-        free = np.zeros((len(viewpoints), len(viewpoints)), bool)
-        for a, b in graph.edges:
-            free[index[a], index[b]] = free[index[b], index[a]] = True
-        pose = np.tile(np.eye(4), (len(viewpoints), 1, 1))
-        pose[:, :3, :3] = CANONICAL
-        pose[:, :3, 3] = [v.position for v in viewpoints]
-        included = np.array([v.included for v in viewpoints], bool)
-        self._scan = scan_of(id, list(index), included, pose, free)
+    def __init__(self, scan: Scan) -> None:
+        self._scan = scan
 
     def scan_ids(self) -> tuple[str, ...]:
         return (self._scan.id,)
 
     def scan(self, id: str) -> Scan:
         if id != self._scan.id:
-            raise UnknownScan(f"The project has the scan {self._scan.id!r} and no {id!r} (map::at); check its id.")
+            raise UnknownScan(f"There is the scan {self._scan.id!r} alone and no {id!r} (map::at); check its id.")
         return self._scan
+
+
+class GraphOfProject(OneScan):
+    """The graph of a project as a scan: its viewpoints are all level and face +y."""
+
+    def __init__(self, graph: Graph, id: str) -> None:
+        viewpoints = list(graph.viewpoints.values())
+        index = {v.id: i for i, v in enumerate(viewpoints)}
+        edges = np.array([(index[a], index[b]) for a, b in graph.edges], np.int64).reshape(-1, 2)
+        positions = np.array([v.position for v in viewpoints]).reshape(-1, 3)
+        included = np.array([v.included for v in viewpoints], bool)
+        super().__init__(level_scan(id, list(index), included, positions, edges))
 
 
 class Joined:

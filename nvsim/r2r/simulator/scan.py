@@ -83,6 +83,22 @@ def scan_of(
     return Scan(id, tuple(ids), included, position, rotation, starts, neighbour, towards, reach)
 
 
+def level_scan(
+    id: str,
+    ids: Sequence[str],
+    included: NDArray[np.bool_],
+    positions: NDArray[np.float64],  # (n, 3) metres, world
+    edges: NDArray[np.int64],  # (m, 2) indices into ids, to be gone both ways
+) -> Scan:
+    """The scan of viewpoints that are all level and face +y."""
+    free = np.zeros((len(ids), len(ids)), bool)
+    free[edges[:, 0], edges[:, 1]] = free[edges[:, 1], edges[:, 0]] = True
+    pose = np.tile(np.eye(4), (len(ids), 1, 1))
+    pose[:, :3, :3] = CANONICAL
+    pose[:, :3, 3] = positions
+    return scan_of(id, ids, included, pose, free)
+
+
 def ways(start: NDArray[np.float32], end: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """`towards` (m, 4) and `reach` (m, 2) of a Scan, for ways between places (m, 3)."""
     offset = (end - start).reshape(-1, 3).astype(np.float32)

@@ -33,10 +33,13 @@ class Simulator(Settings):
 
     Unlike the original: many simulators of a process may have different graphs and data sets; a graph that was edited
     holds from the next episode on; a call that is refused changes nothing; after `close()` it can be set up again.
+
+    With `scans` these are walked, in place of what setNavGraphPath or a project as data set names.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, scans: Scans | None = None) -> None:
         super().__init__()
+        self._given = scans
         self._lock = threading.RLock()
         self._timers = Timers()
         self._batch: Batch | None = None
@@ -54,6 +57,7 @@ class Simulator(Settings):
             self._view = View(self.width, self.height, self.vfov, self.depth_enabled)
             images = [black(self.width, self.height) for _ in range(self.batch_size)]
             scans, drawing = source_of(self)
+            scans = scans if self._given is None else self._given
             if self.rendering_enabled and self.preloading:
                 begin = time.perf_counter()
                 drawing.preload(scans, self.depth_enabled)

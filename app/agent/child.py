@@ -1,0 +1,290 @@
+"""The process in which an agent walks: a simulator gives the states, at once, and a thread draws the newest of them.
+Knows no Qt.
+
+A process of its own, because the simulator compiles its kernels and loads models, and a window must not wait for that.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.agent.state import AgentState, Location, Pose, Walk, WalkedGraph
+from nvsim.errors import InputError
+from nvsim.geometry.view_sweep import HEIGHT, VFOV, WIDTH
+
+if TYPE_CHECKING:
+    from nvsim.r2r.simulator import SimState, Simulator, ViewPoint
+    from nvsim.r2r.simulator.images import Images
+    from nvsim.r2r.simulator.scan import Scan
+
+_KEPT = 48  # images, 0.9 MB each
+
+
+@dataclass(frozen=True)
+class AgentSource:
+    """Where an agent is: in a project, whose models draw; or in the scan of a connectivity file, with the folder of
+    images beside it, where there is one. `lacking` says why there is nothing to draw from, "" where there may be."""
+
+    project: Path | None = None
+    file: Path | None = None
+    images: Path | None = None
+    lacking: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class WalkRequest:
+    """graph: what is walked from now on, None for the one before."""
+
+    number: int
+    walk: Walk
+    graph: WalkedGraph | None = None
+
+
+@dataclass(frozen=True)
+class Started:
+    """The simulator is loaded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """Where the walk led, and its poses from the start on."""
+
+    number: int
+    state: AgentState
+    trajectory: tuple[Pose, ...]
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The graph does not allow the step at index `at`; -1: nobody can stand where the walk begins."""
+
+    number: int
+    at: int
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """pixels (480, 640, 3) uint8: blue, green, red; None where there is no image, and why."""
+
+    number: int
+    pixels: NDArray[np.uint8] | None
+    why: str = ""
+    trace: str = ""
+
+
+def serve(connection: Connection, source: AgentSource) -> None:
+    """Answers WalkRequests until the other end closes the pipe: with Walked, and after it Seen, or with Refused."""
+    if hasattr(os, "nice"):
+        os.nice(5)  # the window comes first
+    lock = threading.Lock()
+
+    def tell(message: object) -> None:
+        with lock:
+            connection.send(message)
+
+    try:
+        ground = _Ground(source)
+        tell(Started())
+        drawing = _Drawing(source, tell)
+        while True:
+            request: WalkRequest = connection.recv()
+            if request.graph is not None:
+                ground.walk_on(request.graph)
+            try:
+                state, trajectory = ground.after(request.walk)
+            except _Impossible as step:
+                tell(Refused(request.number, step.at, str(step)))
+                continue
+            tell(Walked(request.number, _values(state), trajectory))
+            drawing.want(request.number, ground.scan, state)
+    except (EOFError, OSError):
+        return  # the window is gone
+
+
+class _Impossible(Exception):
+    def __init__(self, at: int, why: str) -> None:
+        super().__init__(why)
+        self.at = at
+
+
+class _Ground:
+    """The simulator on the graph as the window has it."""
+
+    def __init__(self, source: AgentSource) -> None:
+        import nvsim.r2r.simulator  # noqa: F401  # its kernels are loaded before the first request
+
+        self._source = source
+        self._name = _scan_name(source)
+        self._rotations: dict[str, NDArray[np.float64]] = {}
+        if source.file is not None:
+            self._rotations = _rotations(source.file, self._name)
+        self.scan: Scan
+
+    def walk_on(self, graph: WalkedGraph) -> None:
+        from nvsim.r2r.simulator.scan import level_scan
+
+        level = level_scan(self._name, graph.ids, graph.included, graph.positions, graph.edges)
+        turned = [self._rotations.get(id, rotation) for id, rotation in zip(graph.ids, level.rotation, strict=True)]
+        self.scan = replace(level, rotation=np.array(turned).reshape(-1, 3, 3))
+
+    def after(self, walk: Walk) -> tuple[SimState, tuple[Pose, ...]]:
+        """The state after a walk. Raises _Impossible."""
+        simulator = self._simulator(walk.restricted)
+        start = walk.start
+        try:
+            simulator.newEpisode(self.scan.id, start.viewpoint, start.heading, start.elevation)
+        except InputError as error:
+            raise _Impossible(-1, str(error)) from error
+        state: SimState = simulator.getState()
+        trajectory = [_pose(state)]
+        for at, step in enumerate(walk.steps):
+            index = 0
+            if step.to:
+                ids = [place.viewpointId for place in state.navigableLocations]
+                if step.to not in ids[1:]:
+                    raise _Impossible(at, f"{step.to} is not navigable from {state.location.viewpointId}.")
+                index = ids.index(step.to, 1)
+            simulator.makeAction(index, float(step.heading), float(step.elevation))
+            trajectory.append(_pose(state))
+        return state, tuple(trajectory)
+
+    def _simulator(self, restricted: bool) -> Simulator:
+        """Set up as agents of R2R do. It draws nothing: the states of a replay have no images to wait for."""
+        from nvsim.r2r.simulator import Simulator
+        from nvsim.r2r.simulator.nav_graph import OneScan
+
+        made = Simulator(OneScan(self.scan))
+        made.setCameraResolution(WIDTH, HEIGHT)
+        made.setCameraVFOV(VFOV)
+        made.setDiscretizedViewingAngles(True)
+        made.setRestrictedNavigation(restricted)
+        made.setRenderingEnabled(False)
+        return made
+
+
+class _Drawing:
+    """Draws the newest state in a thread, and forgets those that came between."""
+
+    def __init__(self, source: AgentSource, tell: Callable[[Seen], None]) -> None:
+        self._source, self._tell = source, tell
+        self._images: Images | None = None
+        self._drawn: OrderedDict[tuple[object, ...], NDArray[np.uint8]] = OrderedDict()
+        self._wanted: tuple[int, Scan, int, float, float] | None = None
+        self._wake = threading.Condition()
+        threading.Thread(target=self._run, name="drawing", daemon=True).start()
+
+    def want(self, number: int, scan: Scan, state: SimState) -> None:
+        with self._wake:
+            self._wanted = number, scan, state.location.ix, state.heading, state.elevation
+            self._wake.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                while self._wanted is None:
+                    self._wake.wait()
+                (number, scan, index, heading, elevation), self._wanted = self._wanted, None
+            try:
+                seen = Seen(number, self._draw(scan, index, heading, elevation))
+            except InputError as error:
+                seen = Seen(number, None, str(error))
+            except Exception as error:
+                seen = Seen(number, None, f"The view could not be drawn: {error}.", traceback.format_exc())
+            try:
+                self._tell(seen)
+            except OSError:
+                return  # the window is gone
+
+    def _draw(self, scan: Scan, index: int, heading: float, elevation: float) -> NDArray[np.uint8]:
+        from nvsim.r2r.simulator.images import View
+
+        if self._source.lacking:
+            raise InputError(self._source.lacking)
+        key = (scan.ids[index], *scan.position[index].tolist(), heading, elevation)
+        found = self._drawn.get(key)
+        if found is None:
+            if self._images is None:
+                self._images = _images_of(self._source)
+            if self._source.images is not None:
+                scan = replace(scan, id=self._source.images.parent.name)  # as StripImages calls its folder
+            found, _ = self._images.draw(scan, index, heading, elevation, View(WIDTH, HEIGHT, VFOV, False))
+        self._drawn[key] = found
+        self._drawn.move_to_end(key)
+        while len(self._drawn) > _KEPT:
+            self._drawn.popitem(last=False)
+        return found
+
+
+def _images_of(source: AgentSource) -> Images:
+    """Raises InputError where there are none."""
+    from nvsim.r2r.simulator.images import StripImages
+
+    if source.project is not None:
+        from nvsim.r2r.simulator.live import ProjectImages
+
+        return ProjectImages(source.project)
+    if source.images is None:
+        raise InputError("There are no images to draw from.")
+    return StripImages(source.images.parent.parent, 16)
+
+
+def _scan_name(source: AgentSource) -> str:
+    if source.file is not None:
+        from nvsim.graph.connectivity import SUFFIX
+
+        return source.file.name.removesuffix(SUFFIX) if source.file.name.endswith(SUFFIX) else source.file.stem
+    if source.project is None:
+        return "scan"
+    from nvsim.project.project import Project
+    from nvsim.project.stages.mapped import scan_name
+
+    try:
+        with Project.open(source.project) as project:
+            return scan_name(project)
+    except InputError:
+        return source.project.stem  # it still has a graph that is walked
+
+
+def _rotations(file: Path, name: str) -> dict[str, NDArray[np.float64]]:
+    """Viewpoint id -> camera-to-world (3, 3) of its pose; nothing where the simulator does not read the file."""
+    from nvsim.r2r.simulator.scan import read_scan
+
+    try:
+        scan = read_scan(file, name)
+    except InputError:
+        return {}
+    return dict(zip(scan.ids, scan.rotation, strict=True))
+
+
+def _pose(state: SimState) -> Pose:
+    return Pose(state.location.viewpointId, state.heading, state.elevation)
+
+
+def _values(state: SimState) -> AgentState:
+    locations = tuple(_location(place) for place in state.navigableLocations)
+    return AgentState(
+        state.scanId,
+        state.step,
+        _location(state.location),
+        state.heading,
+        state.elevation,
+        state.viewIndex,
+        locations,
+    )
+
+
+def _location(place: ViewPoint) -> Location:
+    relative = place.rel_heading, place.rel_elevation, place.rel_distance
+    return Location(place.viewpointId, place.ix, place.x, place.y, place.z, *relative)

@@ -1,0 +1,249 @@
+"""The agent's image, as large as its place allows, with the navigable locations in it to be clicked."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, QTimer, Signal
+from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from app.agent.marks import Mark, marks
+from app.agent.state import AgentState
+from app.agent.walking import AgentWalk
+from app.look import colors
+from app.look.plain_text import lines, tip
+from app.painting.primitives import chip, chip_box
+from app.state.document import Document
+from nvsim.geometry.view_sweep import HEIGHT, WIDTH
+
+RADIUS = 13.0  # pixels of a mark
+_REACH = 18.0  # pixels around it that take a click
+_PATIENCE = 150  # milliseconds that the image before stays while the next is drawn, with its own marks
+_GROUND, _INK, _LABEL = QColor("#181a1f"), QColor("#e8edf2"), QColor(16, 20, 26, 200)
+KEYS = "← → turn 30° · ↑ ↓ look up, down · 1–9 go · Backspace back · Home start · Esc ends"
+
+
+class AgentView(QWidget):
+    """taken(str): the mark of the navigable location of that id was clicked; pointedAt(int): its index, -1 for none."""
+
+    taken = Signal(str)
+    pointedAt = Signal(int)
+
+    def __init__(self, document: Document, walk: AgentWalk, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("agentView")
+        self.setAccessibleName("View of the agent")
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMouseTracking(True)
+        self.setMinimumSize(WIDTH // 2, HEIGHT // 2)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self._document, self._walk = document, walk
+        self.shown: AgentState | None = None
+        """The state whose marks are drawn."""
+        self.marks: tuple[Mark, ...] = ()
+        self._refusal = ""
+        self.pointed = -1  # index of the mark under the cursor, or of the row in the panel
+        self._image: QImage | None = None
+        self._image_of: AgentState | None = None
+        self._late = QTimer(self, singleShot=True, interval=_PATIENCE)
+        self._late.timeout.connect(self._show_state)
+        walk.changed.connect(self._on_changed)
+        walk.pictured.connect(self._on_pictured)
+        walk.refused.connect(self._on_refused)
+
+    def sizeHint(self) -> QSize:
+        return QSize(WIDTH, HEIGHT)
+
+    def point(self, index: int) -> None:
+        """Makes the mark of a navigable location stand out; -1 for none."""
+        if index != self.pointed:
+            self.pointed = index
+            self.update()
+
+    # Following the walk -------------------------------------------------------------------------------------------
+
+    def _on_refused(self, sentence: str) -> None:
+        self._refusal = sentence
+        self.update()
+
+    def _on_changed(self) -> None:
+        state, self._refusal = self._walk.state, ""
+        if state is None:
+            self._image = self._image_of = None
+            self._late.stop()
+        if state is None or self._image_of is None or not self._walk.drawing:
+            self._show_state()
+        elif not self._late.isActive():
+            self._late.start()
+
+    def _on_pictured(self) -> None:
+        pixels = self._walk.pixels
+        self._image, self._image_of = None, None
+        if pixels is not None:
+            # Format_BGR888 does not own its pixels: the walk holds them as long as it is drawn.
+            self._image = QImage(pixels.data, WIDTH, HEIGHT, 3 * WIDTH, QImage.Format.Format_BGR888).copy()
+            self._image_of = self._walk.state
+        self._show_state()
+
+    def _show_state(self) -> None:
+        self._late.stop()
+        self.shown = self._walk.state
+        arrays = self._document.graph_arrays
+        places = () if self.shown is None else self.shown.navigableLocations
+        feet = {
+            p.viewpointId: arrays.feet[arrays.index[p.viewpointId]] for p in places if p.viewpointId in arrays.index
+        }
+        self.marks = () if self.shown is None else marks(self.shown, feet)
+        self.pointed = -1
+        self.update()
+
+    # Where things lie ---------------------------------------------------------------------------------------------
+
+    @property
+    def box(self) -> QRectF:
+        """Where the image lies in the widget, pixels."""
+        scale = min(self.width() / WIDTH, self.height() / HEIGHT)
+        width, height = WIDTH * scale, HEIGHT * scale
+        return QRectF((self.width() - width) / 2, (self.height() - height) / 2, width, height)
+
+    def spot(self, mark: Mark) -> QPointF:
+        """Where a mark lies in the widget, pixels."""
+        return self._at(mark.x, mark.y)
+
+    def _at(self, x: float, y: float) -> QPointF:
+        box = self.box
+        return QPointF(box.x() + x * box.width() / WIDTH, box.y() + y * box.height() / HEIGHT)
+
+    def under(self, point: QPointF) -> int:
+        """The index of the location whose mark is there, -1 for none."""
+        reached = [(_apart(self.spot(mark), point), mark.index) for mark in self.marks]
+        near = [found for found in reached if found[0] <= _REACH]
+        return min(near)[1] if near else -1
+
+    # Painting -----------------------------------------------------------------------------------------------------
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        painter.fillRect(self.rect(), _GROUND)
+        box = self.box
+        if self._image is not None:
+            painter.drawImage(box, self._image)
+            if self._image_of is not self.shown:
+                painter.fillRect(box, QColor(24, 26, 31, 190))
+        self._paint_words(painter, box)
+        if self.shown is not None:
+            painter.save()
+            painter.setClipRect(box)
+            self._paint_marks(painter)
+            painter.restore()
+            self._paint_angles(painter, self.shown, box)
+        painter.end()
+
+    def _paint_marks(self, painter: QPainter) -> None:
+        font = painter.font()
+        font.setPointSizeF(9.5)
+        font.setBold(True)
+        painter.setFont(font)
+        taken: list[QRectF] = []
+        for mark in (m for m in self.marks if m.foot is not None):
+            self._paint_foot(painter, mark)
+        # Near ones last, over the others; their names first, where there is room for both.
+        for mark in self.marks:
+            self._paint_disc(painter, mark)
+        for mark in reversed(self.marks):
+            metres = f"{mark.distance:.1f} m"
+            spot = self.spot(mark)
+            anchor = QPointF(spot.x() + RADIUS + 3, spot.y() + 9)
+            where = chip_box(painter, anchor, metres)
+            if where.right() > self.box.right():
+                anchor.setX(spot.x() - RADIUS - 3 - where.width())
+            where = chip_box(painter, anchor, metres)
+            if not any(where.intersects(other) for other in taken) or mark.index == self.pointed:
+                taken.append(chip(painter, anchor, metres, _INK, _LABEL))
+
+    def _paint_foot(self, painter: QPainter, mark: Mark) -> None:
+        assert mark.foot is not None
+        spot, foot = self.spot(mark), self._at(*mark.foot)
+        painter.setPen(QPen(QColor(0, 0, 0, 120), 3.4))
+        painter.drawLine(spot, foot)
+        painter.setPen(QPen(QColor(colors.AGENT), 1.8))
+        painter.drawLine(spot, foot)
+        painter.setBrush(QColor(colors.AGENT))
+        wide = max(4.0, 26.0 / max(mark.distance, 1.0))
+        painter.drawEllipse(foot, wide, 0.4 * wide)
+
+    def _paint_disc(self, painter: QPainter, mark: Mark) -> None:
+        spot, pointed = self.spot(mark), mark.index == self.pointed
+        radius = RADIUS * (1.25 if pointed else 1.0)
+        painter.setPen(QPen(QColor(colors.SELECTED if pointed else "#ffffff"), 2.0))
+        painter.setBrush(QColor(colors.AGENT))
+        if mark.inside:
+            painter.drawEllipse(spot, radius, radius)
+        else:
+            painter.drawRoundedRect(QRectF(spot.x() - radius, spot.y() - radius, 2 * radius, 2 * radius), 4, 4)
+        painter.setPen(QColor("#ffffff"))
+        around = QRectF(spot.x() - 20, spot.y() - 20, 40, 40)
+        painter.drawText(around, Qt.AlignmentFlag.AlignCenter, str(mark.index))
+
+    def _paint_angles(self, painter: QPainter, state: AgentState, box: QRectF) -> None:
+        degrees = round(math.degrees(state.heading)), round(math.degrees(state.elevation))
+        words = f"heading {degrees[0]}°, elevation {degrees[1]:+d}°, view {state.viewIndex}, step {state.step}"
+        chip(painter, QPointF(box.x() + 8, box.y() + 30), words, _INK, _LABEL)
+        if len(state.navigableLocations) == 1:
+            words = "no navigable location in view" if self._walk.restricted else "no navigable location from here"
+            chip(painter, QPointF(box.x() + 8, box.y() + 56), words, _INK, _LABEL)
+        font = painter.font()
+        font.setPointSizeF(8.5)
+        font.setBold(False)
+        painter.setFont(font)
+        if self._refusal:
+            ink = QColor(colors.SELECTED)
+            width = chip_box(painter, QPointF(), self._refusal).width()
+            chip(painter, QPointF(box.center().x() - width / 2, box.bottom() - 36), self._refusal, ink, _LABEL)
+        if painter.fontMetrics().horizontalAdvance(KEYS) + 28 < box.width():
+            chip(painter, QPointF(box.x() + 8, box.bottom() - 8), KEYS, _INK, _LABEL)
+
+    def _paint_words(self, painter: QPainter, box: QRectF) -> None:
+        walk = self._walk
+        if walk.no_image:
+            words = f"No image: {walk.no_image}"
+        elif walk.state is None:
+            words = "Starting the simulator…"
+        elif walk.drawing and (self._image is None or self._image_of is not self.shown):
+            words = "Drawing…"
+        else:
+            return
+        painter.setPen(QColor("#9aa5b1"))
+        flags = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop | Qt.TextFlag.TextWordWrap
+        painter.drawText(box.adjusted(40, 0.18 * box.height(), -40, 0), flags, lines(words))
+
+    # Mouse --------------------------------------------------------------------------------------------------------
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        index = self.under(event.position())
+        if index != self.pointed:
+            self.point(index)
+            self.pointedAt.emit(index)
+        self.setCursor(Qt.CursorShape.PointingHandCursor if index > 0 else Qt.CursorShape.ArrowCursor)
+        self.setToolTip(tip(f"Click to go to {self._viewpoint(index)}") if index > 0 else "")
+
+    def _viewpoint(self, index: int) -> str:
+        return next((mark.viewpoint for mark in self.marks if mark.index == index), "")
+
+    def leaveEvent(self, event: QEvent) -> None:
+        self.point(-1)
+        self.pointedAt.emit(-1)
+        super().leaveEvent(event)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        index = self.under(event.position())
+        if event.button() == Qt.MouseButton.LeftButton and index > 0:
+            self.taken.emit(self._viewpoint(index))
+
+
+def _apart(one: QPointF, other: QPointF) -> float:
+    return float(np.hypot(one.x() - other.x(), one.y() - other.y()))

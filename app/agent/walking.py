@@ -1,0 +1,240 @@
+"""The walk that the window shows: what the user asks for becomes a step, the simulator says where it led."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from app.agent.child import AgentSource, Refused, Seen, Walked
+from app.agent.link import AgentLink
+from app.agent.state import AgentState, Pose, Step, Walk, WalkedGraph
+from app.layers.labels import short_id
+from app.state.document import Document
+
+_WAITING = 8  # keys that are remembered while the simulator answers
+_NOWHERE = "The graph has no viewpoint left where an agent may stand."
+
+
+class AgentWalk(QObject):
+    """changed(): another state, another trajectory, or none; pictured(): another image, or why there is none;
+    refused(str): why what was asked for is not done; said(str): what the user should know of the walk;
+    failed(str, str): why there is no image where that is our mistake, and the trace; ended(str): it cannot go on, and
+    why."""
+
+    changed = Signal()
+    pictured = Signal()
+    refused = Signal(str)
+    said = Signal(str)
+    failed = Signal(str, str)
+    ended = Signal(str)
+
+    def __init__(self, document: Document, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.link = AgentLink(self)
+        self.restricted = True
+        self.state: AgentState | None = None
+        self.trajectory: tuple[Pose, ...] = ()
+        self.pixels: NDArray[np.uint8] | None = None
+        """(480, 640, 3) uint8, blue, green, red: the newest image; of `state` unless `drawing`."""
+        self.no_image = ""
+        """Why there is none of `state`."""
+        self.drawing = False
+        self._walk: Walk | None = None
+        self._asked = False  # the answer is under way
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._edited = QTimer(self, singleShot=True, interval=0)  # an undo of many steps is one change
+        self._edited.timeout.connect(self._follow_graph)
+        document.graphChanged.connect(self._on_edit)
+        self.link.walked.connect(self._on_walked)
+        self.link.refused.connect(self._on_refused)
+        self.link.seen.connect(self._on_seen)
+        self.link.troubled.connect(self.said)
+        self.link.gaveUp.connect(self.ended)
+
+    @property
+    def active(self) -> bool:
+        return self._walk is not None
+
+    # Beginning and ending -----------------------------------------------------------------------------------------
+
+    def begin(self, source: AgentSource, place: NDArray[np.float64], heading: float) -> None:
+        """Begins at the viewpoint nearest to `place` (3,) that agents may stand at, looking level to `heading`
+        radians. There must be one."""
+        self.stop()
+        start = self._nearest(place)
+        assert start is not None
+        self._walk = Walk(Pose(start, heading, 0.0), (), self.restricted)
+        self.link.set_graph(walked_graph(self._document))
+        self.link.open(source)
+        self._ask(self._walk)
+
+    def stop(self) -> None:
+        """Ends the walk and the process; may be called again."""
+        self._edited.stop()
+        self._walk, self.state, self.trajectory = None, None, ()
+        self.pixels, self.no_image, self.drawing = None, "", False
+        self._asked = False
+        self._waiting.clear()
+        self.link.forget()
+        self.changed.emit()
+
+    def draw_from(self, source: AgentSource) -> None:
+        """The images come from elsewhere: the models have changed."""
+        if self._walk is not None:
+            self.drawing = True
+            self.link.open(source)
+
+    # What the user asks for ---------------------------------------------------------------------------------------
+
+    def turn(self, right: int, up: int) -> None:
+        """By 30 degrees, of which the signs count."""
+        self._then(lambda: self._go_on(Step("", right, up)))
+
+    def take(self, index: int) -> None:
+        """Goes to that navigable location; 0 stays, which is an action too."""
+        self._then(lambda: self._take(index))
+
+    def take_viewpoint(self, id: str) -> None:
+        """Goes to the navigable location of that id."""
+        self._then(lambda: self._take(self.index_of(id)))
+
+    def back(self) -> None:
+        """Takes the last action back, as if it had never been."""
+        self._then(lambda: self._retrace(1))
+
+    def home(self) -> None:
+        """Takes all actions back."""
+        self._then(lambda: self._retrace(len(self._walk.steps) if self._walk else 0))
+
+    def set_restricted(self, on: bool) -> None:
+        """Whether only what is in the horizontal field of view can be gone to."""
+        self.restricted = on
+        if self._walk is not None and self._walk.restricted != on:
+            self._ask(Walk(self._walk.start, self._walk.steps, on))
+
+    def index_of(self, id: str) -> int:
+        """Among the navigable locations, -1 where it is none of them."""
+        places = () if self.state is None else self.state.navigableLocations
+        return next((i for i, place in enumerate(places) if i and place.viewpointId == id), -1)
+
+    def _then(self, what: Callable[[], None]) -> None:
+        """Does it once it is known where the agent is, as a location is told by its place in that state's list."""
+        if self._walk is None or self.state is None:
+            return
+        if not self._asked:
+            what()
+        elif len(self._waiting) < _WAITING:
+            self._waiting.append(what)
+
+    def _take(self, index: int) -> None:
+        places = () if self.state is None else self.state.navigableLocations
+        if 0 <= index < len(places):
+            self._go_on(Step(places[index].viewpointId if index else ""))
+        elif index < 0:
+            self.refused.emit("That viewpoint is no navigable location from here; turn towards it, or go nearer.")
+        else:
+            many = f"The navigable locations are 0 to {len(places) - 1}" if len(places) > 1 else "None is in view"
+            self.refused.emit(f"There is no navigable location {index}. {many}; turn to see others.")
+
+    def _retrace(self, steps: int) -> None:
+        assert self._walk is not None
+        if not self._walk.steps:
+            self.refused.emit("The agent is at its start.")
+            return
+        self._ask(Walk(self._walk.start, self._walk.steps[:-steps], self._walk.restricted))
+
+    def _go_on(self, step: Step) -> None:
+        assert self._walk is not None
+        self._ask(self._walk.then(step))
+
+    # The simulator ------------------------------------------------------------------------------------------------
+
+    def _ask(self, walk: Walk) -> None:
+        self._walk, self._asked, self.drawing = walk, True, True
+        self.link.ask(walk)
+
+    def _on_walked(self, answer: Walked) -> None:
+        self._asked = False
+        self.state, self.trajectory, self.no_image = answer.state, answer.trajectory, ""
+        self.changed.emit()
+        while self._waiting and not self._asked:
+            self._waiting.popleft()()
+
+    def _on_seen(self, answer: Seen) -> None:
+        self.drawing = False
+        self.pixels, self.no_image = answer.pixels, answer.why
+        if answer.trace:
+            self.failed.emit(answer.why, answer.trace)
+        self.pictured.emit()
+
+    def _on_refused(self, answer: Refused) -> None:
+        """An edit took away what was walked: a new episode begins where the agent stands, or as near as can be."""
+        assert self._walk is not None
+        self._asked = False
+        self._waiting.clear()
+        here = self._walk.start if self.state is None else self.state.pose
+        place = self._place_of(here)
+        start = None if place is None else self._nearest(place)
+        if start is None:
+            self.ended.emit(_NOWHERE)
+            return
+        if answer.at < 0 and start == self._walk.start.viewpoint:
+            self.ended.emit(answer.why)
+            return
+        if start == here.viewpoint:
+            self.said.emit("The way here cannot be walked any more, so a new episode begins where the agent stands.")
+        else:
+            gone, near = short_id(here.viewpoint), short_id(start)
+            self.said.emit(f"The agent cannot stand at {gone} any more; a new episode begins at {near}, the nearest.")
+        self._ask(Walk(Pose(start, here.heading, here.elevation), (), self.restricted))
+
+    # The graph ----------------------------------------------------------------------------------------------------
+
+    def _on_edit(self, _: object) -> None:
+        if self._walk is not None:
+            self._edited.start()
+
+    def follow_graph(self) -> None:
+        """The graph is another."""
+        self._on_edit(None)
+
+    def _follow_graph(self) -> None:
+        if self._walk is None:
+            return
+        if not self._document.graph_arrays.included.any():
+            self.ended.emit(_NOWHERE)
+            return
+        self.link.set_graph(walked_graph(self._document))
+        self._ask(self._walk)
+
+    def _place_of(self, pose: Pose) -> NDArray[np.float64] | None:
+        """(3,) where it is now, or was when it was there last."""
+        row = self._document.graph_arrays.index.get(pose.viewpoint)
+        if row is not None:
+            return self._document.graph_arrays.positions[row]
+        return None if self.state is None else self.state.position
+
+    def _nearest(self, place: NDArray[np.float64]) -> str | None:
+        """The viewpoint that is not excluded nearest to `place` (3,)."""
+        arrays = self._document.graph_arrays
+        rows = np.flatnonzero(arrays.included)
+        if not len(rows):
+            return None
+        return arrays.ids[rows[np.argmin(np.linalg.norm(arrays.positions[rows] - place, axis=1))]]
+
+
+def walked_graph(document: Document) -> WalkedGraph:
+    """The graph as it is edited, in the order in which it would be saved."""
+    graph, arrays = document.graph, document.graph_arrays
+    if graph is None:
+        return WalkedGraph((), np.zeros(0, bool), np.zeros((0, 3)), np.zeros((0, 2), np.int64))
+    ids = tuple(graph.viewpoints)
+    order = np.array([arrays.index[id] for id in ids], np.int64)
+    row = np.zeros(len(ids), np.int64)
+    row[order] = np.arange(len(ids))
+    return WalkedGraph(ids, arrays.included[order], arrays.positions[order], row[arrays.edges])

@@ -1,0 +1,19 @@
+"""Where what a job made lies, for a user who wants to see it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nvsim.cli.arguments import given
+from nvsim.files.nofollow import is_folder
+from nvsim.project.joblist import Job
+from nvsim.project.work import EXPORTS
+
+
+def folder_of(job: Job) -> Path | None:
+    """The folder that an export of this user wrote to, or writes to now; None for other jobs, and until it is there."""
+    if job.order.verb not in EXPORTS or not job.ours:
+        return None
+    named = given(list(job.order.arguments), "--out", "")
+    folder = Path(named).absolute()
+    return folder if named and "\0" not in named and is_folder(folder) else None

@@ -1,0 +1,27 @@
+"""A value to be read, selected and copied."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLineEdit, QWidget
+
+from app.look.plain_text import plain, tip
+
+
+class Value(QLineEdit):
+    """It can be copied whole, also where it is longer than its place."""
+
+    def __init__(self, value: str = "", parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setReadOnly(True)
+        self.setFrame(False)
+        self.setTextMargins(-2, 0, 0, 0)
+        palette = self.palette()
+        palette.setColor(palette.ColorRole.Base, Qt.GlobalColor.transparent)
+        self.setPalette(palette)
+        self.show_value(value)
+
+    def show_value(self, value: str) -> None:
+        self.setText(plain(value))
+        self.setToolTip(tip(value))
+        self.setCursorPosition(0)

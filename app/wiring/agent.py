@@ -1,0 +1,258 @@
+"""Walking as an agent: the mode, its image in the place of the 3D view, its state in a panel, the map that follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtWidgets import QApplication, QDockWidget
+
+from app.actions import Action
+from app.agent.child import AgentSource
+from app.agent.mode import AgentMode
+from app.agent.panel import AgentPanel
+from app.agent.state import trajectory_json
+from app.agent.view import AgentView
+from app.agent.walking import AgentWalk
+from app.layers.labels import short_id
+from app.painting import cameras
+from app.painting.picking import NEAR
+from app.state.document import Document
+from app.state.graph_files import ForeignGraph
+from app.state.graph_reasons import with_editing
+from app.state.reasons import Reason
+from app.views.graph_surface import GraphSurface
+from app.wiring.inspector import InspectorPart
+from app.wiring.panels import MapPart
+from app.wiring.part import Dock, Part, Workspace
+from nvsim.geometry.view_sweep import HEIGHT, WIDTH
+from nvsim.project.work import STAGE
+
+_RIM = 0.1  # of a view's width and height: nearer to its rim the agent has left it
+_AROUND = 8.0  # metres of the map around an agent that left it
+_DOWN, _REACH = -0.9, 7.0  # radians and metres from which the 3D view looks at an agent that left it
+
+
+def with_standing(document: Document) -> Reason:
+    """There is a viewpoint that agents may stand at."""
+    there = bool(document.graph_arrays.included.any())
+    return with_editing(document) or (None if there else "the graph has no viewpoint that agents may stand at")
+
+
+class AgentPart(Part):
+    ACTIONS = (
+        Action(
+            "mode_agent",
+            "&Walk as an agent",
+            "See what an agent sees from the selected viewpoint, and go as it goes: 30° turns, edges of the graph",
+            "&Graph",
+            9,
+            "F6",
+            "mode_agent",
+            check="off",
+            group="mode",
+            toolbar=True,
+            enabled=with_standing,
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        document, modes = workspace.document, workspace.modes
+        self.walk = AgentWalk(document, self)
+        self.view = AgentView(document, self.walk)
+        self.panel = AgentPanel(self.walk)
+        self.mode = AgentMode(modes.context, self.walk, self._begin, self._end, self.copy_state)
+        modes.modes[self.mode.name] = self.mode
+        modes.listen(self.view)
+        workspace.window.centre.addWidget(self.view)
+        self._hidden: list[tuple[QDockWidget, bool]] = []  # to make room, and whether it was before its tabs
+        self._before: QDockWidget | None = None  # the panel before whose tab the agent's came
+        self._at = ""  # the viewpoint that was last selected and brought into view
+        self._connect(document)
+
+    def _connect(self, document: Document) -> None:
+        walk, view, panel, window = self.walk, self.view, self.panel, self.workspace.window
+        walk.changed.connect(self._follow)
+        walk.refused.connect(document.editing.refuse)
+        walk.said.connect(self.workspace.notices.info)
+        walk.failed.connect(self._on_failed)
+        walk.ended.connect(self._on_ended)
+        view.taken.connect(walk.take_viewpoint)
+        view.pointedAt.connect(panel.point)
+        panel.pointedAt.connect(view.point)
+        panel.taken.connect(walk.take_viewpoint)
+        panel.restrictedChosen.connect(walk.set_restricted)
+        panel.imageChosen.connect(self._show_image)
+        panel.copyStateWanted.connect(self.copy_state)
+        panel.copyTrajectoryWanted.connect(self.copy_trajectory)
+        window.centre.currentChanged.connect(self._on_page)
+        document.projectLeft.connect(self._leave)
+        document.contentsChanged.connect(self._on_contents)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (Dock("agent", "Agent", self.panel, "right", tab="details"),)
+
+    def restore(self, settings: QSettings) -> None:
+        restricted = settings.value("agent/restricted", "true") in (True, "true")
+        self.panel.restricted.setChecked(restricted)
+        self._map = self.workspace.part(MapPart).view
+
+    def store(self, settings: QSettings) -> None:
+        settings.setValue("agent/restricted", self.panel.restricted.isChecked())
+        self.walk.stop()
+
+    # Beginning and ending -----------------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        document, scene, window = self.workspace.document, self.workspace.scene, self.workspace.window
+        chosen = document.selected_viewpoint
+        if chosen is not None and not chosen.included:
+            self.workspace.notices.info(
+                f"{short_id(chosen.id)} is excluded from navigation; the agent begins at the nearest that is not."
+            )
+        place = scene.pose.position if chosen is None else chosen.position
+        self._at = ""
+        self._make_room()
+        self.workspace.part(InspectorPart).hold_back(True)
+        own = self._dock()
+        self._before = next((d for d in window.tabifiedDockWidgets(own) if _in_front(d)), None)
+        window.show_dock("agent")
+        window.show_page(self.view)
+        self.view.setFocus()
+        self.walk.begin(self._source(), np.array(place), scene.pose.heading)
+
+    def _end(self) -> None:
+        """The 3D view goes on where the agent stood."""
+        state, window, scene = self.walk.state, self.workspace.window, self.workspace.scene
+        self.walk.stop()
+        self.workspace.part(InspectorPart).hold_back(False)
+        seen = window.centre.currentWidget() is self.view
+        if seen:
+            window.show_page(None)
+            scene.setFocus()
+        for dock, _ in self._hidden:
+            dock.show()
+        for dock in (dock for dock, front in self._hidden if front):
+            dock.raise_()
+        self._hidden = []
+        if self._before is not None and _in_front(self._dock()):
+            self._before.raise_()
+        if seen and state is not None and state.location.viewpointId in self.workspace.document.graph_arrays.index:
+            scene.go_to_position(state.position, state.heading)
+
+    def _dock(self) -> QDockWidget:
+        dock = self.workspace.window.findChild(QDockWidget, "dock_agent")
+        assert isinstance(dock, QDockWidget)
+        return dock
+
+    def _leave(self) -> None:
+        if self.workspace.modes.current is self.mode:
+            self.workspace.modes.choose("select")
+
+    def _on_ended(self, why: str) -> None:
+        self.workspace.notices.add("warning", why)
+        self._leave()
+
+    def _on_failed(self, why: str, trace: str) -> None:
+        self.workspace.notices.add("warning", why, trace)
+
+    def _make_room(self) -> None:
+        """Hides the panels beside and below the centre where the image would have to be shrunk."""
+        window = self.workspace.window
+        short = {
+            Qt.DockWidgetArea.LeftDockWidgetArea: window.centre.width() < WIDTH,
+            Qt.DockWidgetArea.BottomDockWidgetArea: window.centre.height() < HEIGHT,
+        }
+        docks = [d for d in window.findChildren(QDockWidget) if not d.isHidden() and not d.isFloating()]
+        docks = [dock for dock in docks if short.get(window.dockWidgetArea(dock), False)]
+        self._hidden = [(dock, _in_front(dock)) for dock in docks]
+        for dock in docks:
+            dock.hide()
+
+    def _source(self) -> AgentSource:
+        contents = self.workspace.document.contents
+        file = contents.graph_file
+        if isinstance(file, ForeignGraph):
+            lacking = "" if file.skyboxes is not None else "no skyboxes lie beside the file; map and state do without."
+            return AgentSource(None, file.path, file.skyboxes, lacking)
+        lacking = f"{STAGE['train'].lacking}; map and state do without."
+        return AgentSource(contents.path, lacking="" if contents.scene_stamp is not None else lacking)
+
+    # Following ----------------------------------------------------------------------------------------------------
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if not self.walk.active:
+            return
+        if self.workspace.document.graph is None:
+            self._leave()
+            return
+        if "graph" in parts:
+            self.walk.follow_graph()
+        if "scene_stamp" in parts:
+            self.walk.draw_from(self._source())
+
+    def _follow(self) -> None:
+        """The agent stands somewhere else, or looks elsewhere."""
+        state, document = self.walk.state, self.workspace.document
+        self.workspace.modes.refresh()
+        if state is None or state.location.viewpointId == self._at:
+            return
+        self._at = state.location.viewpointId
+        document.select(viewpoint=self._at)
+        self._bring_into_view()
+
+    def _bring_into_view(self) -> None:
+        document = self.workspace.document
+        row = document.graph_arrays.index.get(self._at)
+        if row is None:
+            return
+        foot = document.graph_arrays.feet[row]
+        scene, modes = self.workspace.scene, self.workspace.modes
+        for surface in (canvas.surface for canvas in modes.canvases if canvas.surface.widget.isVisible()):
+            if _holds(surface, foot):
+                continue
+            if surface is scene.surface:
+                # From above, where no wall stands before the agent.
+                above = replace(scene.pose, elevation=min(scene.pose.elevation, _DOWN))
+                scene.navigation.go_to(cameras.focused(above, foot, _REACH))
+            else:
+                self._map.centre_on(float(foot[0]), float(foot[1]), _AROUND)
+
+    def _on_page(self, _: int) -> None:
+        self.panel.image.setChecked(self.workspace.window.centre.currentWidget() is self.view)
+
+    def _show_image(self, on: bool) -> None:
+        window = self.workspace.window
+        if self.walk.active and on != (window.centre.currentWidget() is self.view):
+            window.show_page(self.view if on else None)
+            (self.view if on else self.workspace.scene).setFocus()
+            self._bring_into_view()
+
+    # Copying ------------------------------------------------------------------------------------------------------
+
+    def copy_state(self) -> None:
+        """All fields of the state as JSON."""
+        if self.walk.state is not None:
+            QApplication.clipboard().setText(self.walk.state.json())
+            self.workspace.modes.said.emit("The agent's state is copied as JSON.")
+
+    def copy_trajectory(self) -> None:
+        """The poses from the start on, in the form of a leaderboard's file."""
+        if self.walk.state is not None:
+            QApplication.clipboard().setText(trajectory_json(self.walk.trajectory))
+            self.workspace.modes.said.emit("The trajectory is copied as JSON.")
+
+
+def _in_front(dock: QDockWidget) -> bool:
+    """Whether it is shown, and not behind the tab of another, which Qt lays beyond the window."""
+    return not dock.isHidden() and (dock.isFloating() or dock.geometry().right() >= 0)
+
+
+def _holds(surface: GraphSurface, place: np.ndarray) -> bool:
+    """Whether a place (3,) is in view, and not at the rim."""
+    pixels, depths = surface.project(place[None])
+    width, height = surface.widget.width(), surface.widget.height()
+    inside = _RIM * width <= pixels[0, 0] <= (1 - _RIM) * width and _RIM * height <= pixels[0, 1] <= (1 - _RIM) * height
+    return bool(depths[0] > NEAR and inside)

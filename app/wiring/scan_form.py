@@ -1,0 +1,63 @@
+"""The form of an export of a scan with what it comes to beside its options. The estimate is that of the command itself,
+so that what it would refuse holds the form, in the same words; and of the graph, what is saved counts."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QObject
+
+from app.forms.form import CommandForm
+from app.panels.scan_estimate import ScanEstimatePanel
+from app.wiring.part import Workspace
+from nvsim.graph.history import counted
+
+_READ = frozenset({"graph", "submaps", "scene_stamp"})
+"""Parts of the document with which the export is another one."""
+
+
+class ScanForm(QObject):
+    """Lives as long as `form`."""
+
+    def __init__(self, form: CommandForm, workspace: Workspace) -> None:
+        super().__init__(form)
+        self._form, self._workspace = form, workspace
+        document = workspace.document
+        assert document.project is not None  # or there were no form
+        self.panel = ScanEstimatePanel(document.project, form)
+        form.stand_beside(self.panel)
+        form.tried.connect(self.panel.show_arguments)
+        form.finished.connect(self.panel.question.stop)
+        self.panel.refused.connect(self._on_refused)
+        self.panel.saveWanted.connect(document.editing.save)
+        self.panel.findingsWanted.connect(self._show_findings)
+        document.editing.stepsChanged.connect(self._show_unsaved)
+        document.contentsChanged.connect(self._on_contents)
+        self._unsaved = False
+        self._show_unsaved()
+
+    def _show_unsaved(self) -> None:
+        editing = self._workspace.document.editing
+        before, self._unsaved = self._unsaved, editing.dirty
+        words = ""
+        if editing.history is not None and self._unsaved:
+            count = editing.history.edits_since_saved()
+            are = "is" if count == 1 else "are"
+            words = f"{counted(count, 'edit')} of the graph {are} not saved; the scan is made from the saved graph."
+        self.panel.show_unsaved(words, editing.writable)
+        if before and not self._unsaved:
+            self.panel.ask_again()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if parts & _READ:
+            self.panel.ask_again()
+
+    def _on_refused(self, sentence: str) -> None:
+        """What a job that is under way may yet mend does not hold the form."""
+        waits = bool(sentence) and any(h.state in ("running", "queued") for h in self._workspace.jobs.handles)
+        if waits:
+            self.panel.title.setText("Not as things are now; the jobs that are under way may mend that.")
+        self._form.hold("" if waits else sentence.replace("`nvsim graph check`", "Validation"))
+        self.panel.findings.setVisible("--force" in sentence)
+
+    def _show_findings(self) -> None:
+        self._form.reject()
+        self._workspace.window.show_dock("validation")

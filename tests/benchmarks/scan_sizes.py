@@ -1,0 +1,59 @@
+"""What files of an exported scan weigh, and what the estimate says: `python tests/benchmarks/scan_sizes.py PROJECT`.
+
+The constants of `nvsim.r2r.observations.estimate` come from this table. Everything is written into a temporary folder
+and removed.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from nvsim.project.project import Project
+from nvsim.r2r.observations.export import export_scan
+from nvsim.r2r.observations.prepared import Prepared
+from nvsim.r2r.observations.settings import ScanSettings
+
+ALL = ScanSettings(faces=True, views=True)
+TRIED = (
+    ScanSettings(),
+    ALL,
+    *(replace(ALL, quality=q) for q in (50, 75, 90, 100)),
+    *(replace(ALL, size=s) for s in (128, 256, 1024)),
+)
+
+
+def measure(project: Project, settings: ScanSettings) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder) / "scans"
+        said = Prepared.of(project, root).estimate(settings, True, "auto")
+        began = time.perf_counter()
+        places = export_scan(project, root, settings=settings)[0]
+        took = time.perf_counter() - began
+        patterns = {
+            "strips of six faces": places.images.glob("*_skybox_small.jpg"),
+            "their depth": places.images.glob("*_skybox_depth_small.png"),
+            "single faces": places.images.glob("*_sami.jpg"),
+            "views": places.views.rglob("*.jpg"),
+            "floor plans": places.plans.iterdir(),
+            "connectivity and scans.txt": (places.connectivity, places.scans),
+            "manifest": (places.manifest,),
+            "stub for agents": (p for p in root.rglob("*") if "ZMojNkEp431" in str(p) and p.is_file()),
+        }
+        print(f"\nfaces of {settings.size}, quality {settings.quality}, {said.todo} viewpoints")
+        for kind in said.kinds:
+            sizes = [path.stat().st_size for path in patterns[kind.what]]
+            print(f"{kind.what:28} {len(sizes):6} files {sum(sizes):11} bytes, said {kind.files:6} {kind.bytes:11}"
+                  f"  {sum(sizes) / kind.bytes:.2f}")  # fmt: skip
+        every = sum(p.stat().st_size for p in root.rglob("*") if p.is_file())
+        print(f"{'all':41} {every:11} bytes, said {'':6} {said.bytes:11}  {every / said.bytes:.2f}")
+        print(f"{took:.1f} s, said {said.seconds or 0:.1f} s")
+
+
+if __name__ == "__main__":
+    with Project.open(Path(sys.argv[1])) as opened:
+        for settings in TRIED:
+            measure(opened, settings)
