@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence
+from nvsim.mapping.climbing import CLIMB
 from nvsim.mapping.config import WIDEST, MappingConfig
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
@@ -27,7 +28,6 @@ NEAR, DEPTH, WIDTH = 0.05, 0.1, WIDEST  # metres: start of the first row, depth 
 CELLS = 18  # across the width: 0.05 m each
 # Half of the measured width: the largest radius that can be asked about later.
 _BEYOND = WIDTH / 2
-CLIMB = 0.3  # metres: a corridor whose floor differs by more from where it begins climbs, maybe to another storey
 
 
 def headings(config: MappingConfig) -> NDArray[np.float64]:

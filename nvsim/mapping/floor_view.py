@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.sphere import Sphere
 from nvsim.graph.types import Evidence
-from nvsim.mapping.corridor import CLIMB, DEPTH, NEAR, WIDTH, Corridor, HeightAt, SupportAt
+from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor, HeightAt, SupportAt
 from nvsim.mapping.floor_pixels import Eye, FloorPixels, size_of
-
-_GRAZING = 0.15  # metres of height over the floor for each metre to it; less shows a slope edge-on
 
 
 @lru_cache(maxsize=64)
@@ -58,11 +56,10 @@ def measure(
     floor_at: HeightAt,
     support: SupportAt,
     joins: str = "",
-    both_ways: bool = False,
+    free: NDArray[np.bool_] | None = None,
 ) -> Evidence:
-    """What `view` shows on the floor cells of `corridor`; the decision is left empty. Where the corridor back is asked
-    as well (`both_ways`), floor that climbs out of sight, as the last steps of a stair do from below, speaks for
-    nothing: from its other end the same floor lies in full view.
+    """What `view` shows on the floor cells of `corridor`; the decision is left empty. Cells in `free` (rows, cells) are
+    floor whatever the view shows.
 
     The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
     background's floor, whose normal points up, and adds to the z of the Gaussians' normals. So it is no second opinion
@@ -70,10 +67,10 @@ def measure(
     of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
     """
     ground, pixels = corridor.ground(floor_at), _pixels(view.camera, corridor, floor_at)
-    blind = _out_of_sight(view.camera, ground) if both_ways else np.zeros(ground.shape[:2], bool)
 
-    def read(values: NDArray[np.float64], outside: float, free: float) -> NDArray[np.float64]:
-        return np.where(blind, free, np.where(pixels.inside, values, outside))
+    def read(values: NDArray[np.float64], outside: float, floor: float) -> NDArray[np.float64]:
+        seen = np.where(pixels.inside, values, outside)
+        return seen if free is None else np.where(free, floor, seen)
 
     alpha = read(pixels.values(view.alpha), 1.0, 0.0)
     normal_z = read(pixels.values(view.normal_z), 0.0, 0.0)
@@ -101,14 +98,6 @@ def measure(
         network_up=network_up,
         views="panorama" if isinstance(view.camera, Sphere) else "pitched",
     )
-
-
-def _out_of_sight(eye: Eye, ground: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(rows, cells) which of the floor cells (rows, cells, 3) lie so much higher than the first that they are seen from
-    beneath or at a grazing angle."""
-    climb = ground[..., 2] - np.median(ground[0, :, 2])
-    distance = np.hypot(*np.moveaxis(ground[..., :2] - eye.position[:2], -1, 0))
-    return np.asarray((climb > CLIMB) & (eye.position[2] - ground[..., 2] < _GRAZING * distance))
 
 
 def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:

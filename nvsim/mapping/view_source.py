@@ -59,8 +59,8 @@ class Ensemble(ViewSource, Protocol):
         there is none."""
         ...
 
-    def trained_at(self, submap: int, position: NDArray[np.floating]) -> bool:
-        """Whether the model of a submap was trained on the place `position` (3,)."""
+    def trained_at(self, submap: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) whether the model of a submap was trained on the places `positions` (N, 3)."""
         ...
 
     def views_of(
