@@ -45,7 +45,7 @@ map.yaml    included, people not), free the floor connected with the trajectory,
             the trajectory there, the rest unknown
 storeys.json  the height of each floor, metres, its map, and the outline of the treads of the stair
 
-The treads of the stair are floor in the masks and free in both maps: one walks on them and they look up. Risers are
-not floor. On the stair cameras keep their height above the line through the middles of the treads, and look down by
+The steps of the stair are floor in the masks, treads and risers alike, because one walks over both, and free in both
+maps. On the stair cameras keep their height above the line through the middles of the treads, and look down by
 20 degrees on the way down.
 """

@@ -13,7 +13,7 @@ from nvsim.building.people import Person, invite
 from nvsim.building.placement import furnish
 from nvsim.building.plan import Plan, Storey
 from nvsim.building.raycast import Solids, make_solids
-from nvsim.building.solids import TOP, Box, Color, Paint, raised, wall_boxes
+from nvsim.building.solids import Box, Color, Paint, raised, wall_boxes
 from nvsim.building.stacking import make_storeys
 from nvsim.building.stairs import stair_boxes
 from nvsim.building.walk import climbed, frames, path
@@ -58,9 +58,9 @@ class Scene:
 
     @property
     def floor_surfaces(self) -> list[int]:
-        """What one walks on: every floor, and the treads of the stair."""
-        treads = [6 * i + TOP for i, b in enumerate(self.boxes) if b.tread]
-        return [self.floor_surface + 2 * k for k in range(len(self.storeys))] + treads
+        """What one walks over: every floor, and the steps of the stair with their risers."""
+        steps = [6 * i + side for i, b in enumerate(self.boxes) if b.tread for side in range(6)]
+        return [self.floor_surface + 2 * k for k in range(len(self.storeys))] + steps
 
     @property
     def first_person(self) -> int:

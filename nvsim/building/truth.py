@@ -57,7 +57,7 @@ def _on_storey(path: NDArray[np.float64], level: float) -> NDArray[np.bool_]:
 
 
 def floor_mask(scene: Scene, view: View) -> NDArray[np.bool_]:
-    """(H, W): pixels that show a floor or the tread of a stair, also through glass; a person on it is not floor."""
+    """(H, W): pixels that show a floor or a step of a stair, also through glass; a person on it is not floor."""
     return np.asarray(np.isin(view.surface, scene.floor_surfaces))
 
 

@@ -14,6 +14,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning, silent
 from nvsim.graph.components import components
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
 from nvsim.mapping.edit_carryover import keep_edits
@@ -84,7 +85,7 @@ def build_map(
     started = time.monotonic()
     known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
-    measurements = Measurements(source, floor_at, support, config, lattice, known)
+    measurements = Measurements(source, floor_at, support, config, lattice, known, Trodden(trajectory).at)
     walk = Walk(trajectory, support)
     survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
     search = Search(survey)

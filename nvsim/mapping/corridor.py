@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence
+from nvsim.mapping.climbing import CLIMB
 from nvsim.mapping.config import WIDEST, MappingConfig
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
@@ -27,7 +28,6 @@ NEAR, DEPTH, WIDTH = 0.05, 0.1, WIDEST  # metres: start of the first row, depth 
 CELLS = 18  # across the width: 0.05 m each
 # Half of the measured width: the largest radius that can be asked about later.
 _BEYOND = WIDTH / 2
-_LEVEL = 0.3  # metres: a corridor whose floor differs by more from where it begins may lead to another storey
 
 
 def headings(config: MappingConfig) -> NDArray[np.float64]:
@@ -83,7 +83,7 @@ class Corridor:
             return ground
         level = ground[..., 2] = _level(self.start, self.eye, floor_at)
         found = np.asarray(floor_at(ground), np.float64)
-        if np.abs(found - level).max() > _LEVEL:
+        if np.abs(found - level).max() > CLIMB:
             for row in ground:
                 row[:, 2] = level
                 row[:, 2] = floor_at(row)
@@ -91,6 +91,10 @@ class Corridor:
             return ground
         ground[..., 2] = found
         return ground
+
+    def climbs(self, floor_at: HeightAt) -> bool:
+        """Whether it leads up or down a stair."""
+        return abs(self.end(floor_at) - float(np.median(self.ground(floor_at)[0, :, 2]))) > CLIMB
 
     def end(self, floor_at: HeightAt) -> float:
         """World z of the floor at the target, as `ground` follows it."""

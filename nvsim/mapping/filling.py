@@ -85,6 +85,8 @@ class Filling:
         return [v for v, line in zip(near, found.tolist(), strict=True) if line]
 
     def _stand(self, place: NDArray[np.floating], seen: list[Viewpoint]) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
+        if not self._survey.is_level(place):
+            return
         viewpoint = self._survey.viewpoint(place, "step")
         seen = [v for v in seen if self._survey.knows_floor(viewpoint, v)][:_LINKS]
         if not seen or viewpoint.id in self._tried:

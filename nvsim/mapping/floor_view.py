@@ -56,8 +56,10 @@ def measure(
     floor_at: HeightAt,
     support: SupportAt,
     joins: str = "",
+    free: NDArray[np.bool_] | None = None,
 ) -> Evidence:
-    """What `view` shows on the floor cells of `corridor`; the decision is left empty.
+    """What `view` shows on the floor cells of `corridor`; the decision is left empty. Cells in `free` (rows, cells) are
+    floor whatever the view shows.
 
     The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
     background's floor, whose normal points up, and adds to the z of the Gaussians' normals. So it is no second opinion
@@ -65,14 +67,19 @@ def measure(
     of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
     """
     ground, pixels = corridor.ground(floor_at), _pixels(view.camera, corridor, floor_at)
-    alpha = np.where(pixels.inside, pixels.values(view.alpha), 1.0)
-    normal_z = np.where(pixels.inside, pixels.values(view.normal_z), 0.0)
+
+    def read(values: NDArray[np.float64], outside: float, floor: float) -> NDArray[np.float64]:
+        seen = np.where(pixels.inside, values, outside)
+        return seen if free is None else np.where(free, floor, seen)
+
+    alpha = read(pixels.values(view.alpha), 1.0, 0.0)
+    normal_z = read(pixels.values(view.normal_z), 0.0, 0.0)
     reach = network_up = None
     if view.depth is not None:
         share = pixels.values(view.depth) / np.maximum(pixels.depth, 1e-6) + (1.0 - alpha)
-        reach = _bytes(np.where(pixels.inside, share, 0.0))
+        reach = _bytes(read(share, 0.0, 1.0))
     if view.network_z is not None:
-        network_up = _bytes(np.where(pixels.inside, pixels.values(view.network_z), 0.0))
+        network_up = _bytes(read(pixels.values(view.network_z), 0.0, 1.0))
     return Evidence(
         viewpoint,
         direction,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
+from nvsim.mapping.climbing import CLIMB, out_of_sight
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, nothing_stands, view_of
 from nvsim.mapping.criteria import OPEN, answers, decide
@@ -40,9 +41,11 @@ class Measurements:
         config: MappingConfig,
         lattice: Lattice,
         remembered: Iterable[Evidence] = (),
+        trodden: SupportAt | None = None,
     ) -> None:
+        """`trodden` says where somebody carried the camera: beside a stair, which few views show, that counts."""
         self._source, self._floor_at, self._support, self._config = source, floor_at, support, config
-        self._lattice = lattice
+        self._lattice, self._trodden = lattice, trodden
         self._steps: dict[tuple[str, int], Evidence] = {}
         self._joins: dict[tuple[str, str], Evidence] = {}
         for evidence in remembered:
@@ -52,6 +55,7 @@ class Measurements:
                 self._steps[evidence.key] = evidence
         self._numbered: dict[tuple[str, str], tuple[Evidence, Evidence]] = {}
         self._others: dict[str, int | None] = {}
+        self._stairs: dict[str, bool] = {}
         self._ends: dict[tuple[tuple[float, ...], tuple[float, float]], float] = {}
         self._views: dict[str, list[dict[int, FloorView]]] = {}
         self._ensemble = source if isinstance(source, Ensemble) else None
@@ -64,8 +68,7 @@ class Measurements:
         from is rendered along."""
         found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
-        another = self._another(viewpoint)
-        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, another)]
+        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, viewpoint)]
         if len(known) == DIRECTIONS:
             return known
         wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
@@ -73,7 +76,7 @@ class Measurements:
             if other.id != viewpoint.id:
                 towards = _corridor(viewpoint, other.position[:2])
                 wanted[view_of(towards, self._config)].append(towards)
-        views = self._look_down(viewpoint, wanted, another)
+        views = self._look_down(viewpoint, wanted)
         self._keep(viewpoint, views)
         self.rendered_viewpoints += 1
         measured = []
@@ -88,8 +91,7 @@ class Measurements:
         Where a view has to be rendered for it, the corridors to those of `also` that it shows are measured as well."""
         corridor = _corridor(viewpoint, other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
-        another = self._another(viewpoint)
-        if found is not None and self._holds(found, corridor, another):
+        if found is not None and self._holds(found, corridor, viewpoint):
             return found
         k = view_of(corridor, self._config)
         views = self._views.get(viewpoint.id)
@@ -100,7 +102,7 @@ class Measurements:
                 shown = self._config.views == "panorama" or view_of(towards, self._config) == k
                 if third.id not in (viewpoint.id, other.id) and shown:
                     wanted[third] = towards
-            views = self._look_down(viewpoint, {k: list(wanted.values())}, another)
+            views = self._look_down(viewpoint, {k: list(wanted.values())})
             if self._config.views == "panorama" and self._whole:
                 self._keep(viewpoint, views)
         for end, towards in wanted.items():
@@ -138,8 +140,8 @@ class Measurements:
             self._ends[ends] = _corridor(viewpoint, target).end(self._floor_at)
         return *target, self._ends[ends] + viewpoint.height
 
-    def _holds(self, evidence: Evidence, corridor: Corridor, another: int | None) -> bool:
-        heard = another is None or evidence.second is not None
+    def _holds(self, evidence: Evidence, corridor: Corridor, viewpoint: Viewpoint) -> bool:
+        heard = self._another(viewpoint) is None or evidence.second is not None
         return heard and answers(evidence, corridor.length, corridor.heading, self._config)
 
     def _another(self, viewpoint: Viewpoint) -> int | None:
@@ -150,10 +152,9 @@ class Measurements:
             self._others[viewpoint.id] = self._ensemble.another(np.array(viewpoint.position))
         return self._others[viewpoint.id]
 
-    def _look_down(
-        self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]], another: int | None
-    ) -> list[dict[int, FloorView]]:
+    def _look_down(self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]]) -> list[dict[int, FloorView]]:
         """The views of each model that is asked."""
+        another = self._another(viewpoint)
         place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
         self.rendered_views += len(models) * (1 if self._config.views == "panorama" else len(wanted))
         return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
@@ -176,10 +177,40 @@ class Measurements:
         self, views: Sequence[FloorView], viewpoint: Viewpoint, k: int, corridor: Corridor, joins: str = ""
     ) -> Evidence:
         """What each model shows of a corridor, the first with the other's opinion."""
-        found = [measure(view, viewpoint.id, k, corridor, self._floor_at, self._support, joins) for view in views]
+        free = self._free(views[0], viewpoint, corridor)
+        found = [measure(view, viewpoint.id, k, corridor, self._floor_at, self._support, joins, free) for view in views]
         if "slice" in self._config.criteria and self._ensemble is not None:
             found = [replace(e, mass=self._mass(self._ensemble, e.submap, viewpoint, corridor)) for e in found]
-        return found[0] if len(found) == 1 else joined(*found)
+        if len(found) == 1:
+            return found[0]
+        return joined(found[0], found[1], self._strange(found[1].submap, viewpoint, corridor))
+
+    def _free(self, view: FloorView, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_] | None:
+        """(rows, cells) the floor by a stair that needs no view: that which the corridor back shows better, where it is
+        asked for, and that which somebody walked over, where known floor is. None off stairs."""
+        if not self._by_stair(viewpoint, corridor):
+            return None
+        ground = corridor.ground(self._floor_at)
+        free = out_of_sight(view.camera, ground) if self._config.both_ways else np.zeros(ground.shape[:2], bool)
+        return free | self._trodden(ground) if self._trodden is not None and self._config.support > 0 else free
+
+    def _strange(self, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_]:
+        """(rows, cells) the floor whose nearest frame a submap was not trained on, so that its opinion is none."""
+        assert self._ensemble is not None
+        ground = corridor.ground(self._floor_at)
+        middle = ground[:, ground.shape[1] // 2] + [0.0, 0.0, viewpoint.height]
+        known = self._ensemble.trained_at(submap, middle)
+        return np.broadcast_to(~known[:, None], ground.shape[:2])
+
+    def _by_stair(self, viewpoint: Viewpoint, corridor: Corridor) -> bool:
+        """Whether a corridor climbs, or a stair is within a metre of where it begins."""
+        if viewpoint.id not in self._stairs:
+            x, y, z = viewpoint.position
+            turns = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+            places = np.column_stack([x + np.sin(turns), y + np.cos(turns), np.full(DIRECTIONS, z)])
+            off = np.asarray(self._floor_at(places)) - float(self._floor_at(np.array(viewpoint.position)))
+            self._stairs[viewpoint.id] = bool((np.abs(off) > CLIMB).any())
+        return self._stairs[viewpoint.id] or corridor.climbs(self._floor_at)
 
     def _mass(self, ensemble: Ensemble, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.uint8]:
         from nvsim.mapping.slice_mass import Slice

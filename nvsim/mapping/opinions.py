@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nvsim.graph.types import Evidence, SecondOpinion
 from nvsim.mapping.config import MappingConfig
 
@@ -27,7 +30,19 @@ def opinions(evidence: Evidence, config: MappingConfig) -> tuple[Evidence, ...]:
     return evidence, second
 
 
-def joined(first: Evidence, second: Evidence) -> Evidence:
-    """The evidence of one model with that of another, of the same corridor, as its second opinion."""
-    other = SecondOpinion(second.submap, second.alpha, second.up, second.reach, second.mass, second.network_up)
+def joined(first: Evidence, second: Evidence, strange: NDArray[np.bool_]) -> Evidence:
+    """The evidence of one model with that of another, of the same corridor, as its second opinion; where that model was
+    not trained, in `strange` (rows, cells), it has none of its own and takes the first."""
+
+    def own(one: NDArray[np.uint8] | None, other: NDArray[np.uint8] | None) -> NDArray[np.uint8] | None:
+        return None if one is None or other is None else np.where(strange, one, other).astype(np.uint8)
+
+    other = SecondOpinion(
+        second.submap,
+        np.where(strange, first.alpha, second.alpha).astype(np.uint8),
+        np.where(strange, first.up, second.up).astype(np.uint8),
+        own(first.reach, second.reach),
+        own(first.mass, second.mass),
+        own(first.network_up, second.network_up),
+    )
     return replace(first, second=other)

@@ -128,6 +128,8 @@ class Shortcuts:
         near = [v for v in self._draft.near(place, _THERE) if v.id in self._ways]
         if near:
             return near[0]
+        if not self._survey.is_level(place):
+            return None
         viewpoint = self._survey.viewpoint(place, "step")
         self._survey.lattice.begin(viewpoint.id, viewpoint.position[:2])
         around = self._survey.around(viewpoint)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
+from nvsim.mapping.climbing import CLIMB
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.corridor import HeightAt
 from nvsim.mapping.criteria import OPEN, decide
@@ -32,19 +33,36 @@ class Survey:
     ) -> None:
         self.draft, self.lattice, self.walk, self.config = draft, lattice, walk, config
         self._measurements, self._floor_at = measurements, floor_at
+        over = walk.places[:, 2] - np.asarray(floor_at(walk.places), np.float64)
+        self._carried = float(np.median(over)) if walk.is_stacked else None
 
     def viewpoint(self, place: NDArray[np.floating], origin: ViewpointOrigin) -> Viewpoint:
         """A viewpoint whose camera is at a place (3,); the graph does not hold it yet."""
-        x, y, z = (float(value) for value in place)
-        floor = float(self._floor_at(np.asarray(place, np.float64)))
-        return Viewpoint(self.draft.id_at(place), (x, y, z), z - floor, -1, True, origin)
+        x, y, z = (float(value) for value in self._over_floor(place))
+        floor = float(self._floor_at(np.array([x, y, z])))
+        return Viewpoint(self.draft.id_at(np.array([x, y, z])), (x, y, z), z - floor, -1, True, origin)
 
     def arrival(self, viewpoint: Viewpoint, target: tuple[float, float]) -> NDArray[np.float64]:
         """(3,) the camera over `target` (x, y), where a step from a viewpoint leads: at the height of the camera of the
         trajectory that is nearest to where it arrives."""
         place = np.array(self._measurements.arrival(viewpoint, target))
         place[2] = self.walk.height(place)
-        return place
+        return self._over_floor(place)
+
+    def is_level(self, place: NDArray[np.floating]) -> bool:
+        """Whether a camera at a place (3,) is as high above the floor as cameras were carried, and not on the height of
+        a storey over or beneath a stair, where the trajectory alone leads."""
+        return bool(abs(self._over_floor(place)[2] - place[2]) <= CLIMB)
+
+    def _over_floor(self, place: NDArray[np.floating]) -> NDArray[np.float64]:
+        """A place (3,), where storeys lie over one another as high above its floor as cameras were carried: beside a
+        camera on a stair the floor may be that of a higher step or of a storey."""
+        x, y, z = (float(value) for value in place)
+        if self._carried is None:
+            return np.array([x, y, z])
+        floor = float(self._floor_at(place))
+        right = abs(z - floor - self._carried) <= CLIMB
+        return np.array([x, y, z if right else floor + self._carried])
 
     def around(self, viewpoint: Viewpoint) -> list[Evidence]:
         """The evidence of the eight directions, undecided."""

@@ -59,6 +59,10 @@ class Ensemble(ViewSource, Protocol):
         there is none."""
         ...
 
+    def trained_at(self, submap: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) whether the model of a submap was trained on the places `positions` (N, 3)."""
+        ...
+
     def views_of(
         self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:

@@ -45,6 +45,11 @@ class Walk:
         self._free = [self._clearances(float(level)) for level in self._storeys.levels]
         self.clearance = self.clearance_at(self.places)
 
+    @property
+    def is_stacked(self) -> bool:
+        """Whether storeys lie over one another."""
+        return len(self._storeys.levels) > 1
+
     def storey(self, z: float) -> int:
         """The storey of a camera at world z, from 0 for the lowest; 0 where there is one."""
         return int(self._storeys.nearest(z))

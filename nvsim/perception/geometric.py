@@ -19,6 +19,7 @@ from nvsim.perception.obstacles import standing
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
 from nvsim.perception.splatting import splat_depth
+from nvsim.perception.stairs import Stairs
 
 _HIGH = 0.25  # metres above the floor from which on nobody takes a thing for floor
 _ALIKE = 0.5  # likeness from which on a pixel may be floor
@@ -85,7 +86,7 @@ class GeometricFloor:
 
     def __init__(self, cloud: Cloud | None, surface: FloorSurface, config: GeometricConfig | None = None) -> None:
         self.config = config or GeometricConfig()
-        self.surface = surface
+        self.surface, self._stairs = surface, Stairs.of(surface)
         self._appearance: FloorAppearance | None = None
         self._is_sparse = cloud is not None and not cloud.is_dense
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
@@ -126,7 +127,7 @@ class GeometricFloor:
         if self._is_sparse:
             floor = grow(floor, seen.floor | seen.unsure, view.image)
         elif self._appearance is not None:
-            floor = floor & (level | ~self._appearance.strange(view))
+            floor = floor & (level | self._stairs.at(seen.ground) | ~self._appearance.strange(view))
             floor |= self._appearance.shining_through(view, seen.hidden)
         mask = refine(floor, seen.scale, image, self.config.refine)
         if depth is None or self._appearance is None:
@@ -182,7 +183,7 @@ class GeometricFloor:
 
         small = self._small(camera)
         rays = small.rays()
-        distance = self.surface.meet(small.position, rays)
+        distance = self._stairs.meet(small.position, rays)
         met = distance < self.config.farthest
         distance = np.where(met, distance, 0).astype(np.float32)
         ground = small.position[:2] + distance[..., None] * rays[..., :2]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from nvsim.capture.types import Cloud
 from nvsim.geometry.cells import MOST_CELLS
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.perception.stairs import Stairs
 from nvsim.perception.support import FloorSupport
 
 Float32 = NDArray[np.float32]
@@ -35,13 +36,15 @@ class Standing:
 
 
 def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover: float, sparse: float) -> Standing:
-    """Sorts a cloud into what stands higher than `clearance` metres above the floor and what confirms floor."""
+    """Sorts a cloud into what stands higher than `clearance` metres above the floor and what confirms floor; on stairs
+    both may be half a step farther off."""
     nothing = Standing(np.empty((0, 3), np.float32), np.empty(0, np.float32), None)
     if cloud is None or len(cloud.points) < 10:
         return nothing
     points = np.asarray(cloud.points, np.float32)
     above = points[:, 2] - surface.height_at(points[:, :2])
-    obstacles, height = points[above > clearance], above[above > clearance]
+    clear = clearance + Stairs.of(surface).half_step(points)
+    obstacles, height = points[above > clear], above[above > clear]
     feet = _feet(obstacles, height, surface)
     everything = np.ascontiguousarray(np.concatenate([obstacles, feet]), np.float32)
     spacing = _spacing(everything, 4)
@@ -49,7 +52,7 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
-    return Standing(everything, radii, _confirmed(points[np.abs(above) <= clearance], surface))
+    return Standing(everything, radii, _confirmed(points[np.abs(above) <= clear], surface))
 
 
 def _spacing(points: Float32, neighbour: int) -> Float32:

@@ -17,6 +17,7 @@ from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.perception.stairs import Stairs
 
 Mask = NDArray[np.bool_]
 _USUAL = 0.25  # metres by which heights of the same sort differ
@@ -97,7 +98,7 @@ class SupportConfig:
 
     spacing    edge of a cell
     distance   a mask speaks only for floor this close to its camera: further away a pixel covers too much of it
-    tolerance  a cloud point this close to the floor height supports it
+    tolerance  a cloud point this close to the floor height supports it; on stairs it may be half a step farther off
     guesses    as so many points do that the depth of images gave: it puts single ones where there is no floor
     low, high  cloud points between these heights above the floor stand in a robot's way
     standing   this many of them in a cell take its support away, whatever the masks say: floor is seen through glass
@@ -192,10 +193,11 @@ def observe(
     if near_cloud is not None and len(near_cloud):
         above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
         index = cell(near_cloud[:, :2])
-        level = np.abs(above) <= config.tolerance
+        half_step = Stairs.of(surface).half_step(near_cloud)
+        level = np.abs(above) <= config.tolerance + half_step
         supported |= np.bincount(index[level], say[level], minlength=rows * columns) > 1 - 1e-9
         if cloud is not None and cloud.is_dense:
-            high = (above > config.low) & (above < config.high)
+            high = (above > config.low + half_step) & (above < config.high)
             standing = np.bincount(index[high], minlength=rows * columns) >= config.standing
             blocked = np.bincount(index[high & (say < 1)], minlength=rows * columns) >= config.standing
     grid = supported.reshape(rows, columns).astype(np.uint8)

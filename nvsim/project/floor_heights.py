@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +39,42 @@ def floor_of(project: Project) -> Floor:
     if len(known) == 1:
         return next(iter(known.values()))
     return _joined(positions[:, :2], positions[:, :2], owners, known, _SPACING)
+
+
+def floors_seen(project: Project) -> dict[int, FloorSurface]:
+    """Frame index -> the floor surface that holds around it, the same object for all frames whose floors are looked for
+    together: that of the submap which has the frame in its core; where storeys lie over one another, of the storey that
+    the camera is on, with the stairs from and to it, and on a stair the two that it joins. Frames of submaps without a
+    floor are left out."""
+    floor, positions = floor_of(project), project.need_capture().positions
+    storeys, found = storeys_of(positions), {}
+    seen: list[FloorSurface] = []
+    if isinstance(floor, StackedFloor):
+        for k, surface in enumerate(floor.storeys[:-1]):
+            stair = positions[storeys.part == 2 * k + 1]
+            seen += [surface, _from_stair(surface, floor.storeys[k + 1], stair)]
+        seen.append(floor.storeys[-1])
+    for submap in project.submaps("floors"):
+        own = project.surface(submap.index)
+        if own is None:
+            continue
+        floors = [replace(surface) for surface in seen]
+        found.update({frame: floors[storeys.part[frame]] if floors else own for frame in submap.core})
+    return found
+
+
+def _from_stair(lower: FloorSurface, upper: FloorSurface, cameras: NDArray[np.float64]) -> FloorSurface:
+    """What `cameras` (N, 3) on a stair see of the two storeys that it joins, which have the same nodes: around its
+    lower half the one, around its upper half the other."""
+    from scipy.spatial import cKDTree
+
+    if not len(cameras):
+        return lower
+    rows, columns = lower.heights.shape
+    x, y = (lower.origin[a] + lower.spacing * np.arange(n) for a, n in enumerate((columns, rows)))
+    nearest = cKDTree(cameras[:, :2]).query(np.stack(np.meshgrid(x, y), axis=-1))[1]
+    below = cameras[nearest, 2] < 0.5 * (cameras[:, 2].min() + cameras[:, 2].max())
+    return replace(lower, heights=np.where(below, lower.heights, upper.heights))
 
 
 def stacked_floor(

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
+from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.hybrid import HybridFloor, HybridSteps
 from nvsim.perception.models import models_folder
 from nvsim.perception.prompted_network import DECODER, ENCODER, PromptedNetwork, prompted_files
 from nvsim.perception.roles import Mask
+from nvsim.project.floor_heights import floors_seen
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import lacks
@@ -59,7 +61,8 @@ class CandidateMaker:
     def __init__(self, project: Project) -> None:
         self._project = project
         self._prompted: PromptedNetwork | None = None
-        self._hybrids: dict[tuple[str, int], HybridFloor] = {}
+        self._floors: tuple[str, dict[int, FloorSurface]] | None = None
+        self._hybrids: dict[int, HybridFloor] = {}
 
     def make(self, index: int) -> Path:
         """The file with the candidates of a frame, made where it is not there. Raises InputError while the floors were
@@ -86,18 +89,17 @@ class CandidateMaker:
 
         project = self._project
         capture = replace(project.need_capture(), cloud=project.scan())
-        submap = next(s for s in project.need_submaps() if index in s.core)
-        key = floors_key(project), submap.index
-        if key not in self._hybrids:
-            surface = project.surface(submap.index)
-            if surface is None:
-                raise InputError(
-                    f"{project.layout.surface(submap.index)} is missing; run `nvsim floors --project` again."
-                )
-            floor = learnt_floor(capture, list(submap.core), surface, SegmentConfig())
+        if self._floors is None or self._floors[0] != floors_key(project):
+            self._floors, self._hybrids = (floors_key(project), floors_seen(project)), {}
+        floors = self._floors[1]
+        surface = floors.get(index)
+        if surface is None:
+            raise InputError(f"{capture.frames[index].name} has no floor surface; run `nvsim floors --project` again.")
+        if id(surface) not in self._hybrids:
+            floor = learnt_floor(capture, [i for i, s in floors.items() if s is surface], surface, SegmentConfig())
             prompted = self._network() or RegionGrowing()
-            self._hybrids[key] = HybridFloor(FloorLooks(floor), CloudNormals(floor, capture.cloud), prompted)
-        return self._hybrids[key]
+            self._hybrids[id(surface)] = HybridFloor(FloorLooks(floor), CloudNormals(floor, capture.cloud), prompted)
+        return self._hybrids[id(surface)]
 
     def _network(self) -> PromptedNetwork | None:
         """The user's prompted network, opened once. Raises InputError for one that cannot be used."""

@@ -38,6 +38,10 @@ class SceneViews:
         """See SceneModel.second."""
         return self._scene.second(position)
 
+    def trained_at(self, submap: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """See SceneModel.trained_at."""
+        return self._scene.trained_at(submap, positions)
+
     def views_of(
         self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:

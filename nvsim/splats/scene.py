@@ -6,8 +6,9 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.splats.files import DESCRIPTION, load_model, memory_needed
 from nvsim.splats.types import SubmapModel
+from nvsim.submaps.storeys import storeys_of
 from nvsim.submaps.types import Submap
 
 T = TypeVar("T")
@@ -64,6 +66,7 @@ class SceneModel:
         self._firsts = np.cumsum([0, *(len(s.positions) for s in self._submaps[:-1])])
         self._frames = np.concatenate([s.core for s in self._submaps]).astype(np.int64)
         self._trained = [np.asarray(s.frames, np.int64) for s in self._submaps]
+        self._tree: Any = None  # of the positions, once it is asked for
         self._asking = threading.Lock()  # held by the one thread that loads what was asked for
         self._changed = threading.Condition()  # guards all that follows
         self._loaded: OrderedDict[int, SubmapModel] = OrderedDict()
@@ -95,14 +98,34 @@ class SceneModel:
 
     def second(self, position: NDArray[np.floating]) -> int | None:
         """Besides `nearest`, the submap with the nearest core camera among those that were trained on the frame nearest
-        to `position` (3,) as well: where the overlap of two submaps lies. None where there is none."""
+        to `position` (3,) as well: where the overlap of two submaps lies. None where there is none. That of a stair has
+        no opinion on the floors that it joins: its frames look along the stair."""
         if len(self._submaps) == 1:
             return None
-        frame = self._frames[int(np.argmin(np.sum((self._positions - position) ** 2, axis=1)))]
+        frame = self._nearest_frames(np.asarray(position)[None])[0]
         for i in np.argsort(self._distances(position), kind="stable")[1:]:
-            if frame in self._trained[i]:
+            if frame in self._trained[i] and not self._on_stairs[i]:
                 return self._submaps[i].index
         return None
+
+    @cached_property
+    def _on_stairs(self) -> list[bool]:
+        """Of each submap, whether most of its core climbs from a storey to another."""
+        climbs = storeys_of(self._positions).part % 2 == 1
+        return [bool(np.mean(part) > 0.5) for part in np.split(climbs, self._firsts[1:])]
+
+    def trained_at(self, index: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) whether a submap was trained on the frame nearest to each of `positions` (N, 3)."""
+        trained = next(t for s, t in zip(self._submaps, self._trained) if s.index == index)
+        return np.isin(self._nearest_frames(positions), trained)
+
+    def _nearest_frames(self, positions: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(N,) the frames nearest to places (N, 3)."""
+        if self._tree is None:
+            from scipy.spatial import cKDTree
+
+            self._tree = cKDTree(self._positions)
+        return np.asarray(self._frames[self._tree.query(positions)[1]])
 
     def model_at(self, position: NDArray[np.floating]) -> tuple[int, SubmapModel]:
         """Index and model of `nearest`. Raises InputError when its files cannot be read."""

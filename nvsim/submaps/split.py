@@ -14,6 +14,7 @@ from nvsim.submaps.types import Submap
 # Ward linkage holds all pairs of its points: 2000 points are 16 MB and half a second, 20000 would be 1.6 GB.
 _MOST_CLUSTERED = 2000
 _THINNING = 0.25
+_CLIMBED = 3.5  # metres: as far as a corridor reaches
 _APART = 1e4  # metres, which keep storeys and stairs over one another in clusters of their own
 
 
@@ -55,7 +56,8 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
     frame, each with the frames within `overlap` of its core. The same positions give the same submaps.
 
     Where storeys lie over one another, each of them and each stair between two has submaps of its own, as long as
-    `count` leaves it some. There are never more submaps than distinct positions. With `count` None it is the smallest
+    `count` leaves it some; a submap takes frames on a stair from farther away, as a storey shows little of it. There
+    are never more submaps than distinct positions. With `count` None it is the smallest
     number whose largest submap fits the memory budget, or, where the overlap alone breaks the budget, four times the
     number that the frames without overlap would need. Raises InputError for a count or an overlap that makes no sense.
     """
@@ -74,12 +76,13 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
     clustered, member = _thinned(points if several == 1 else points + np.outer(parts, [0.0, 0.0, _APART]))
     most = len(np.unique(clustered, axis=0))
     merges = _ward(clustered)
+    reach = np.where(parts % 2 == 1, max(config.overlap, _CLIMBED), config.overlap)
     if config.count is not None:
-        return _cut(points, merges, member, min(config.count, most), config.overlap)
+        return _cut(points, merges, member, min(config.count, most), reach)
     needed = max(-(-len(points) // config.frames_per_submap), several)
     count = min(needed, most)
     while True:
-        submaps = _cut(points, merges, member, count, config.overlap)
+        submaps = _cut(points, merges, member, count, reach)
         fits = max(len(s.frames) for s in submaps) <= config.frames_per_submap
         if fits or count >= min(most, 4 * needed):
             return submaps
@@ -131,9 +134,10 @@ def _cut(
     merges: NDArray[np.int64],
     member: NDArray[np.int64],
     count: int,
-    overlap: float,
+    reach: NDArray[np.float64],
 ) -> tuple[Submap, ...]:
-    """The clusters that are left when all but the last `count` - 1 merges are done."""
+    """The clusters that are left when all but the last `count` - 1 merges are done, each with the frames no farther
+    from it than their `reach` (N,), metres."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
@@ -147,7 +151,7 @@ def _cut(
     submaps = []
     for index, frame in enumerate(np.sort(first)):
         core = np.flatnonzero(labels == labels[frame])
-        distance, _ = cKDTree(points[core]).query(points, distance_upper_bound=overlap + 1e-9)
-        frames = np.union1d(core, np.flatnonzero(distance <= overlap))
+        distance, _ = cKDTree(points[core]).query(points, distance_upper_bound=reach.max() + 1e-9)
+        frames = np.union1d(core, np.flatnonzero(distance <= reach))
         submaps.append(Submap(index, tuple(core.tolist()), tuple(frames.tolist()), points[core]))
     return tuple(submaps)

@@ -47,6 +47,10 @@ class Pair(Columns):
     def another(self, position: NDArray[np.floating]) -> int | None:
         return 1 if OVERLAP[0] <= position[0] <= OVERLAP[1] else None
 
+    def trained_at(self, submap: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
+        assert submap == 1
+        return np.asarray((positions[:, 0] >= OVERLAP[0]) & (positions[:, 0] <= OVERLAP[1]))
+
     def views_of(
         self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:

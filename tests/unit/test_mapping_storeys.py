@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from stairwell import SLOPE, known_floor, stairwell
 
 from nvsim.graph.types import Viewpoint
+from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.lattice import Lattice
@@ -128,3 +129,84 @@ def test_a_step_arrives_on_the_floor_that_it_follows() -> None:
     ):
         found = measurements.arrival(viewpoint("v", x, y, floor), target)
         assert found[:2] == target and found[2] == pytest.approx(arrives + EYE, abs=0.07)
+
+
+class Walls(Clear):
+    """Views of nothing but Gaussians, from two models; the second was trained on the lower storey alone."""
+
+    def views(self, position, cameras, masks):  # type: ignore[no-untyped-def]
+        return 0, self.views_of(0, cameras, masks)
+
+    def views_of(self, submap, cameras, masks):  # type: ignore[no-untyped-def]
+        shape = masks[0].shape
+        return [RenderOutput(alpha=np.ones(shape, np.float32), normal=np.zeros((*shape, 3), np.float32))] * len(masks)
+
+    def another(self, position):  # type: ignore[no-untyped-def]
+        return 1
+
+    def trained_at(self, submap, positions):  # type: ignore[no-untyped-def]
+        return positions[:, 2] < 1.0 + EYE
+
+    def gaussians(self, submap):  # type: ignore[no-untyped-def]
+        raise AssertionError("nobody asked for the slice")
+
+
+def test_the_last_steps_that_are_seen_edge_on_from_below_are_left_to_the_corridor_back() -> None:
+    low, high = viewpoint("a", 4.2, 0.5, 1.32), viewpoint("b", 6.7, 0.5, 2.82)
+    config = MappingConfig()
+    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    up, down = measurements.between(low, high), measurements.between(high, low)
+    corridor = Corridor((4.2, 0.5), (6.7, 0.5), 1.32 + EYE)
+    ground = corridor.ground(FLOOR.height_at)[:, 5:13]
+    over, distance = 1.32 + EYE - ground[..., 2], np.hypot(ground[..., 0] - 4.2, ground[..., 1] - 0.5)
+    np.testing.assert_array_equal(up.alpha[:, 5:13], np.where(over < 0.15 * distance, 0, 255))
+    assert (over < 0).any() and (over > 0.15 * distance).any(), "some of it lies over the eye, and some is seen"
+    assert (down.alpha == 255).all(), "from above all of it is seen"
+    alone = MappingConfig(both_ways=False)
+    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, alone, Lattice(alone))
+    assert (paper.between(low, high).alpha == 255).all(), "where nobody asks for the way back it is no floor"
+
+
+class Doubted(Walls):
+    """The same, but the first model shows nothing."""
+
+    views = Clear.views
+
+
+def test_a_model_has_an_opinion_on_the_part_of_a_corridor_that_it_was_trained_on() -> None:
+    config = MappingConfig()
+    measurements = Measurements(Doubted(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    down = measurements.between(viewpoint("b", 4.6, 0.5, 1.56), viewpoint("a", 2.2, 0.5, 0.12))
+    floor = Corridor((4.6, 0.5), (2.2, 0.5), 1.56 + EYE).ground(FLOOR.height_at)[:, 9, 2]
+    assert down.second is not None and (down.alpha == 0).all()
+    np.testing.assert_array_equal(down.second.alpha[:, 9], np.where(floor < 1.0, 255, 0))
+    assert 5 < (floor < 1.0).sum() < len(floor) - 5
+
+
+def test_what_somebody_walked_over_is_floor_by_a_stair_and_nowhere_else() -> None:
+    config = MappingConfig()
+    trodden = Trodden(walk()).at
+    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), trodden)
+    low, high = viewpoint("a", 3.2, 0.5, 0.72), viewpoint("b", 4.8, 0.5, 1.68)
+    for corridor in (measurements.between(low, high), measurements.between(high, low)):
+        assert (corridor.alpha[:16, 5:13] == 0).all(), "the cameras climbed along y = 0.5"
+        assert (corridor.alpha[:16, [0, 17]] == 255).all(), "and not within reach of the walls"
+    room = viewpoint("c", 5.5, 3.5, 0), viewpoint("d", 4.5, 4.7, 0)
+    assert (measurements.between(*room).alpha == 255).all(), "in a room the views decide, walked or not"
+    unsupported = MappingConfig(support=0)
+    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, unsupported, Lattice(unsupported), (), trodden)
+    assert (paper.between(high, low).alpha == 255).all(), "and without known floor everywhere"
+
+
+def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walked_between_two() -> None:
+    path = np.array([[0, 0, 1.3], [1, 0, 1.3], [1, 1, 1.3], [5, 1, 1.3], [5, 1, 4.3]])
+    places = np.random.default_rng(0).uniform((-1, -1, -2), (6, 3, 5), (2000, 3))
+    t = np.linspace(0, 1, 400)[:, None]
+    slow = np.concatenate([a + t * (b - a) for a, b in ((path[0], path[1]), (path[1], path[2]))] + [path])
+    over = slow[:, 2] - places[:, 2:]
+    near = np.linalg.norm(slow[:, :2] - places[:, None, :2], axis=-1)
+    by = ((near < 0.4) & (over > 0.3) & (over < 2.5)).any(axis=1)
+    edge = np.abs(np.where((over > 0.3) & (over < 2.5), near, 9).min(axis=1) - 0.4) < 0.01
+    np.testing.assert_array_equal(Trodden(path).at(places)[~edge], by[~edge])
+    assert by.any() and not Trodden(path).at(np.array([3.0, 1.0, 0.0]))
+    assert Trodden(path[:1]).at(np.array([0.1, 0.0, 0.0]))

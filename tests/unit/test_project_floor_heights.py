@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
-from nvsim.project.floor_heights import floor_beneath, floor_of
+from nvsim.project.floor_heights import floor_beneath, floor_of, floors_seen
 from nvsim.submaps.types import Submap
 
 
@@ -69,6 +70,36 @@ def test_the_floor_of_a_villa_is_that_of_the_storey_one_is_on() -> None:
             assert floor.height_at(np.array([x, 6.1, z])) == pytest.approx(0.6 * x, abs=0.05)
     for z, height in ((1.3, 0.0), (4.3, 3.0)):
         assert floor.height_at(np.array([3.0, 5.2, z])) == height, "behind the wall along the stair"
+
+
+class Walked(Villa):
+    """The villa as a project whose frames are all in the core of their submap."""
+
+    def submaps(self, of: str = "submaps") -> list[Submap]:
+        found, first = [], 0
+        for s in Villa.submaps(self):
+            frames = tuple(range(first, first + len(s.positions)))
+            found.append(Submap(s.index, frames, frames, s.positions))
+            first += len(frames)
+        return found
+
+    def need_capture(self) -> SimpleNamespace:
+        return SimpleNamespace(positions=np.concatenate([s.positions for s in self.submaps()]))
+
+
+def test_a_frame_sees_its_storey_with_the_stairs_and_one_on_a_stair_both_storeys() -> None:
+    villa = Walked()
+    seen = floors_seen(villa)  # type: ignore[arg-type]
+    below, stair, above = (s.core for s in villa.submaps())
+    assert sorted(seen) == [*below, *stair, *above]
+    assert all(len({id(seen[i]) for i in frames}) == 1 for frames in (below, above)), "frames are taken together"
+    on, foot, head, room = np.array([2.5, 6.0]), np.array([-1.0, 6.0]), np.array([6.5, 6.0]), np.array([3.0, 1.0])
+    for frames, before, behind, far in ((below, 0, 0, 0), (above, 3, 3, 3), (stair[4:6], 0, 3, None)):
+        floor = seen[frames[0]]
+        assert floor.height_at(on) == pytest.approx(1.5, abs=0.05), "the stair belongs to all"
+        assert floor.height_at(foot) == pytest.approx(before, abs=0.05)
+        assert floor.height_at(head) == pytest.approx(behind, abs=0.05)
+        assert far is None or floor.height_at(room) == pytest.approx(far)
 
 
 def test_submaps_of_one_storey_are_joined_as_ever() -> None:

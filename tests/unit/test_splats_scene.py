@@ -79,6 +79,29 @@ def test_another_submap_is_asked_where_it_was_trained_on_the_nearest_frame(tmp_p
     assert SceneModel(SUBMAPS[:1], [tmp_path]).second(np.zeros(3)) is None
 
 
+def test_a_submap_knows_the_places_whose_nearest_frame_it_was_trained_on(tmp_path):
+    rng = np.random.default_rng(4)
+    positions = np.cumsum(rng.normal(0, 0.4, (120, 3)), axis=0) * [1, 1, 0.1]
+    submaps = split(positions, SubmapConfig(count=4, overlap=1.0))
+    scene, places = SceneModel(submaps, [tmp_path] * 4), positions[::3] + rng.normal(0, 0.3, (40, 3))
+    frames = [int(np.argmin(np.linalg.norm(positions - place, axis=1))) for place in places]
+    for s in submaps:
+        assert scene.trained_at(s.index, places).tolist() == [frame in s.frames for frame in frames]
+
+
+def test_the_submap_of_a_stair_has_no_opinion_on_the_floors_that_it_joins(tmp_path):
+    t = np.linspace(0, 2 * np.pi, 60)
+    room = np.column_stack([3 * np.cos(t), 3 * np.sin(t), np.full(60, 1.3)])
+    stair = np.column_stack([np.linspace(3, 7, 20), np.zeros(20), np.linspace(1.3, 4.3, 20)])
+    positions = np.concatenate([room, stair, room + [0, 0, 3]])
+    submaps = split(positions, SubmapConfig(count=3, overlap=1.5))
+    scene = SceneModel(submaps, [tmp_path] * 3)
+    climbing = next(s.index for s in submaps if np.ptp(s.positions[:, 2]) > 1)
+    foot, step = np.array([3.0, 0.0, 1.3]), np.array([4.0, 0.0, 2.1])
+    assert scene.nearest(foot) != climbing and scene.second(foot) is None
+    assert scene.nearest(step) == climbing and scene.second(step) not in (None, climbing)
+
+
 def test_models_load_when_asked_for_and_the_least_recently_used_goes(folders):
     scene = SceneModel(SUBMAPS, folders, memory_budget=2 * memory_of(submap_model(COLOURS[0])))
     assert scene.loaded == ()

@@ -74,6 +74,14 @@ def test_submaps_of_a_building_keep_to_one_storey_or_its_stair(size: str) -> Non
     assert len(split(flat, SubmapConfig(count=2))) == len(split(walk, SubmapConfig(count=2))) == 2
 
 
+def test_the_submap_of_a_storey_has_the_frames_of_a_stair_as_far_as_a_corridor_reaches() -> None:
+    walk = np.concatenate([round_trip(1.3), climb(1.3, 4.3), round_trip(4.3)])
+    part = storeys_of(walk).part
+    for s in split(walk, SubmapConfig(overlap=1.0)):
+        distance = np.linalg.norm(walk[:, None] - walk[list(s.core)], axis=-1).min(axis=1)
+        assert set(s.frames) == {*s.core, *np.flatnonzero(distance <= np.where(part == 1, 3.5, 1.0))}
+
+
 def test_three_thousand_cameras_are_cut_along_their_storeys_too() -> None:
     walk = np.concatenate([round_trip(1.3, count=1700), climb(1.3, 4.3, 60), round_trip(4.3, count=1700)])
     part = storeys_of(walk).part

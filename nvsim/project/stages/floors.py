@@ -14,7 +14,7 @@ from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.project import ledger, results
 from nvsim.project.config import held_out
 from nvsim.project.corrections import corrected_frames, corrections_key, discard_corrections
-from nvsim.project.floor_heights import floor_of
+from nvsim.project.floor_heights import floor_of, floors_seen
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scan import depth_in_use, depth_maps
@@ -32,6 +32,7 @@ STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 3  # of what this stage commits; raised when the same inputs give something else
 _WITH_DEPTH = 3  # the same where images have a depth
+_WITH_STAIRS = "stairs 3"  # and where storeys lie over one another
 
 _NOTHING_STANDS = (
     "There is neither a scan nor depth of the images, so little says what stands on the floor: masks and map may lead "
@@ -46,8 +47,10 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)
-    # Without depth the key is that of before there was a depth stage.
-    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION, *([depth.key, _WITH_DEPTH] if depth else []))
+    # Without depth the key is that of before there was a depth stage, and on one storey that of before stairs.
+    later = [depth.key, _WITH_DEPTH] if depth else []
+    stacked = len(storeys_of(project.need_capture().positions).levels) > 1
+    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION, *later, *([_WITH_STAIRS] if stacked else []))
     if ledger.is_current(project, STAGE, key) and _is_whole(project):
         listen(Log("The floor masks are up to date.", STAGE))
         refresh_support(project, listen)
@@ -69,10 +72,9 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
         shutil.rmtree(layout.floor, ignore_errors=True)
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, "floor heights"))
-    surfaces = floor_surfaces(project, submaps, config)
-    surface_of = {frame: surfaces[submap.index] for submap in submaps for frame in submap.core}
+    floor_surfaces(project, submaps, config)
     seen = depth_maps(project)
-    segment_capture(capture, surface_of.__getitem__, layout.masks, listen=listen, depth_of=seen)
+    segment_capture(capture, floors_seen(project).__getitem__, layout.masks, listen=listen, depth_of=seen)
     support_key = _support_key(project, key)
     coverage = _support(project)
     summary = {"frames": len(capture.frames), "supported_m2": round(coverage, 1)}

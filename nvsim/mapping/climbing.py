@@ -1,0 +1,50 @@
+"""What speaks for the floor of a stair besides a view of it: a view from below shows the last steps edge-on, and few
+cameras see a stair at all, but somebody carried one over it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.mapping.floor_pixels import Eye
+
+CLIMB = 0.3  # metres: a corridor whose floor differs by more from where it begins climbs, maybe to another storey
+_GRAZING = 0.15  # metres of height over the floor for each metre to it; less shows a slope edge-on
+_BODY = 0.4  # metres to either side of a carried camera that were free when it passed
+_CARRIED = 0.3, 2.5  # metres over the floor, at least and at most
+_BETWEEN = 0.1  # metres between the places of a trajectory that are looked at
+_JUMP = 1.5  # metres between cameras beyond which nobody walked straight from one to the next
+
+
+class Trodden:
+    """Knows where somebody carried the camera."""
+
+    def __init__(self, positions: NDArray[np.floating]) -> None:
+        """Of a trajectory with camera `positions` (N, 3), metres, z up, in the order in which they were taken."""
+        from scipy.spatial import cKDTree
+
+        walk = np.asarray(positions, np.float64).reshape(-1, 3)
+        way = np.diff(walk, axis=0)
+        length = np.linalg.norm(way, axis=1)
+        count = np.where(length > _JUMP, 1, np.maximum(1, np.ceil(length / _BETWEEN))).astype(np.int64)
+        leg = np.repeat(np.arange(len(way)), count)
+        share = (np.arange(len(leg)) - (np.cumsum(count) - count)[leg]) / count[leg]
+        self._places = np.concatenate([walk[leg] + share[:, None] * way[leg], walk[-1:]])
+        self._tree = cKDTree(self._places[:, :2])
+
+    def at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(...) whether somebody walked over places of the floor (..., 3), metres, or right beside them."""
+        flat = np.asarray(points, np.float64).reshape(-1, 3)
+        found = np.zeros(len(flat), bool)
+        for i, near in enumerate(self._tree.query_ball_point(flat[:, :2], _BODY)):
+            over = self._places[near, 2] - flat[i, 2]
+            found[i] = bool(((over > _CARRIED[0]) & (over < _CARRIED[1])).any())
+        return found.reshape(points.shape[:-1])
+
+
+def out_of_sight(eye: Eye, ground: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(rows, cells) which of the floor cells (rows, cells, 3) lie so much higher than the first that they are seen from
+    beneath or at a grazing angle."""
+    climb = ground[..., 2] - np.median(ground[0, :, 2])
+    distance = np.hypot(*np.moveaxis(ground[..., :2] - eye.position[:2], -1, 0))
+    return np.asarray((climb > CLIMB) & (eye.position[2] - ground[..., 2] < _GRAZING * distance))
