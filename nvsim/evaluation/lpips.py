@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.perception.models import find_model, models_folder
+from nvsim.networks.folder import find_file, models_folder
 
 Range = Literal["auto", "-1..1", "0..1"]
 Image = NDArray[np.float32]
@@ -98,7 +98,7 @@ def open_lpips(path: Path | None, values: Range = "auto") -> tuple[Lpips | None,
 
     Raises InputError for a named file that is missing and for one that is no LPIPS.
     """
-    found = path or find_model("lpips")
+    found = path or find_file("lpips")
     if found is None:
         return None, f"no LPIPS model: give --lpips FILE.onnx (or put lpips.onnx into {models_folder()})"
     return Lpips(found, values), ""

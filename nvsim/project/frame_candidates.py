@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
+from nvsim.networks.folder import models_folder
+from nvsim.networks.installed import find_model
 from nvsim.perception.hybrid import HybridFloor, HybridSteps
-from nvsim.perception.models import models_folder
-from nvsim.perception.prompted_network import DECODER, ENCODER, PromptedNetwork, prompted_files
+from nvsim.perception.prompted_network import PromptedNetwork
 from nvsim.perception.roles import Mask
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
@@ -28,7 +29,7 @@ _MASKS = ("semantic", "horizontal", "candidates", "prompted")
 
 def candidates_path(project: Project, index: int) -> Path:
     """Where the candidates of a frame lie once they were made; the name holds what they depend on."""
-    how = "network" if prompted_files() else "grown"
+    how = "network" if find_model("prompted") else "grown"
     return project.layout.cache / "candidates" / f"{index:06d}-{floors_key(project)[:12]}-{how}{_VERSION}.npz"
 
 
@@ -101,9 +102,9 @@ class CandidateMaker:
 
     def _network(self) -> PromptedNetwork | None:
         """The user's prompted network, opened once. Raises InputError for one that cannot be used."""
-        files = prompted_files()
-        if files is not None and self._prompted is None:
-            self._prompted = PromptedNetwork(*files)
+        model = find_model("prompted")
+        if model is not None and self._prompted is None:
+            self._prompted = PromptedNetwork(model.open())
         return self._prompted
 
     def prompt(self, index: int, points: NDArray[np.floating], inside: NDArray[np.bool_]) -> tuple[Mask, Mask]:
@@ -115,7 +116,8 @@ class CandidateMaker:
         network = self._network()
         if network is None:
             raise InputError(
-                f"There is no prompted network; put {ENCODER}.onnx and {DECODER}.onnx into {models_folder()}."
+                f"There is no prompted network in {models_folder()}; add one with `nvsim models add`, or put it there "
+                "as prompted.encoder.onnx and prompted.decoder.onnx."
             )
         frame = self._project.need_capture().frames[index]
         size = frame.intrinsics.within(_FINE)

@@ -9,7 +9,7 @@ from nvsim.files.reading import reading
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.perception.normals_network import installed_normals, normals_file
+from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
 from nvsim.project.project import Project
 
@@ -26,14 +26,13 @@ def check_normals(config: MappingConfig) -> None:
 def network_of(config: MappingConfig) -> str:
     """What tells the installed network, with what is said beside it, from others; "" where none is asked or there is
     none. Raises InputError where it cannot be read."""
-    path = normals_file() if NETWORK_NORMAL in config.criteria else None
-    if path is None:
+    model = normals_model() if NETWORK_NORMAL in config.criteria else None
+    if model is None:
         return ""
     digest = hashlib.sha256()
-    for file in (path, path.with_suffix(".toml")):
-        if file.is_file():
-            with reading(file, "a network of normals"), file.open("rb") as stream:
-                digest.update(hashlib.file_digest(stream, "sha256").digest())
+    for file in model.sources:
+        with reading(file, "a network of normals"), file.open("rb") as stream:
+            digest.update(hashlib.file_digest(stream, "sha256").digest())
     return digest.hexdigest()[:24]
 
 

@@ -27,12 +27,13 @@ def _pair() -> list[Seed]:
 
 
 def _prompted(path: Path) -> object:
-    from nvsim.perception.models import VARIABLE
-    from nvsim.perception.prompted_network import PromptedNetwork, prompted_files
+    from nvsim.networks.folder import VARIABLE
+    from nvsim.networks.installed import find_model
+    from nvsim.perception.prompted_network import PromptedNetwork
 
     os.environ[VARIABLE] = str(path)
-    files = prompted_files()
-    return files and PromptedNetwork(*files)
+    model = find_model("prompted")
+    return model and PromptedNetwork(model.open("cpu"))
 
 
 def _distance() -> list[Seed]:

@@ -5,20 +5,43 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.files.regular import opened
 
-TYPES = {
+Provider = Literal["auto", "cpu", "cuda"]
+_PROVIDERS = {
+    "auto": ("CUDAExecutionProvider", "CPUExecutionProvider"),
+    "cpu": ("CPUExecutionProvider",),
+    "cuda": ("CUDAExecutionProvider",),
+}
+TYPES: dict[str, Any] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
+    "tensor(double)": np.float64,
     "tensor(int64)": np.int64,
     "tensor(int32)": np.int32,
+    "tensor(uint8)": np.uint8,
+    "tensor(bool)": np.bool_,
 }
 """What an input of the network takes, by onnxruntime's word for it."""
+
+
+def providers(wanted: Provider) -> list[str]:
+    """What onnxruntime is to run on, the best first. Raises InputError where it can run on none of it."""
+    import onnxruntime
+
+    here = onnxruntime.get_available_providers()
+    found = [name for name in _PROVIDERS[wanted] if name in here]
+    if not found:
+        raise InputError(
+            f"This onnxruntime cannot run on {wanted if wanted != 'auto' else 'cpu or cuda'} (it has "
+            f"{', '.join(here) or 'nothing'}); install onnxruntime{'-gpu' if wanted == 'cuda' else ''}."
+        )
+    return found
 
 
 def session(path: Path, providers: Sequence[str] = ("CPUExecutionProvider",)) -> Any:
