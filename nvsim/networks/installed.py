@@ -16,6 +16,7 @@ from nvsim.networks.old_normals import values_of_old
 from nvsim.networks.onnx_session import Provider, session
 from nvsim.networks.parsing import description_in
 from nvsim.networks.ready import Signature, fitting, read_description, ready
+from nvsim.networks.roles import ROLE_WORDS
 from nvsim.networks.toml_table import LARGEST, parsed
 
 DESCRIPTION = "model.toml"
@@ -24,9 +25,6 @@ OLD: dict[str, tuple[Role, tuple[str, ...]]] = {
     "prompted": ("prompted", ("prompted.encoder.onnx", "prompted.decoder.onnx")),
 }
 """Names of before there were descriptions: role and files."""
-ROLE_WORDS: dict[Role, str] = {
-    "semantic": "floor by its looks", "normals": "surface normals", "prompted": "the region at points",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
