@@ -4,11 +4,13 @@ prompted.decoder.onnx)."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.regular import is_regular, read_text
+from nvsim.files.reading import reading
+from nvsim.files.regular import is_regular, opened, read_text
 from nvsim.networks.chain import Chain
 from nvsim.networks.description import Description, Role
 from nvsim.networks.folder import models_folder
@@ -45,6 +47,21 @@ class Model:
         files = self.description.files.values() if self.description else ()
         weights = [self.folder / name for file in files for name in file.beside]
         return [path for path in (*self.files, *weights, *described) if is_regular(path)]
+
+    @property
+    def stamp(self) -> list[tuple[str, int, int]]:
+        """Names, sizes and times of the files: quicker than a digest, for what can be made again."""
+        found = [(path.name, path.stat()) for path in self.sources]
+        return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in found]
+
+    def digest(self) -> str:
+        """What tells the model, with what is said of it, from others. Raises InputError for a file that cannot be
+        read."""
+        whole = hashlib.sha256()
+        for path in self.sources:
+            with reading(path, "a network"), opened(path) as file:
+                whole.update(hashlib.file_digest(file, "sha256").digest())
+        return whole.hexdigest()[:24]
 
     def open(self, provider: Provider = "auto") -> Chain:
         """Raises InputError for files that cannot be loaded or are not what is said of them."""

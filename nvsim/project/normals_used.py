@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 
-from nvsim.files.reading import reading
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
@@ -29,11 +27,7 @@ def network_of(config: MappingConfig) -> str:
     model = normals_model() if NETWORK_NORMAL in config.criteria else None
     if model is None:
         return ""
-    digest = hashlib.sha256()
-    for file in model.sources:
-        with reading(file, "a network of normals"), file.open("rb") as stream:
-            digest.update(hashlib.file_digest(stream, "sha256").digest())
-    return digest.hexdigest()[:24]
+    return model.digest()
 
 
 def last_network(project: Project) -> str:

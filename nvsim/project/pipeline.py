@@ -26,7 +26,7 @@ def run(
         "import": lambda: imported.run(project, source, understood, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
         "depth": lambda: depths.run(project, depth, config.depth, listen),
-        "floors": lambda: floors.run(project, listen),
+        "floors": lambda: floors.run(project, listen, config=config.floors),
         "train": lambda: trained.run(project, config.train, listen),
         "map": lambda: mapped.run(project, config.map, listen),
     }

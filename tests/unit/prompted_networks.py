@@ -224,4 +224,3 @@ def _resized(size: str, crops: bool, count: int) -> list:
         ("Concat", ["count", "to"], ["sizes"], {"axis": 0}),
         ("Resize", ["content", "", "", "sizes"], ["large"], {"mode": "linear"}),
     ]
-

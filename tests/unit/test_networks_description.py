@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from nvsim.networks.description import Description
 from nvsim.networks.parsing import description_in
 from nvsim.networks.preparing import Preparation
 from nvsim.networks.ready import FOLDER, ready, values_of
+from nvsim.networks.toml_table import parsed
 
 PATH = Path("model.toml")
 FORMS = sorted(path.stem for path in FOLDER.glob("*.toml"))
@@ -131,3 +133,11 @@ def test_an_image_lies_within_what_the_network_looks_at(
         assert 0 <= place.left <= place.columns - place.wide and 0 <= place.top <= place.rows - place.high
     if resize in ("corner", "centre") and size[0] == 0:
         assert (place.wide, place.high) == (width, height), "an open size need not be resized"
+
+
+def test_the_page_shows_a_description_and_names_every_form() -> None:
+    page = (Path(__file__).parents[2] / "resources" / "docs" / "perception.md").read_text()
+    (example,) = re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    found = description_in(parsed(example, PATH), PATH)
+    assert found.title == "DSINE" and found.images["photo"].multiple == 32
+    assert [form for form in FORMS if f"`{form}`" not in page] == []
