@@ -49,6 +49,12 @@ class Chain:
 
     def __init__(self, description: Description, folder: Path, provider: Provider = "auto") -> None:
         self.description = description
+        for name, constant in description.constants.items():
+            if constant.needed:
+                raise InputError(
+                    f"{description.title}: its TOML must say the constant {name}: {constant.needed}, as "
+                    f"[constants] {name} = {{ value = [...] }}."
+                )
         self.paths = {key: folder / file.name for key, file in description.files.items()}
         asked = providers(provider)
         sessions = {key: session(path, asked) for key, path in self.paths.items()}
@@ -114,13 +120,14 @@ class Chain:
         names = list(dict.fromkeys(b.node.name for b in run.outputs))
         found = dict(zip(names, run.session.run(names, feed), strict=True))
         for b in run.outputs:
-            values[b.tensor.values[0]] = _changed(np.asarray(found[b.node.name]), b)
+            values[b.tensor.values[0]] = _copied(_changed(np.asarray(found[b.node.name]), b), b)
 
     def _fed(self, bound: Bound, values: Values) -> NDArray[Any]:
         """What an input takes."""
         parts = [self._value(name, values, bound.node) for name in bound.tensor.values]
         value = _changed(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), bound)
-        return np.ascontiguousarray(_ranked(value, bound.node), TYPES.get(bound.node.type, np.float32))
+        value = _copied(_ranked(value, bound.node), bound)
+        return np.ascontiguousarray(value, TYPES.get(bound.node.type, np.float32))
 
     def _value(self, name: str, values: Values, node: Node | None = None) -> NDArray[Any]:
         if name in values:
@@ -164,18 +171,23 @@ def _changed(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
     tensor = bound.tensor
     if tensor.item is not None:
         value = value[tensor.item : tensor.item + 1]
-    if tensor.factor != 1:
-        value = value * tensor.factor
-    return np.repeat(value, tensor.copies, axis=0) if tensor.copies > 1 else value
+    return value * tensor.factor if tensor.factor != 1 else value
+
+
+def _copied(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
+    return np.repeat(value, bound.tensor.copies, axis=0) if bound.tensor.copies > 1 else value
 
 
 def _ranked(value: NDArray[Any], node: Node) -> NDArray[Any]:
-    """`value` with as many axes as the input has; those in front that it has too few or too many are of one entry."""
+    """`value` with as many axes as the input has; those in front that it has too few or too many are of one entry. One
+    number fills an input of any size."""
     rank = len(node.shape if node.shape is not None else ())
     while value.ndim < rank:
         value = value[None]
     while value.ndim > rank and value.shape[0] == 1:
         value = value[0]
+    if value.size == 1 and all(isinstance(n, int) for n in node.shape or ()):
+        value = np.broadcast_to(value, [int(n) for n in node.shape or () if n])
     return value
 
 

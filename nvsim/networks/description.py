@@ -67,13 +67,15 @@ class Step:
 @dataclass(frozen=True)
 class Constant:
     """A value that is always the same: `numbers`, one or as many as `shape` holds (None: as the input has it), or, with
-    a `seed`, normally distributed ones of the shape of the value `like`, `copies` times along the first axis."""
+    a `seed`, normally distributed ones of the shape of the value `like`, `copies` times along the first axis. Where the
+    user must say it, `needed` tells what it is."""
 
     numbers: tuple[float, ...] = ()
     shape: tuple[int, ...] | None = None
     seed: int | None = None
     like: str = ""
     copies: int = 1
+    needed: str = ""
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,8 @@ class Points:
 class FloorResult:
     """classes   of the output; 1 of a network that knows floor only. An output with one more has background first
     floor     which of them are floor
+    scores    the value with the quality of each of several masks of floor, of which the best is taken; "" where there
+              is one
     """
 
     value: str
@@ -121,6 +125,7 @@ class FloorResult:
     channels_last: bool = False
     classes: int = 1
     floor: tuple[int, ...] = (0,)
+    scores: str = ""
 
 
 @dataclass(frozen=True)

@@ -107,6 +107,8 @@ def _constant(table: Table) -> Constant:
     if "seed" in table:
         seed = table.whole("seed", 1 << 30, least=0)
         return Constant((), shape, seed, table.word("like", ""), table.whole("copies", 64, 1))
+    if "needed" in table and "value" not in table:
+        return Constant(needed=table.word("needed"))
     numbers = table.numbers("value")
     size = 1
     for side in shape or ():
@@ -157,8 +159,9 @@ def _result(table: Table, role: Role) -> Result:
         classes = table.whole("classes", 100_000, 1)
         floor = table.wholes("floor", classes - 1, (0,) if classes == 1 else None)
         result = FloorResult(
-            value, image, table.one_of("meaning", get_args(Meaning)), _channels_last(table), classes, floor
-        )
+            value, image, table.one_of("meaning", get_args(Meaning)), _channels_last(table), classes, floor,
+            table.word("scores", ""),
+        )  # fmt: skip
     table.refuse_others()
     return result
 

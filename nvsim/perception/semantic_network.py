@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.networks.chain import Chain
+from nvsim.networks.chain import Chain, Values
 from nvsim.networks.description import FloorResult
 from nvsim.networks.preparing import Placement
 from nvsim.perception.roles import Float32, Image
@@ -26,17 +26,21 @@ class SemanticNetwork:
         found = self._chain.value(shown.values, self._result.value)
         place = shown.placements[self._result.image]
         if self._result.meaning == "labels":
-            return _labelled(self._planes(found, 1)[0], self._floor(), place)
-        planes = self._planes(found, self._result.classes)
+            return _labelled(self._planes(found, 1, shown.values)[0], self._floor(), place)
+        planes = self._planes(found, self._result.classes, shown.values)
         floor = self._floor(len(planes) - self._result.classes)
         if self._result.meaning == "probabilities":
             return np.clip(place.back(planes[list(floor)].sum(axis=0)), 0, 1)
         if len(planes) == 1:
-            return np.asarray(1 / (1 + np.exp(-place.back(planes[0]))), np.float32)
+            return np.asarray(1 / (1 + np.exp(-np.clip(place.back(planes[0]), -80, 80))), np.float32)
         return _soft(planes, floor, place)
 
-    def _planes(self, found: NDArray[np.float32], classes: int) -> NDArray[np.float32]:
+    def _planes(self, found: NDArray[np.float32], classes: int, values: Values) -> NDArray[np.float32]:
         """(C, h, w) with as many classes as are said, or one more. Raises InputError where it has other ones."""
+        if self._result.scores and self._result.scores in values:
+            masks = found.reshape(-1, *found.shape[-2:])
+            scores = np.ravel(self._chain.value(values, self._result.scores))
+            return masks[[int(np.argmax(scores))]] if len(scores) == len(masks) else masks[:1]
         planes = np.moveaxis(found, -1, -3) if self._result.channels_last and found.ndim > 2 else found
         planes = planes.reshape(-1, *planes.shape[-2:]) if planes.ndim >= 2 else planes[None, None]
         extra = (0, 1) if self._result.meaning != "labels" and classes > 1 else (0,)
