@@ -20,6 +20,7 @@ from app.wiring.jobs import JobsPart
 from app.wiring.keeping import KeepingPart
 from app.wiring.layers import LayersPart
 from app.wiring.look import LookPart
+from app.wiring.models import ModelsPart
 from app.wiring.modes import ModePart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
@@ -47,6 +48,7 @@ PARTS: tuple[type[Part], ...] = (
     ThresholdPart,
     JobsPart,
     NewProjectPart,
+    ModelsPart,
     ResultPart,
     LogPart,
     CalibratePart,
