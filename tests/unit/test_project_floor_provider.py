@@ -23,8 +23,8 @@ from nvsim.geometry.camera import look
 from nvsim.geometry.lens import Lens
 from nvsim.perception.failures import NAME, Failures, read_failures
 from nvsim.perception.segment import read_mask
-from nvsim.project import ledger
-from nvsim.project.config import FloorsConfig
+from nvsim.project import ledger, pipeline
+from nvsim.project.config import CaptureConfig, FloorsConfig, RunConfig
 from nvsim.project.floor_provider import choose
 from nvsim.project.frame_candidates import CandidateMaker, read_candidates
 from nvsim.project.project import Project
@@ -199,6 +199,15 @@ def test_names_that_mean_nothing_are_refused(models: Path, config: FloorsConfig,
     install(models)
     with pytest.raises(InputError, match=sentence):
         choose(config, lambda: None)
+
+
+def test_the_main_job_refuses_a_name_that_means_nothing_before_it_makes_anything(models: Path, tmp_path: Path) -> None:
+    config = RunConfig(floors=FloorsConfig("hybrid", prompted="sam3"))
+    with (
+        Project.create_or_open(tmp_path / "p.nvsim") as project,
+        pytest.raises(InputError, match="no model 'sam3' of the region at points .*installed: none"),
+    ):
+        pipeline.run(project, tmp_path / "nowhere", CaptureConfig(), config, lambda _: None)
 
 
 def test_a_network_that_is_broken_is_refused_before_the_masks_in_use_are_replaced(
