@@ -6,18 +6,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from nvsim.errors import InputError
 from nvsim.networks.description import Tensor
-
-
-class Node(Protocol):
-    """What onnxruntime says of an input or an output. A side of the shape is a number, a name, or None where open."""
-
-    name: str
-    type: str
-    shape: Sequence[int | str | None]
+from nvsim.networks.onnx_session import Node
 
 
 @dataclass(frozen=True)
@@ -83,7 +75,7 @@ def _exactness(tensor: Tensor, node: Node) -> int | None:
         return None
     if tensor.shape is None:
         return 0
-    shape = node.shape if node.shape is not None else ()
+    shape = node.shape
     if len(shape) != len(tensor.shape):
         return None
     said = [(wanted, side) for wanted, side in zip(tensor.shape, shape) if wanted]
@@ -100,4 +92,4 @@ def _said(tensor: Tensor) -> str:
 
 def words(nodes: Sequence[Node]) -> str:
     """The tensors of a file for a message."""
-    return ", ".join(f"{n.name} {n.type} {list(n.shape or ())}" for n in nodes) or "none"
+    return ", ".join(f"{n.name} {n.type} {list(n.shape)}" for n in nodes) or "none"

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-from nvsim.networks.binding import Bound, Node, bind, words
+from nvsim.networks.binding import Bound, bind, words
 from nvsim.networks.description import Constant, Description, Step
 from nvsim.networks.diffusion import Ddim
-from nvsim.networks.onnx_session import TYPES, Provider, providers, session
+from nvsim.networks.onnx_session import TYPES, Node, Provider, providers, session, signature
 from nvsim.networks.preparing import Image, Placement, Preparation
 
 Values = dict[str, NDArray[Any]]
@@ -139,8 +139,9 @@ class Chain:
 
 
 def _bound(step: Step, path: Path, opened: Any) -> _Run:
-    inputs = bind(step.inputs, opened.get_inputs(), path, inputs=True)
-    return _Run(step, path, opened, inputs, bind(step.outputs, opened.get_outputs(), path, inputs=False))
+    takes, gives = signature(opened, path)
+    inputs = bind(step.inputs, takes, path, inputs=True)
+    return _Run(step, path, opened, inputs, bind(step.outputs, gives, path, inputs=False))
 
 
 def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparation]:
@@ -149,7 +150,7 @@ def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparat
     for run in runs:
         for bound in run.inputs:
             for name in set(bound.tensor.values) & set(images):
-                shape = list(bound.node.shape or ())
+                shape = list(bound.node.shape)
                 preparation = images[name]
                 axis = {"NCHW": 2, "NHWC": 1, "HWC": 0}[preparation.layout]
                 if len(shape) != (3 if preparation.layout == "HWC" else 4) or bound.node.type not in TYPES:
@@ -181,13 +182,13 @@ def _copied(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
 def _ranked(value: NDArray[Any], node: Node) -> NDArray[Any]:
     """`value` with as many axes as the input has; those in front that it has too few or too many are of one entry. One
     number fills an input of any size."""
-    rank = len(node.shape if node.shape is not None else ())
+    rank = len(node.shape)
     while value.ndim < rank:
         value = value[None]
     while value.ndim > rank and value.shape[0] == 1:
         value = value[0]
-    if value.size == 1 and all(isinstance(n, int) for n in node.shape or ()):
-        value = np.broadcast_to(value, [int(n) for n in node.shape or () if n])
+    if value.size == 1 and all(isinstance(n, int) for n in node.shape):
+        value = np.broadcast_to(value, [int(n) for n in node.shape if isinstance(n, int)])
     return value
 
 
@@ -200,5 +201,5 @@ def _constant(constant: Constant, values: Values, node: Node | None) -> NDArray[
     if constant.shape is not None:
         return np.full(constant.shape, numbers[0]) if len(numbers) == 1 else numbers.reshape(constant.shape)
     if len(numbers) == 1 and node is not None:
-        return np.full([n if isinstance(n, int) else 1 for n in node.shape or ()], numbers[0])
+        return np.full([n if isinstance(n, int) else 1 for n in node.shape], numbers[0])
     return numbers

@@ -15,9 +15,9 @@ from nvsim.networks.chain import Chain
 from nvsim.networks.description import Description, Role
 from nvsim.networks.folder import models_folder
 from nvsim.networks.old_normals import values_of_old
-from nvsim.networks.onnx_session import Provider, session
+from nvsim.networks.onnx_session import Provider, Signature, session, signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.ready import Signature, fitting, read_description, ready
+from nvsim.networks.ready import fitting, read_description, ready
 from nvsim.networks.roles import ROLE_WORDS
 from nvsim.networks.toml_table import LARGEST, parsed
 
@@ -88,8 +88,7 @@ class Model:
 
 def signature_of(path: Path) -> Signature:
     """Inputs and outputs of an ONNX file. Raises InputError where it cannot be loaded."""
-    opened = session(path)
-    return opened.get_inputs(), opened.get_outputs()
+    return signature(session(path), path)
 
 
 def installed() -> tuple[list[Model], list[str]]:

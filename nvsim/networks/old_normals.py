@@ -9,7 +9,8 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.regular import read_text
-from nvsim.networks.binding import Node, words
+from nvsim.networks.binding import words
+from nvsim.networks.onnx_session import Node
 from nvsim.networks.toml_table import LARGEST, Table, parsed
 
 _FLOATS = ("tensor(float)", "tensor(float16)")
@@ -29,7 +30,7 @@ def values_of_old(path: Path, network: Path, inputs: Sequence[Node], outputs: Se
     axes = table.three("axes", (1.0, 1.0, 1.0))
     if 0 in axes:
         raise InputError(f"{path}: axes is {list(axes)}; no axis may be 0.")
-    image = [i for i in inputs if len(i.shape or ()) == 4 and i.type in _FLOATS]
+    image = [i for i in inputs if len(i.shape) == 4 and i.type in _FLOATS]
     if len(image) != 1 or len(inputs) != 1:
         raise InputError(
             f"{network} takes {words(inputs)}; a network of normals takes one image of shape (1, 3, H, W)."
@@ -64,7 +65,7 @@ def _output(outputs: Sequence[Node], network: Path) -> tuple[Node, bool]:
     """The output with normals, and whether its numbers come last."""
     named = [o for o in outputs if "normal" in o.name and "conf" not in o.name] or list(outputs)
     for node in named:
-        shape = list(node.shape or ())
+        shape = list(node.shape)
         if len(shape) == 4 and (shape[1] in (3, 4) or shape[3] in (3, 4)):
             return node, shape[1] not in (3, 4)
     raise InputError(f"{network} gives no normals, three or four values for each pixel; export those too.")

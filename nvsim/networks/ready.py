@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,15 +9,14 @@ from typing import Any
 import resources
 from nvsim.errors import InputError
 from nvsim.files.regular import read_text, shown
-from nvsim.networks.binding import Node, bind
+from nvsim.networks.binding import bind
 from nvsim.networks.description import Description, Role
+from nvsim.networks.onnx_session import Signature
 from nvsim.networks.parsing import description_in
 from nvsim.networks.toml_table import LARGEST, parsed
 
 FOLDER = Path(resources.__file__).parent / "models"
 _AGAIN = "save it as UTF-8"
-Signature = tuple[Sequence[Node], Sequence[Node]]
-"""Inputs and outputs of a file."""
 
 
 @cache

@@ -18,13 +18,13 @@ KEY = "network"
 def check_normals(config: MappingConfig) -> None:
     """Raises InputError where the criteria ask for a network of normals and none is installed, or it is none."""
     if NETWORK_NORMAL in config.criteria:
-        installed_normals()
+        installed_normals(config.normals_model)
 
 
 def network_of(config: MappingConfig) -> str:
     """What tells the installed network, with what is said beside it, from others; "" where none is asked or there is
     none. Raises InputError where it cannot be read."""
-    model = normals_model() if NETWORK_NORMAL in config.criteria else None
+    model = normals_model(config.normals_model) if NETWORK_NORMAL in config.criteria else None
     if model is None:
         return ""
     return model.digest()

@@ -13,6 +13,7 @@ def readers() -> list[Reader]:
     return [
         Reader("prompted network", _pair, _prompted),
         Reader("lpips network", _distance, _lpips),
+        Reader("description of a model", _descriptions, _described),
     ]
 
 
@@ -58,3 +59,16 @@ def _lpips(path: Path) -> object:
     from nvsim.evaluation.lpips import Lpips
 
     return Lpips(path).values
+
+
+def _descriptions() -> list[Seed]:
+    from nvsim.networks.ready import FOLDER
+
+    files = files_in(FOLDER)
+    return each(files, "", {name: "text" for name in files})
+
+
+def _described(path: Path) -> object:
+    from nvsim.networks.ready import read_description
+
+    return [read_description(file) for file in sorted(path.glob("*.toml"))]
