@@ -10,7 +10,7 @@ ROLE_WORDS: dict[Role, str] = {
     "prompted": "the region at points",
 }
 IMPROVES: dict[Role, str] = {
-    "semantic": "floor masks where neither a scan nor depth shows the floor (`nvsim floors --provider hybrid`)",
+    "semantic": "floor masks: holes of a scan, and captures without one (`nvsim floors --provider auto`)",
     "normals": "the paper's normals of the map (`nvsim map --normal-source network`), and floor masks of the hybrid",
     "prompted": "points while masks are corrected, and the last step of the hybrid's floor masks",
 }

@@ -73,8 +73,8 @@ class HybridFloor:
     prompted: PromptedMask
     config: HybridConfig = HybridConfig()
 
-    def segment(self, camera: Camera, image: Image) -> FloorMask:
-        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
+    def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
+        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; `depth` is not asked."""
         steps = self.steps(camera, image)
         return FloorMask(steps.prompted, steps.candidates, steps.normals, failure=steps.failure)
 

@@ -74,6 +74,7 @@ class FloorMask:
 
 
 class FloorSegmenter(Protocol):
-    """What the stage asks of any provider: the geometric one, or the hybrid of three roles."""
+    """What the stage asks of any provider: the geometric one, or the hybrid of three roles. `depth` (h, w), metres
+    along the optical axis, 0 where unknown, is there for who has a use for it."""
 
-    def segment(self, camera: Camera, image: Image) -> FloorMask: ...
+    def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask: ...

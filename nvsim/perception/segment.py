@@ -22,7 +22,7 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.failures import Failures
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
-from nvsim.perception.roles import Failure, Float32, FloorMask, FloorSegmenter, Image, Mask
+from nvsim.perception.roles import Failure, Float32, FloorSegmenter, Image, Mask
 
 _NEAR = 6.0  # metres
 _DOUBTFUL = 96  # in the image of a mask
@@ -55,14 +55,14 @@ def segment_capture(
     listen: Listener = silent,
     todo: Iterable[int] | None = None,
     depth_of: Callable[[int], Float32] | None = None,
-    hybrid_of: Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None = None,
+    other_of: Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None = None,
 ) -> dict[int, Failure]:
     """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor,
     96 on what may be floor (see `FloorMask.doubtful`), 0 elsewhere.
 
     `surfaces_of` gives the floor surface that holds around a frame; frames for which it returns the same object are
     taken together. `depth_of` gives the depth of a frame (see `GeometricFloor.segment`), where there is one.
-    `hybrid_of` makes another provider of the geometric one and the cloud it has learnt from.
+    `other_of` makes another provider of the geometric one and the cloud it has learnt from.
 
     Returns why masks are not what their provider meant, by frame; the file `failures.json` in `folder` has it too.
     Frames whose mask exists are skipped unless `config.again`. Raises InputError for an image that cannot be read and
@@ -91,15 +91,16 @@ def segment_capture(
     walks: dict[int, list[int]] = {}
     for i, surface in enumerate(surfaces):
         walks.setdefault(id(surface), []).append(i)
-    providers: dict[int, Callable[[Camera, Image, int], FloorMask]] = {}
+    providers: dict[int, FloorSegmenter] = {}
     for key in dict.fromkeys(id(surfaces[i]) for i in missing):
         floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
-        providers[key] = _asked(floor, None if hybrid_of is None else hybrid_of(floor, cloud), depth_of)
+        providers[key] = floor if other_of is None else other_of(floor, cloud)
 
     def one(index: int) -> int:
         camera, intrinsics = view(index)
         image = read_image(capture.frames[index], intrinsics)
-        found = providers[id(surfaces[index])](camera, image, index)
+        depth = None if depth_of is None else depth_of(index)
+        found = providers[id(surfaces[index])].segment(camera, image, depth)
         picture = found.mask.astype(np.uint8) * 255
         if found.doubtful is not None:
             picture[found.doubtful] = _DOUBTFUL
@@ -120,14 +121,6 @@ def segment_capture(
             pool.shutdown(cancel_futures=True)
             raise
     return failures.of_frames
-
-
-def _asked(
-    floor: GeometricFloor, other: FloorSegmenter | None, depth_of: Callable[[int], Float32] | None
-) -> Callable[[Camera, Image, int], FloorMask]:
-    if other is not None:
-        return lambda camera, image, index: other.segment(camera, image)
-    return lambda camera, image, index: floor.segment(camera, image, None if depth_of is None else depth_of(index))
 
 
 def learnt_floor(

@@ -18,12 +18,12 @@ DepthUse = Literal["auto", "always", "never"]
 class FloorsConfig:
     """Who finds the floor."""
 
-    provider: Literal["auto", "geometry", "hybrid"] = "auto"
-    """Geometry: the cloud and how the floor looks; hybrid: the paper's three roles, by networks where some are
-    installed; auto: geometry where a scan or depth shows what stands there, else the hybrid if it has networks."""
+    provider: Literal["auto", "geometry", "fused", "hybrid"] = "auto"
+    """Geometry: the cloud and how the floor looks; fused: geometry, and a network of looks where it leaves floor open;
+    hybrid: the paper's three roles, by networks where some are installed; auto: by the capture and what is installed,
+    the first two where a scan or depth shows what stands there."""
     semantic: str = "auto"
-    """Who knows floor by its looks in the hybrid: a model's name (nvsim models), geometry, or auto for one that is
-    installed."""
+    """Who knows floor by its looks: a model's name (nvsim models), geometry, or auto for one that is installed."""
     normals: str = "auto"
     """Who knows which way surfaces face in the hybrid: a model's name, geometry, or auto."""
     prompted: str = "auto"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -173,24 +174,53 @@ def dense() -> Cloud:
     return Cloud(np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]).astype(np.float32))
 
 
-def test_auto_takes_networks_only_where_nothing_else_shows_the_floor_and_says_why(models: Path) -> None:
+def test_auto_fuses_where_a_scan_is_and_asks_networks_alone_where_none_is_and_says_why(models: Path) -> None:
     auto = FloorsConfig()
-    assert choose(auto, lambda: None).words == "by geometry (no networks of looks and normals are installed)"
+    assert choose(auto, lambda: None).words == "by geometry (no network of looks is installed)"
     install(models)
-    assert "by geometry (a scan or the depth" in choose(auto, dense).words
+    found = choose(auto, dense)
+    assert found.words == (
+        "by geometry, with looks where it leaves the floor open (a scan or depth shows what stands on the floor)"
+    )
+    assert found.summary == {"provider": "fused", "semantic": "looks"}
     found = choose(auto, lambda: None)
-    assert found.is_hybrid and "(nothing but networks shows" in found.words
-    named = choose(FloorsConfig(semantic="looks"), dense)
-    assert named.is_hybrid, "who names a network wants it"
+    assert found.how == "hybrid" and "(nothing but networks shows" in found.words
+    assert choose(FloorsConfig(semantic="geometry"), dense).how == "geometry"
+    assert choose(FloorsConfig(prompted="prompted"), dense).how == "hybrid", "only the hybrid asks it"
     played = choose(FloorsConfig("hybrid", normals="geometry"), dense)
     assert "normals by geometry (the cloud)" in played.words and "semantic" in played.models
-    assert choose(FloorsConfig("hybrid"), dense).key() != played.key()
+    keys = [choose(FloorsConfig(how), dense).key() for how in ("geometry", "fused", "hybrid")]
+    assert keys[0] == [] and keys[1] != keys[2] != played.key()
+    (models / "prompted.decoder.onnx").unlink()
+    assert choose(auto, dense).how == "fused", "half a model that is not asked harms nobody"
+
+
+def test_fused_masks_are_those_of_geometry_where_the_scan_leaves_nothing_open(models: Path, project: Project) -> None:
+    install(models)
+    capture = project.need_capture()
+    save_capture(replace(capture, cloud=dense()), project.layout.imported)
+    with Project.open(project.layout.root) as again:
+        assert again.scan() is not None
+    masks = {}
+    for how in ("geometry", "fused"):
+        heard: list[Event] = []
+        floors.run(project, heard.append, config=FloorsConfig(how))  # type: ignore[arg-type]
+        masks[how] = [read_mask(project.mask_path(i)) for i in range(4)]
+    record = ledger.record(project, "floors")
+    assert record is not None and record.summary["provider"] == "fused"
+    for a, b in zip(masks["geometry"], masks["fused"], strict=True):
+        assert (a & ~b).sum() == 0, "nothing is taken away"
 
 
 @pytest.mark.parametrize(
     ("config", "sentence"),
     [
-        (FloorsConfig("geometry", semantic="looks"), "leave --semantic looks out, or say --provider hybrid"),
+        (
+            FloorsConfig("geometry", semantic="looks"),
+            "geometry does not ask --semantic looks; leave it out, or say --provider",
+        ),
+        (FloorsConfig("fused", normals="facing"), "fused does not ask --normals facing; leave it out"),
+        (FloorsConfig("fused", semantic="geometry"), "No network of looks is installed to be fused"),
         (FloorsConfig("hybrid", semantic="evf-sam"), "no model 'evf-sam' of floor by its looks .*installed: looks"),
         (FloorsConfig("hybrid", semantic="facing"), "facing is a model of surface normals, not of floor by its looks"),
     ],

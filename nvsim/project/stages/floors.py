@@ -60,7 +60,7 @@ def run(project: Project, listen: Listener, discard: bool = False, config: Floor
     from nvsim.perception.segment import segment_capture
 
     listen(Log(f"The floor is found {provider.words}.", STAGE))
-    hybrid = provider.open() if provider.is_hybrid else None  # refused before anything is replaced
+    other = provider.open()  # refused before anything is replaced
     capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
     if capture.cloud is None or not capture.cloud.is_dense:
         listen(Warning(_NOTHING_STANDS, STAGE))
@@ -80,7 +80,7 @@ def run(project: Project, listen: Listener, discard: bool = False, config: Floor
     surface_of = {frame: surfaces[submap.index] for submap in submaps for frame in submap.core}
     seen = depth_maps(project)
     failures = segment_capture(
-        capture, surface_of.__getitem__, layout.masks, listen=listen, depth_of=seen, hybrid_of=hybrid
+        capture, surface_of.__getitem__, layout.masks, listen=listen, depth_of=seen, other_of=other
     )
     support_key = _support_key(project, key)
     coverage = _support(project)
