@@ -17,6 +17,11 @@ PRIORITY = ("omp", "workqueue", "tbb")
 _VARIABLE = "NUMBA_THREADING_LAYER_PRIORITY"
 
 
+def cores() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def choose() -> None:
     """Sets the order of numba's threading layers, for this process and those that it starts. A choice that the
     environment holds already stays, and so does a pool that already runs."""

@@ -24,6 +24,7 @@ generate(pathlib.Path("building"), BuildingConfig(size="small", width=160, heigh
 PYTHON
 "$bin/nvsim" --version
 "$bin/nvsim" --help >/dev/null
+NVSIM_MODELS="$work/none" "$bin/nvsim" models | grep -q moge-2
 QT_QPA_PLATFORM=offscreen "$bin/nvsim" bench startup --runs 1
 "$bin/nvsim" run building/capture --project small.nvsim --train.steps 40
 "$bin/nvsim" export r2r --project small.nvsim --out connectivity

@@ -23,6 +23,8 @@ from app.painting import cameras
 from app.state.document import Document
 from app.views.scene_view import SceneView
 from nvsim.perception.hybrid import HybridSteps
+from nvsim.perception.roles import FAILURE_WORDS
+from nvsim.perception.roles import Failure as MaskFailure
 from nvsim.project.results import layout_of
 from nvsim.project.work import STAGE, sentence
 
@@ -61,6 +63,7 @@ class FrameBrowser(QObject):
         self.tool = ""
         self.index: int | None = None  # of the frame on the page
         self.matter: FrameData | None = None
+        self._failure: MaskFailure = ""  # of the candidates
         self._connect()
 
     def _connect(self) -> None:
@@ -140,7 +143,7 @@ class FrameBrowser(QObject):
         if capture is None or path is None or index == self.index:
             return
         self.corrector.close()
-        self.index = index
+        self.index, self._failure = index, ""
         self.candidates.open(path, index)
         self.page.canvas.note = "Reading the image…"
         self._reader.open(layout_of(path), capture.frames[index], index)
@@ -213,6 +216,8 @@ class FrameBrowser(QObject):
     # The candidates ---------------------------------------------------------------------------------------------
 
     def _on_candidates(self, steps: HybridSteps) -> None:
+        self._failure = steps.failure
+        self._say_hint()
         self._layer["normals"].painted = pictures.normals(steps.normals)
         for name in ("semantic", "horizontal", "prompted"):
             self._layer[name].painted = pictures.tint(getattr(steps, name), self._layer[name].color)
@@ -304,4 +309,13 @@ class FrameBrowser(QObject):
             words = _NO_MASK
         elif self.candidates.note:
             words = f"{self.candidates.note}   {words}"
+        elif failure := self._failed():
+            words = f"{failure}   {words}"
         self.page.hint.setText(words)
+
+    def _failed(self) -> str:
+        """What the hybrid segmentation did not find in the frame, as a sentence; "" where it found its mask."""
+        machine = self.matter.failure if self.matter is not None else ""
+        if machine:
+            return sentence(FAILURE_WORDS[machine])
+        return sentence(f"in the candidates {FAILURE_WORDS[self._failure]}") if self._failure else ""

@@ -11,8 +11,8 @@ from app.frames.frame_data import Reader
 from app.frames.link import FrameLink
 from app.look.notices import Notices
 from nvsim.errors import InputError
+from nvsim.networks.installed import find_model
 from nvsim.perception.hybrid import HybridSteps
-from nvsim.perception.prompted_network import prompted_files
 
 
 class Candidates(QObject):
@@ -59,7 +59,7 @@ class Candidates(QObject):
     def prepare_points(self) -> None:
         """A user is about to set points: a network answers them, or the normals are fetched."""
         try:
-            network = prompted_files() is not None
+            network = find_model("prompted") is not None
         except InputError as error:
             self._notices.warning(str(error))
             network = False

@@ -17,6 +17,7 @@ from PySide6.QtCore import QObject, Signal
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.perception.hybrid import HybridSteps
+from nvsim.perception.roles import Failure as MaskFailure
 from nvsim.project.layout import Layout
 
 LARGEST = 2048  # pixels: a mask is not painted finer than this
@@ -29,6 +30,7 @@ class FrameData:
     machine  (H, W) bool, the floor that the machine found, or None
     depth    (h, w) float32, metres along the optical axis, 0 where unknown, or None where none was estimated
     views    (h, w) uint8, how many other images confirm it, or None
+    failure  why the machine's mask is not what the hybrid segmentation meant, "" where it is
     """
 
     index: int
@@ -38,6 +40,7 @@ class FrameData:
     machine: NDArray[np.bool_] | None
     depth: NDArray[np.float32] | None = None
     views: NDArray[np.uint8] | None = None
+    failure: MaskFailure = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,7 @@ class Failure:
 def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
     """Raises InputError for an image that cannot be read; a mask or a depth that cannot be is None."""
     from nvsim.capture.images import read_image
+    from nvsim.perception.failures import read_failures
     from nvsim.perception.segment import read_mask
     from nvsim.project.corrections import mask_in_use
 
@@ -62,7 +66,8 @@ def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
         mask = read_mask(path, size.width, size.height)
     if layout.mask(index).is_file():
         machine = read_mask(layout.mask(index), size.width, size.height)
-    return FrameData(index, frame, image, mask, machine, *_depth(layout.depth, index))
+    failure = read_failures(layout.masks).get(index, "") if machine is not None else ""
+    return FrameData(index, frame, image, mask, machine, *_depth(layout.depth, index), failure)
 
 
 def _depth(folder: Path, index: int) -> tuple[NDArray[np.float32] | None, NDArray[np.uint8] | None]:

@@ -12,6 +12,8 @@ import psutil
 from PySide6.QtCore import qVersion
 from PySide6.QtGui import QGuiApplication, QOffscreenSurface, QOpenGLContext
 
+from nvsim.kernel_threads import cores
+
 PACKAGES = (
     "nvsim", "PySide6-Essentials", "pyqtgraph", "moderngl", "numpy", "numba", "scipy", "torch",
     "opencv-contrib-python-headless", "onnxruntime", "networkx", "safetensors",
@@ -37,11 +39,6 @@ def processor() -> str:
     except OSError:
         pass  # not a Linux
     return platform.processor() or platform.machine()
-
-
-def cores() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def opengl() -> str:

@@ -21,6 +21,7 @@ from app.wiring.jobs import JobsPart
 from app.wiring.keeping import KeepingPart
 from app.wiring.layers import LayersPart
 from app.wiring.look import LookPart
+from app.wiring.models import ModelsPart
 from app.wiring.modes import ModePart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
@@ -49,6 +50,7 @@ PARTS: tuple[type[Part], ...] = (
     ThresholdPart,
     JobsPart,
     NewProjectPart,
+    ModelsPart,
     ResultPart,
     LogPart,
     CalibratePart,

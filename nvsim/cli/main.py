@@ -76,6 +76,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "bench graph": ("bench_graph", "milliseconds of an edit of a large graph, seconds to open and save a file"),
     "bench simulator": ("bench_simulator", "states and images a second of the simulator that agents see"),
     "bench map": ("bench_map", "viewpoints per second of the map builder"),
+    "models": ("models", "list the networks that are installed, and what others would improve"),
+    "models add": ("models_add", "install a network from its ONNX files"),
+    "models check": ("models_check", "hold installed networks against their descriptions"),
     "app": ("app", "open the window on a project"),
 }
 
@@ -97,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"nvsim {__version__}")
         return 0
     verb, rest = arguments[0], arguments[1:]
-    if verb in _GROUPS:
+    if verb in _GROUPS and (verb not in COMMANDS or (rest and f"{verb} {rest[0]}" in COMMANDS)):
         if not rest or rest[0] in ("-h", "--help"):
             print(_help(verb))
             return 0 if rest else 2

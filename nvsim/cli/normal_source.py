@@ -7,7 +7,7 @@ from dataclasses import replace
 from nvsim.events import Listener, Log
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL, NormalSource, with_normals
-from nvsim.perception.normals_network import normals_file
+from nvsim.perception.normals_network import normals_model
 
 FALLS_BACK = (
     "No network of surface normals is installed: the map reads the Gaussians' normals, which contain 1 - alpha, in "
@@ -18,7 +18,7 @@ FALLS_BACK = (
 def papers() -> MappingConfig:
     """The paper's map, by a network's normals where one is installed."""
     config = MappingConfig.paper()
-    return config if normals_file() is None else asked(config, "network")
+    return config if normals_model() is None else asked(config, "network")
 
 
 def asked(config: MappingConfig, source: NormalSource) -> MappingConfig:
@@ -29,5 +29,5 @@ def asked(config: MappingConfig, source: NormalSource) -> MappingConfig:
 def say_if_it_falls_back(config: MappingConfig, source: NormalSource, listen: Listener) -> None:
     """Says of the paper's map that it goes without the network, where nobody asked for that."""
     falls = "normal" in config.criteria and NETWORK_NORMAL not in config.criteria
-    if falls and source == "criteria" and normals_file() is None:
+    if falls and source == "criteria" and normals_model() is None:
         listen(Log(FALLS_BACK, "map"))

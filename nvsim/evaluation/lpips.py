@@ -6,7 +6,6 @@ averaged) is in the file; exports name their inputs as they like, so they are fe
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.perception.models import find_model, models_folder
+from nvsim.networks.folder import find_file, models_folder
+from nvsim.networks.onnx_session import reason, session, signature
 
 Range = Literal["auto", "-1..1", "0..1"]
 Image = NDArray[np.float32]
@@ -35,24 +35,13 @@ class Lpips:
     """
 
     def __init__(self, path: Path, values: Range = "auto") -> None:
-        import onnxruntime
-
         if not path.is_file():
             raise InputError(f"There is no LPIPS model {path}; give an ONNX file with --lpips FILE.onnx.")
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = os.cpu_count() or 1
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.log_severity_level = 3
-        try:
-            self._session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # onnxruntime's classes share no base but this one
-            raise InputError(
-                f"{path} cannot be loaded as an ONNX network ({_first(error)}); export it again."
-            ) from error
+        self._session = session(path)
         self.path = path
-        inputs = self._session.get_inputs()
-        if len(inputs) != 2 or any(len(i.shape or ()) != 4 or i.type not in _TYPES for i in inputs):
-            found = ", ".join(f"{i.name} {i.type} {i.shape}" for i in inputs)
+        inputs, _ = signature(self._session, path)
+        if len(inputs) != 2 or any(len(i.shape) != 4 or i.type not in _TYPES for i in inputs):
+            found = ", ".join(f"{i.name} {i.type} {list(i.shape)}" for i in inputs)
             raise InputError(f"{path} takes {found}; LPIPS takes two float images of shape (1, 3, H, W).")
         self._inputs = inputs
         said = self._session.get_modelmeta().custom_metadata_map.get(METADATA, "-1..1")
@@ -69,7 +58,7 @@ class Lpips:
         except Exception as error:
             height, width = a.shape[:2]
             raise InputError(
-                f"{self.path} does not take images of {width}x{height} pixels ({_first(error)}); "
+                f"{self.path} does not take images of {width}x{height} pixels ({reason(error)}); "
                 "export it with dynamic height and width."
             ) from error
         return float(np.mean(found))
@@ -98,13 +87,7 @@ def open_lpips(path: Path | None, values: Range = "auto") -> tuple[Lpips | None,
 
     Raises InputError for a named file that is missing and for one that is no LPIPS.
     """
-    found = path or find_model("lpips")
+    found = path or find_file("lpips")
     if found is None:
         return None, f"no LPIPS model: give --lpips FILE.onnx (or put lpips.onnx into {models_folder()})"
     return Lpips(found, values), ""
-
-
-def _first(error: Exception) -> str:
-    """The first line of what onnxruntime says, without its prefix."""
-    line = (str(error).splitlines() or [type(error).__name__])[0]
-    return line.split(" : ")[-1].strip().rstrip(".")[:160]

@@ -18,7 +18,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.occupancy.types import OccupancyMap
-from nvsim.perception.normals_network import normals_file
+from nvsim.perception.normals_network import normals_model
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key, refresh_support
 from nvsim.project.work import lacks
@@ -108,7 +108,7 @@ def evaluate_validity(
 def asking(config: MappingConfig, criteria: Criteria) -> MappingConfig | None:
     """`config` with these criteria alone, beside that of known floor; None where the builder does not know them, or
     they ask for a network that is not installed."""
-    if NETWORK_NORMAL in criteria and normals_file() is None:
+    if NETWORK_NORMAL in criteria and normals_model() is None:
         return None
     try:
         return dataclasses.replace(config, criteria=criteria)

@@ -21,6 +21,8 @@ class MappingConfig:
     criteria: tuple[str, ...] = ("alpha", "normal")
     """What must pass, joined by commas: alpha, normal, network-normal, depth, slice. Known floor is asked for whatever
     stands here."""
+    normals_model: str = ""
+    """Criterion network-normal: the installed model that sees normals (nvsim models); the first if none is named."""
     tau_alpha: float = 0.95
     """Mean accumulated alpha over the corridor must stay below this (tau_alpha)."""
     tau_normal: float = 0.85
@@ -120,6 +122,7 @@ class MappingConfig:
             del values["views"], values["panorama_width"]
         if self.criteria == MappingConfig.criteria:
             del values["criteria"]
+        del values["normals_model"]  # the stage knows which one that is
         del values["second_opinion"]  # the stage knows whether there is another submap to ask
         return {MappingConfig.__name__: values}
 

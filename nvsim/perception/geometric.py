@@ -40,6 +40,7 @@ class GeometricConfig:
     level         a pixel whose own depth differs by less than this share from that of the floor shows floor,
     before        and one that is nearer by more than this share something before it
     glimpses      views from which the floor's looks are learnt, at most
+    filled        probability by a network from which on what nothing hides and nothing confirms is floor
     """
 
     clearance: float = 0.05
@@ -54,6 +55,7 @@ class GeometricConfig:
     level: float = 0.02
     before: float = 0.05
     glimpses: int = 160
+    filled: float = 0.9
     appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
     glass: GlassConfig = GlassConfig()
@@ -113,10 +115,13 @@ class GeometricFloor:
         radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
         self._standing = replace(self._standing, radii=radii)
 
-    def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
+    def segment(
+        self, camera: Camera, image: Image, depth: Float32 | None = None, looks: Float32 | None = None
+    ) -> FloorMask:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; where the image's own `depth` along
         the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows, and
-        what looks like the floor there, though nothing confirms it, is doubtful."""
+        what looks like the floor there, though nothing confirms it, is doubtful. Where a network says how much the
+        image `looks` like floor, (H, W), 0 to 1, it fills what nothing hides and nothing confirms."""
         import cv2
 
         seen = self.project(camera)
@@ -129,6 +134,9 @@ class GeometricFloor:
         elif self._appearance is not None:
             floor = floor & (level | self._stairs.at(seen.ground) | ~self._appearance.strange(view))
             floor |= self._appearance.shining_through(view, seen.hidden)
+        if looks is not None and self.knows_floor:
+            small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
+            floor |= seen.unsure & ~before & (small > self.config.filled)
         mask = refine(floor, seen.scale, image, self.config.refine)
         if depth is None or self._appearance is None:
             return FloorMask(mask, mask)

@@ -9,6 +9,7 @@ import numpy as np
 
 from nvsim.geometry.camera import Camera
 from nvsim.perception.roles import (
+    Failure,
     Float32,
     FloorMask,
     Image,
@@ -25,12 +26,16 @@ class HybridConfig:
     upward       a pixel is horizontal when its normal's world z is at least this (0.9: within 26 degrees)
     area         candidate regions smaller than this share of the image are noise
     prompts      K, the number of prompting points (paper: 3)
+    beyond       a prompted mask has failed when more than this share of it neither looks like floor nor lies flat
+    held         a prompted mask has failed when it holds less than this share of the candidates
     """
 
     probability: float = 0.5
     upward: float = 0.9
     area: float = 0.002
     prompts: int = 3
+    beyond: float = 0.4
+    held: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +46,9 @@ class HybridSteps:
     horizontal  M_norm, what lies flat
     candidates  M_cand, both, without small regions
     points      (K, 2) float32, pixels x, y: the prompts taken from M_cand
-    prompted    M_final, the region of the normal map that holds the points
+    prompted    M_final, the region of the normal map that holds the points, after the rules for what fails
     normals     (H, W, 3) float32, world
+    failure     which rule that was
     """
 
     semantic: Mask
@@ -51,13 +57,15 @@ class HybridSteps:
     points: Float32
     prompted: Mask
     normals: Float32
+    failure: Failure = ""
 
 
 @dataclass(frozen=True)
 class HybridFloor:
     """M_final = prompted(normal map, K points of M_cand), M_cand = M_sem AND M_norm without small regions.
 
-    A FloorSegmenter. Where no candidate is left the mask is empty, as in the paper's pipeline: nothing to prompt with.
+    A FloorSegmenter. Where no candidate is left the mask is empty: there is nothing to prompt with. The paper does not
+    say what happens then, nor where the prompted role fails; `Failure` lists what is done here.
     """
 
     semantic: SemanticFloor
@@ -65,10 +73,10 @@ class HybridFloor:
     prompted: PromptedMask
     config: HybridConfig = HybridConfig()
 
-    def segment(self, camera: Camera, image: Image) -> FloorMask:
-        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`."""
+    def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
+        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; `depth` is not asked."""
         steps = self.steps(camera, image)
-        return FloorMask(steps.prompted, steps.candidates, steps.normals)
+        return FloorMask(steps.prompted, steps.candidates, steps.normals, failure=steps.failure)
 
     def steps(self, camera: Camera, image: Image) -> HybridSteps:
         """How the floor of an image (H, W, 3) uint8 RGB comes about."""
@@ -77,10 +85,20 @@ class HybridFloor:
         flat = normals[..., 2] >= self.config.upward
         candidates = large_regions(looks & flat, self.config.area)
         points = spread_points(candidates, self.config.prompts)
-        prompted = candidates
-        if candidates.any():
-            prompted = self.prompted.mask(normal_picture(normals), points, camera)
-        return HybridSteps(looks, flat, candidates, points, prompted, normals)
+        if not candidates.any():
+            missing: Failure = "no-looks" if not looks.any() else "no-candidates" if flat.any() else "no-flat"
+            return HybridSteps(looks, flat, candidates, points, candidates, normals, missing)
+        prompted = self.prompted.mask(normal_picture(normals), points, camera)
+        prompted, failure = self._judged(prompted, candidates, looks | flat)
+        return HybridSteps(looks, flat, candidates, points, prompted, normals, failure)
+
+    def _judged(self, prompted: Mask, candidates: Mask, plausible: Mask) -> tuple[Mask, Failure]:
+        """The final mask, and which rule made it."""
+        if (prompted & ~plausible).sum() > self.config.beyond * prompted.sum():
+            return candidates, "beyond"
+        if (prompted & candidates).sum() < self.config.held * candidates.sum():
+            return prompted | candidates, "short"
+        return prompted, ""
 
 
 def large_regions(mask: Mask, area: float) -> Mask:

@@ -8,7 +8,7 @@ image at its pose.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,21 +46,35 @@ class PromptedMask(Protocol):
         ...
 
 
+Failure = Literal["", "no-looks", "no-flat", "no-candidates", "beyond", "short"]
+"""Why the mask of a frame is not what the prompted role said; "" where it is."""
+FAILURE_WORDS: dict[Failure, str] = {
+    "no-looks": "nothing looks like floor, so the mask is empty",
+    "no-flat": "nothing lies flat, so the mask is empty",
+    "no-candidates": "nothing both looks like floor and lies flat, so the mask is empty",
+    "beyond": "the mask grown from prompts left what looks like floor or lies flat, so only the candidates are kept",
+    "short": "the mask grown from prompts left most of the candidates out, so they are added to it",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class FloorMask:
     """mask        (H, W) bool, the floor: M_final
     candidates  (H, W) bool, pixels that are floor with confidence: M_cand
     normals     (H, W, 3) float32, world, or None where the provider has none
     doubtful    (H, W) bool, what may be floor although the mask does not say so; None where the provider knows
+    failure     why the mask is not what the provider meant it to be
     """
 
     mask: Mask
     candidates: Mask
     normals: Float32 | None = None
     doubtful: Mask | None = None
+    failure: Failure = ""
 
 
 class FloorSegmenter(Protocol):
-    """What the stage asks of any provider: the geometric one, or the hybrid of three roles."""
+    """What the stage asks of any provider: the geometric one, or the hybrid of three roles. `depth` (h, w), metres
+    along the optical axis, 0 where unknown, is there for who has a use for it."""
 
-    def segment(self, camera: Camera, image: Image) -> FloorMask: ...
+    def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask: ...

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
-from nvsim.capture.types import Capture
+from nvsim.capture.types import Capture, Cloud
 from nvsim.depth.floor_noise import calmed
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
@@ -20,8 +20,9 @@ from nvsim.files.decoding import decoded
 from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.perception.failures import Failures
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
-from nvsim.perception.roles import Float32, Image, Mask
+from nvsim.perception.roles import Failure, Float32, FloorSegmenter, Image, Mask
 
 _NEAR = 6.0  # metres
 _DOUBTFUL = 96  # in the image of a mask
@@ -54,12 +55,16 @@ def segment_capture(
     listen: Listener = silent,
     todo: Iterable[int] | None = None,
     depth_of: Callable[[int], Float32] | None = None,
-) -> None:
+    other_of: Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None = None,
+) -> dict[int, Failure]:
     """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor,
     96 on what may be floor (see `FloorMask.doubtful`), 0 elsewhere.
 
     `surfaces_of` gives the floor surface that holds around a frame; frames for which it returns the same object are
     taken together. `depth_of` gives the depth of a frame (see `GeometricFloor.segment`), where there is one.
+    `other_of` makes another provider of the geometric one and the cloud it has learnt from.
+
+    Returns why masks are not what their provider meant, by frame; the file `failures.json` in `folder` has it too.
     Frames whose mask exists are skipped unless `config.again`. Raises InputError for an image that cannot be read and
     for a folder that cannot be written; masks written so far stay.
     """
@@ -69,10 +74,12 @@ def segment_capture(
     make_folder(folder)
     wanted = range(len(capture.frames)) if todo is None else sorted(set(todo))
     missing = [i for i in wanted if config.again or not mask_path(folder, i).exists()]
+    failures = Failures(folder)
+    failures.forget(missing)
     done, total = len(wanted) - len(missing), len(wanted)
     listen(Progress("floors", done, total))
     if not missing:
-        return
+        return failures.of_frames
 
     def view(index: int) -> tuple[Camera, Intrinsics]:
         frame = capture.frames[index]
@@ -84,9 +91,10 @@ def segment_capture(
     walks: dict[int, list[int]] = {}
     for i, surface in enumerate(surfaces):
         walks.setdefault(id(surface), []).append(i)
-    providers: dict[int, GeometricFloor] = {}
+    providers: dict[int, FloorSegmenter] = {}
     for key in dict.fromkeys(id(surfaces[i]) for i in missing):
-        providers[key] = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
+        floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
+        providers[key] = floor if other_of is None else other_of(floor, cloud)
 
     def one(index: int) -> int:
         camera, intrinsics = view(index)
@@ -97,6 +105,8 @@ def segment_capture(
         if found.doubtful is not None:
             picture[found.doubtful] = _DOUBTFUL
         encoded = cv2.imencode(".png", picture)[1]
+        if found.failure:
+            failures.add(index, found.failure)  # before the mask: a mask without its word would be taken for good
         write_bytes(mask_path(folder, index), encoded.tobytes())
         return index
 
@@ -110,11 +120,14 @@ def segment_capture(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+    return failures.of_frames
 
 
-def learnt_floor(capture: Capture, members: list[int], surface: FloorSurface, config: SegmentConfig) -> GeometricFloor:
-    """The provider for the frames `members` that share a floor surface, having seen what their floor looks like.
-    Raises InputError for an image that cannot be read."""
+def learnt_floor(
+    capture: Capture, members: list[int], surface: FloorSurface, config: SegmentConfig
+) -> tuple[GeometricFloor, Cloud | None]:
+    """The provider for the frames `members` that share a floor surface, having seen what their floor looks like, and
+    the cloud that it goes by. Raises InputError for an image that cannot be read."""
     near = _around(capture.positions, members, surface)
 
     def camera(index: int) -> Camera:
@@ -129,7 +142,7 @@ def learnt_floor(capture: Capture, members: list[int], surface: FloorSurface, co
     cloud = None if capture.cloud is None else calmed(capture.cloud, surface)
     floor = GeometricFloor(cloud, surface, config.geometric)
     floor.learn([camera(i) for i in near], read_small)
-    return floor
+    return floor, cloud
 
 
 def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:

@@ -15,6 +15,22 @@ DepthUse = Literal["auto", "always", "never"]
 
 
 @dataclass(frozen=True)
+class FloorsConfig:
+    """Who finds the floor."""
+
+    provider: Literal["auto", "geometry", "fused", "hybrid"] = "auto"
+    """Geometry: the cloud and how the floor looks; fused: geometry, and a network of looks where it leaves floor open;
+    hybrid: the paper's three roles, by networks where some are installed; auto: by the capture and what is installed,
+    the first two where a scan or depth shows what stands there."""
+    semantic: str = "auto"
+    """Who knows floor by its looks: a model's name (nvsim models), geometry, or auto for one that is installed."""
+    normals: str = "auto"
+    """Who knows which way surfaces face in the hybrid: a model's name, geometry, or auto."""
+    prompted: str = "auto"
+    """Who finds the region at points in the hybrid: a model's name, geometry, or auto."""
+
+
+@dataclass(frozen=True)
 class CaptureConfig:
     """How the source is understood."""
 
@@ -43,6 +59,7 @@ class RunConfig:
 
     submaps: SubmapConfig = field(default_factory=SubmapConfig)
     depth: DepthConfig = field(default_factory=DepthConfig)
+    floors: FloorsConfig = field(default_factory=FloorsConfig)
     train: TrainingConfig = field(default_factory=TrainingConfig)
     map: MappingConfig = field(default_factory=MappingConfig)
 

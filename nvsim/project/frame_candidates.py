@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,29 +14,45 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.networks.folder import models_folder
 from nvsim.perception.hybrid import HybridFloor, HybridSteps
-from nvsim.perception.models import models_folder
-from nvsim.perception.prompted_network import DECODER, ENCODER, PromptedNetwork, prompted_files
-from nvsim.perception.roles import Mask
+from nvsim.perception.prompted_network import PromptedNetwork
+from nvsim.perception.roles import Failure, Mask
+from nvsim.project import ledger
+from nvsim.project.config import FloorsConfig
 from nvsim.project.floor_heights import floors_seen
+from nvsim.project.floor_provider import ROLES, FloorProvider, Hybrid, choose
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import lacks
 
-_VERSION = 2  # raised when the same inputs give something else
+_VERSION = 3  # raised when the same inputs give something else
 _FINE = 1024  # pixels: the size that prompted networks look at
+_FAILURES: tuple[Failure, ...] = get_args(Failure)
 _MASKS = ("semantic", "horizontal", "candidates", "prompted")
 
 
-def candidates_path(project: Project, index: int) -> Path:
+def provider_of(project: Project) -> FloorProvider:
+    """Who plays the roles for the candidates: those of the floor masks, where the hybrid made them, else what is
+    installed. Raises InputError where a network of theirs is gone."""
+    found = ledger.record(project, "floors")
+    said = {} if found is None or found.summary.get("provider") != "hybrid" else found.summary
+    roles = {role: str(said.get(role, "auto")) for role in ROLES}
+    return choose(FloorsConfig("hybrid", **roles), project.scan)
+
+
+def candidates_path(project: Project, index: int, provider: FloorProvider | None = None) -> Path:
     """Where the candidates of a frame lie once they were made; the name holds what they depend on."""
-    how = "network" if prompted_files() else "grown"
-    return project.layout.cache / "candidates" / f"{index:06d}-{floors_key(project)[:12]}-{how}{_VERSION}.npz"
+    models = (provider or provider_of(project)).models
+    stamps = [(role, model.name, model.stamp) for role, model in sorted(models.items())]
+    how = ledger.key_of(floors_key(project), _VERSION, stamps)
+    return project.layout.cache / "candidates" / f"{index:06d}-{how}.npz"
 
 
 def read_candidates(path: Path) -> HybridSteps | None:
     """What `CandidateMaker` stored, None when it is missing or not readable: it can be made again."""
-    wanted = {"shape": ("iu", 1), "points": ("fiu", 2), "normals": ("i", 3), **dict.fromkeys(_MASKS, ("u", 1))}
+    wanted = {"shape": ("iu", 1), "points": ("fiu", 2), "normals": ("i", 3), "failure": ("u", 1)}
+    wanted |= dict.fromkeys(_MASKS, ("u", 1))
     try:
         data = read_arrays(path, "the candidates of a frame", wanted, "make them again")
     except InputError:
@@ -49,10 +65,13 @@ def read_candidates(path: Path) -> HybridSteps | None:
         return None
     if data["normals"].shape != (height, width, 3):
         return None
+    if data["failure"].shape != (1,) or data["failure"][0] >= len(_FAILURES):
+        return None
     masks: dict[str, Any] = {
         name: np.unpackbits(data[name], count=height * width).reshape(height, width).astype(bool) for name in _MASKS
     }
-    return HybridSteps(points=data["points"], normals=data["normals"].astype(np.float32) / 127.0, **masks)
+    normals = data["normals"].astype(np.float32) / 127.0
+    return HybridSteps(points=data["points"], normals=normals, failure=_FAILURES[data["failure"][0]], **masks)
 
 
 class CandidateMaker:
@@ -60,17 +79,22 @@ class CandidateMaker:
 
     def __init__(self, project: Project) -> None:
         self._project = project
-        self._prompted: PromptedNetwork | None = None
+        self._provider: FloorProvider | None = None
+        self._opened: Hybrid | None = None
         self._floors: tuple[str, dict[int, FloorSurface]] | None = None
         self._hybrids: dict[int, HybridFloor] = {}
 
     def make(self, index: int) -> Path:
         """The file with the candidates of a frame, made where it is not there. Raises InputError while the floors were
-        not found, and for an image that cannot be read."""
+        not found, for an image that cannot be read, and for a network that cannot be used."""
         project = self._project
         if not floors_key(project):
             raise lacks(project.layout.root, "floors")
-        path = candidates_path(project, index)
+        provider = provider_of(project)
+        if provider != self._provider:
+            self._provider, self._opened = provider, None
+            self._hybrids.clear()
+        path = candidates_path(project, index, provider)
         if path.is_file() and read_candidates(path) is not None:
             return path
         from nvsim.capture.images import read_image
@@ -79,12 +103,10 @@ class CandidateMaker:
         frame = project.need_capture().frames[index]
         size = frame.intrinsics.within(SegmentConfig().longest_side)
         camera = frame.camera.scaled(size.width, size.height)
-        _write(path, self._hybrid(index).steps(camera, read_image(frame, size)))
+        _write(path, self._hybrid(index, provider).steps(camera, read_image(frame, size)))
         return path
 
-    def _hybrid(self, index: int) -> HybridFloor:
-        from nvsim.perception.geometric_roles import CloudNormals, FloorLooks
-        from nvsim.perception.regions import RegionGrowing
+    def _hybrid(self, index: int, provider: FloorProvider) -> HybridFloor:
         from nvsim.perception.segment import SegmentConfig, learnt_floor
 
         project = self._project
@@ -94,19 +116,25 @@ class CandidateMaker:
         floors = self._floors[1]
         surface = floors.get(index)
         if surface is None:
-            raise InputError(f"{capture.frames[index].name} has no floor surface; run `nvsim floors --project` again.")
+            submap = next(s for s in project.submaps("floors") if index in s.core)
+            missing = project.layout.surface(submap.index)
+            raise InputError(f"{missing} is missing; run `nvsim floors --project` again.")
         if id(surface) not in self._hybrids:
-            floor = learnt_floor(capture, [i for i, s in floors.items() if s is surface], surface, SegmentConfig())
-            prompted = self._network() or RegionGrowing()
-            self._hybrids[id(surface)] = HybridFloor(FloorLooks(floor), CloudNormals(floor, capture.cloud), prompted)
+            if self._opened is None:
+                self._opened = Hybrid(provider)
+            members = [i for i, s in floors.items() if s is surface]
+            self._hybrids[id(surface)] = self._opened(*learnt_floor(capture, members, surface, SegmentConfig()))
         return self._hybrids[id(surface)]
 
     def _network(self) -> PromptedNetwork | None:
-        """The user's prompted network, opened once. Raises InputError for one that cannot be used."""
-        files = prompted_files()
-        if files is not None and self._prompted is None:
-            self._prompted = PromptedNetwork(*files)
-        return self._prompted
+        """The prompted network of the candidates, opened once. Raises InputError for one that cannot be used."""
+        provider = provider_of(self._project)
+        if "prompted" not in provider.models:
+            return None
+        if provider != self._provider or self._opened is None:
+            self._provider, self._opened = provider, Hybrid(provider)
+            self._hybrids.clear()
+        return self._opened.prompted
 
     def prompt(self, index: int, points: NDArray[np.floating], inside: NDArray[np.bool_]) -> tuple[Mask, Mask]:
         """What the user's prompted network takes for the things at the `points` (K, 2), x, y in shares of the image,
@@ -117,7 +145,8 @@ class CandidateMaker:
         network = self._network()
         if network is None:
             raise InputError(
-                f"There is no prompted network; put {ENCODER}.onnx and {DECODER}.onnx into {models_folder()}."
+                f"There is no prompted network in {models_folder()}; add one with `nvsim models add`, or put it there "
+                "as prompted.encoder.onnx and prompted.decoder.onnx."
             )
         frame = self._project.need_capture().frames[index]
         size = frame.intrinsics.within(_FINE)
@@ -136,6 +165,7 @@ def _write(path: Path, steps: HybridSteps) -> None:
             file,
             shape=np.array(steps.semantic.shape),
             points=steps.points,
+            failure=np.array([_FAILURES.index(steps.failure)], np.uint8),
             normals=np.round(steps.normals * 127).astype(np.int8),
             **masks,
         )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 
-from nvsim.files.reading import reading
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.perception.normals_network import installed_normals, normals_file
+from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
 from nvsim.project.project import Project
 
@@ -20,21 +18,16 @@ KEY = "network"
 def check_normals(config: MappingConfig) -> None:
     """Raises InputError where the criteria ask for a network of normals and none is installed, or it is none."""
     if NETWORK_NORMAL in config.criteria:
-        installed_normals()
+        installed_normals(config.normals_model)
 
 
 def network_of(config: MappingConfig) -> str:
     """What tells the installed network, with what is said beside it, from others; "" where none is asked or there is
     none. Raises InputError where it cannot be read."""
-    path = normals_file() if NETWORK_NORMAL in config.criteria else None
-    if path is None:
+    model = normals_model(config.normals_model) if NETWORK_NORMAL in config.criteria else None
+    if model is None:
         return ""
-    digest = hashlib.sha256()
-    for file in (path, path.with_suffix(".toml")):
-        if file.is_file():
-            with reading(file, "a network of normals"), file.open("rb") as stream:
-                digest.update(hashlib.file_digest(stream, "sha256").digest())
-    return digest.hexdigest()[:24]
+    return model.digest()
 
 
 def last_network(project: Project) -> str:

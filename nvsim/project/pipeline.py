@@ -7,6 +7,7 @@ from pathlib import Path
 
 from nvsim.events import Listener
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
+from nvsim.project.floor_provider import choose
 from nvsim.project.normals_used import check_normals
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
@@ -26,11 +27,12 @@ def run(
         "import": lambda: imported.run(project, source, understood, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
         "depth": lambda: depths.run(project, depth, config.depth, listen),
-        "floors": lambda: floors.run(project, listen),
+        "floors": lambda: floors.run(project, listen, False, config.floors),
         "train": lambda: trained.run(project, config.train, listen),
         "map": lambda: mapped.run(project, config.map, listen),
     }
     check_normals(config.map)  # before anything is made
+    choose(config.floors, lambda: None)  # likewise: a network that is named and not there
     for stage in STAGES:
         runs[stage]()
         if stage == "import" and config.map.start:

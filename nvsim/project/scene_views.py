@@ -23,7 +23,7 @@ class SceneViews:
     """The scene model as the builder's source of views, with what the criteria of `config` ask for."""
 
     def __init__(self, scene: SceneModel, config: MappingConfig, backend: Backend = "auto") -> None:
-        self._scene, self._backend = scene, backend
+        self._scene, self._backend, self._normals_model = scene, backend, config.normals_model
         also = (("depth", "depth"), (NETWORK_NORMAL, "rgb"))
         self._channels = frozenset({"alpha", "normal", *(channel for name, channel in also if name in config.criteria)})
 
@@ -60,7 +60,7 @@ class SceneViews:
     @cached_property
     def surface_normals(self) -> NormalsNetwork:
         """The network that the user installed. Raises InputError where there is none."""
-        return installed_normals()
+        return installed_normals(self._normals_model)
 
     def gaussians(self, submap: int) -> Gaussians:
         """The Gaussians of a submap's model."""

@@ -32,7 +32,7 @@ from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.families import NormalSource
 from nvsim.mapping.floor_view import measure
 from nvsim.mapping.looking import look_down
-from nvsim.perception.normals_network import normals_file
+from nvsim.perception.normals_network import normals_model
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
@@ -60,7 +60,7 @@ class Arguments:
 def main() -> None:
     config = MappingConfig.paper() if "--paper" in sys.argv else MappingConfig()
     arguments = tyro.cli(Arguments, description=__doc__, default=Arguments(tyro.MISSING, tyro.MISSING, config=config))
-    sources: tuple[NormalSource, ...] = ("gaussians",) if normals_file() is None else ("gaussians", "network", "both")
+    sources: tuple[NormalSource, ...] = ("gaussians",) if normals_model() is None else ("gaussians", "network", "both")
     tried = {"pitched": replace(arguments.config, views="pitched")}
     for width in arguments.widths:
         tried[f"panorama {width}"] = replace(arguments.config, views="panorama", panorama_width=width)

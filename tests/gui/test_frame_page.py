@@ -33,6 +33,7 @@ from nvsim.depth.files import write_depth
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project import ledger
 from nvsim.project.project import Project
+from nvsim.project.results import layout_of
 from nvsim.project.stages.submap_training import training_views
 from nvsim.training.config import TrainingConfig
 
@@ -340,6 +341,22 @@ def steps_of(browser: FrameBrowser) -> HybridSteps:
     view = demo_room.cast(browser.matter.frame.camera.scaled(320, 240))
     floor = view.normal[..., 2] > 0.9
     return HybridSteps(floor, floor, floor, np.zeros((0, 2), np.float32), floor, view.normal.astype(np.float32))
+
+
+def test_what_the_hybrid_did_not_find_in_a_frame_is_said_on_its_page(opened, room: Path, qtbot: QtBot) -> None:
+    browser = opened[1]
+    assert "floor" not in browser.page.hint.text()
+    browser.candidates.take(2, replace(steps_of(browser), failure="short"))
+    assert browser.page.hint.text().startswith("In the candidates the mask grown from prompts left most")
+    noted = layout_of(room).masks / "failures.json"
+    noted.write_text('{"3": "no-looks"}')
+    browser.open(3)
+    qtbot.waitUntil(lambda: browser.matter is not None and browser.matter.index == 3, timeout=10_000)
+    assert browser.page.hint.text().startswith("Nothing looks like floor, so the mask is empty.")
+    browser.open(2)
+    qtbot.waitUntil(lambda: browser.matter is not None and browser.matter.index == 2, timeout=10_000)
+    assert "mask is empty" not in browser.page.hint.text() and "candidates" not in browser.page.hint.text()
+    noted.unlink()
 
 
 def test_points_wait_for_the_normals_and_then_take_the_whole_floor(opened, qtbot: QtBot, monkeypatch) -> None:

@@ -15,7 +15,10 @@ def metric3d(path: Path, matrix: np.ndarray | None = None, offset: tuple[float, 
     """`pixel_values` 0 to 255, three outputs, sides of multiples of 28; the normal is `matrix` (2 c - 1) + `offset`."""
     turn = np.eye(3) if matrix is None else matrix
     nodes = [
-        ("Conv", ["pixel_values", "weights", "bias"], ["xyz"]),
+        # Sides that are no multiples of 28 are refused, as by the patches of a vision transformer.
+        ("SpaceToDepth", ["pixel_values"], ["patches"], {"blocksize": 28}),
+        ("DepthToSpace", ["patches"], ["whole"], {"blocksize": 28}),
+        ("Conv", ["whole", "weights", "bias"], ["xyz"]),
         ("ReduceMean", ["xyz", "channel"], ["predicted_depth"], {"keepdims": 0}),
         ("Identity", ["xyz"], ["kept"]),
         ("ReduceMean", ["xyz", "channel"], ["kappa"], {"keepdims": 1}),
@@ -65,3 +68,20 @@ def own(
     said = f"mean = {list(MEAN)}\nstd = {list(STD)}\naxes = {list(AXES)}\nhalved = true\n" if toml is None else toml
     path.with_suffix(".toml").write_text(said)
     return path
+
+
+def metric3d_official(path: Path, channels: int = 4) -> Path:
+    """`image` (1, 3, 616, 1064), 0 to 255, with the normals added to the outputs of the official script."""
+    nodes = [
+        ("Conv", ["image", "weights", "bias"], ["xyz"]),
+        ("ReduceMean", ["xyz", "channel"], ["pred_depth"], {"keepdims": 1}),
+        ("Concat", ["xyz", *["pred_depth"] * (channels - 3)], ["out_normal"], {"axis": 1}),
+    ]
+    constants = {
+        "weights": (2 / 255 * np.eye(3, dtype=np.float32))[:, :, None, None],
+        "bias": np.full(3, -1, np.float32),
+        "channel": np.array([1]),
+    }
+    size = 616, 1064
+    outputs = [value("pred_depth", 1, 1, *size), value("out_normal", 1, channels, *size)]
+    return save(path, nodes, [value("image", 1, 3, *size)], outputs, constants)

@@ -11,7 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from nvsim.errors import InputError
 from nvsim.evaluation.lpips import Lpips, open_lpips
-from nvsim.perception.models import VARIABLE, models_folder
+from nvsim.networks.folder import VARIABLE, models_folder
 
 WEIGHTS = np.array([0.5, -1.0, 2.0], np.float32)
 SIZE = (1, 3, "height", "width")

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from columns import flat_floor
+from described_models import described
 from normal_networks import metric3d
 from numpy.typing import NDArray
 
@@ -31,7 +32,7 @@ from nvsim.mapping.looking import look_down
 from nvsim.mapping.rethreshold import Rethresholder
 from nvsim.project import ledger, pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
-from nvsim.project.normals_used import KEY, network_of, of_this_network
+from nvsim.project.normals_used import KEY, check_normals, network_of, of_this_network
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
 from nvsim.splats.types import Background, SubmapModel
@@ -152,6 +153,22 @@ def test_what_another_network_saw_is_not_taken_for_what_this_one_sees(models: Pa
         stripped = of_this_network(graph, project, config)
         assert stripped is not None and all(e.network_up is None for e in stripped.evidence.values())
         assert of_this_network(graph, project, MappingConfig()) is graph and network_of(MappingConfig()) == ""
+
+
+def test_of_several_networks_the_named_one_is_asked(models: Path) -> None:
+    for name, matrix, offset in (("level", LEVEL, (0.0, 0.0, 0.0)), ("upright", np.zeros((3, 3)), (0.0, 0.0, -1.0))):
+        (models.parent / name).mkdir()
+        described("metric3d-huggingface", metric3d(models.parent / name / "n.onnx", matrix, offset))
+    keys, ups = set(), []
+    for name in ("level", "upright"):
+        config = replace(BOTH, views="panorama", panorama_width=256, normals_model=name)
+        keys.add(network_of(config))
+        assert config.key == replace(config, normals_model="").key, "what is installed counts, not what it is called"
+        found = around(painted(np.array([0.0, 0, 1])), (4.7, 4.5), config)
+        ups.append(max(int(e.network_up.max()) for e in found if e.network_up is not None))
+    assert len(keys) == 2 and ups[0] > 250 and ups[1] < 30
+    with pytest.raises(InputError, match="no model 'other' of surface normals .*installed: level, upright"):
+        check_normals(replace(BOTH, normals_model="other"))
 
 
 def test_the_flag_names_families_beside_the_others() -> None:

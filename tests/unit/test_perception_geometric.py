@@ -145,6 +145,22 @@ def test_a_person_whom_the_cloud_does_not_know_is_taken_out(provider):
     assert standing.sum() > 300 and found[standing].mean() < 0.25
 
 
+@pytest.mark.parametrize("k", [0, 2])
+def test_a_network_fills_holes_of_the_scan_and_takes_nothing_away(k: int) -> None:
+    whole = scan()
+    on_floor = np.abs(whole.points[:, 2]) < 0.04
+    inside = ((whole.points[:, :2] > (1.5, 1.0)) & (whole.points[:, :2] < (4.5, 4.0))).all(axis=1)
+    holed = GeometricFloor(Cloud(whole.points[~(on_floor & inside)]), FLAT)
+    floor, image = truth(camera(k))
+    alone = holed.segment(camera(k), image).mask
+    everywhere, nowhere = np.ones(floor.shape, np.float32), np.zeros(floor.shape, np.float32)
+    filled = holed.segment(camera(k), image, looks=everywhere).mask
+    assert iou(alone, floor) < 0.7 and iou(filled, floor) > 0.93, "nor is a wall floor, whatever a network says"
+    assert np.array_equal(holed.segment(camera(k), image, looks=nowhere).mask, alone)
+    unsure = np.full(floor.shape, 0.8, np.float32)
+    assert np.array_equal(holed.segment(camera(k), image, looks=unsure).mask, alone)
+
+
 def test_refinement_moves_a_shifted_border_back_to_the_edge_of_the_image():
     floor, image = truth(camera(0))
     shifted = np.roll(floor, 2, axis=0)

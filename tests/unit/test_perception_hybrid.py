@@ -89,3 +89,55 @@ def test_prompt_points_lie_inside_apart_from_each_other_and_repeat():
 def test_normal_picture_colours_a_floor_as_the_prompted_model_expects():
     picture = normal_picture(np.array([[[0, 0, 1.0], [-1, 0, 0]]], np.float32))
     assert picture.tolist() == [[[127, 127, 255], [0, 127, 127]]]
+
+
+class Given:
+    """A prompted role that answers what it is told to."""
+
+    def __init__(self, mask):
+        self.answer = mask
+
+    def mask(self, picture, points, camera):
+        return self.answer
+
+
+def test_a_prompted_mask_that_leaves_what_is_plausible_is_given_up_for_the_candidates():
+    everything = np.ones((80, 120), bool)
+    hybrid = HybridFloor(Looks(), Normals(), Given(everything), HybridConfig(area=0.01))
+    found = hybrid.segment(CAMERA, IMAGE)
+    assert found.failure == "beyond" and np.array_equal(found.mask, found.candidates)
+    # Floor that only one of both roles knows is what prompts are there to find.
+    assert (
+        HybridFloor(Looks(), Normals(), Given(FLOOR | DESK), HybridConfig(area=0.01)).segment(CAMERA, IMAGE).failure
+        == ""
+    )
+
+
+def test_a_prompted_mask_that_misses_the_candidates_gets_them():
+    some = np.zeros((80, 120), bool)
+    some[50:, 100:] = True
+    found = HybridFloor(Looks(), Normals(), Given(some), HybridConfig(area=0.01)).segment(CAMERA, IMAGE)
+    assert found.failure == "short" and np.array_equal(found.mask, found.candidates | some)
+
+
+def test_what_is_missing_in_a_frame_without_candidates_is_said():
+    class Nothing:
+        def floor_probability(self, image, camera):
+            return np.zeros((80, 120), np.float32)
+
+    class Poster:
+        def floor_probability(self, image, camera):
+            looks = np.zeros((80, 120), np.float32)
+            looks[5:15, 5:35] = 1
+            return looks
+
+    class Upright:
+        def normals(self, image, camera):
+            return np.tile(np.float32([0, -1, 0]), (80, 120, 1))
+
+    def failure(looks, normals):
+        return HybridFloor(looks, normals, Flood()).segment(CAMERA, IMAGE).failure
+
+    assert failure(Nothing(), Normals()) == "no-looks"
+    assert failure(Poster(), Upright()) == "no-flat"
+    assert failure(Poster(), Normals()) == "no-candidates"

@@ -1,5 +1,5 @@
-"""A prompted pair in the forms that exports of SAM 2 take, by a toy whose answer is known: the regions of the colours
-at the points."""
+"""A prompted pair as it was installed before there were descriptions, by a toy whose answer is known: the regions of
+the colours at the points."""
 
 from __future__ import annotations
 
@@ -12,24 +12,27 @@ from onnx_samples import I64, F, save, value
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.perception.prompted_network import PromptedNetwork, prompted_files
+from nvsim.networks.installed import Model, find_model
+from nvsim.perception.prompted_network import PromptedNetwork
 
 SIDE = 64
 
 
-def encoder(path: Path, names: tuple[str, str, str] = ("high_res_feats_0", "high_res_feats_1", "image_embed")) -> Path:
+def encoder(path: Path, form: str = "samexporter") -> Path:
     """Each feature is the image, averaged, its colours in the first three channels."""
+    names = ("high_res_feats_0", "high_res_feats_1", "image_embed")
+    image = {"huggingface": "pixel_values", "osam": "input"}.get(form, "image")
     nodes, constants, outputs = [], {}, []
     for name, channels, step in zip(names, (32, 64, 256), (2, 4, 8), strict=True):
         weights = np.zeros((channels, 3, 1, 1), np.float32)
         weights[:3, :, 0, 0] = np.eye(3)
         constants[f"w{channels}"] = weights
         nodes.append(
-            helper.make_node("AveragePool", ["image"], [f"a{channels}"], kernel_shape=[step] * 2, strides=[step] * 2)
+            helper.make_node("AveragePool", [image], [f"a{channels}"], kernel_shape=[step] * 2, strides=[step] * 2)
         )
         nodes.append(helper.make_node("Conv", [f"a{channels}", f"w{channels}"], [name]))
         outputs.append(value(name, 1, channels, SIDE // step, SIDE // step))
-    return save(path, nodes, [value("image", 1, 3, SIDE, SIDE)], outputs, constants)
+    return save(path, nodes, [value(image, 1, 3, SIDE, SIDE)], outputs, constants)
 
 
 def decoder(path: Path, form: str = "samexporter") -> Path:
@@ -38,7 +41,11 @@ def decoder(path: Path, form: str = "samexporter") -> Path:
     lead = [1] if huggingface else []
     points = value("input_points" if huggingface else "point_coords", 1, *lead, "n", 2)
     labels = value("input_labels" if huggingface else "point_labels", 1, *lead, "n", kind=I64 if huggingface else F)
-    names = [f"image_embeddings.{k}" for k in range(3)] if huggingface else ["fine", "middle", "image_embed"]
+    names = ["high_res_feats_0", "high_res_feats_1", "image_embed"]
+    if huggingface:
+        names = [f"image_embeddings.{k}" for k in range(3)]
+    elif four:
+        names = ["high_res_features1", "high_res_features2", "image_embeddings"]
     inputs = [value(n, 1, c, SIDE // s, SIDE // s) for n, c, s in zip(names, (32, 64, 256), (2, 4, 8), strict=True)]
     inputs += [points, labels]
     if huggingface:
@@ -65,7 +72,7 @@ def decoder(path: Path, form: str = "samexporter") -> Path:
         helper.make_node("Sub", ["logits", "much"], ["never"]),
         helper.make_node("Add", ["logits", "much"], ["always"]),
         helper.make_node("Concat", [*(["always"] if four else []), "never", "logits", "always"], ["m"], axis=1),
-        helper.make_node("Identity", ["scores"], ["iou_predictions"]),
+        helper.make_node("Identity", ["scores"], ["iou_scores" if huggingface else "iou_predictions"]),
     ]
     count = 4 if four else 3
     shape = (1, 1, count, SIDE // 2, SIDE // 2) if huggingface else (1, count, SIDE // 2, SIDE // 2)
@@ -74,10 +81,16 @@ def decoder(path: Path, form: str = "samexporter") -> Path:
         "s4": np.array([1, -1, 1, 2]), "sl": np.array([1, 1, -1, 1]), "out": np.array(shape),
         "scale": np.float32([2 / SIDE]), "one": np.float32([1]), "two": np.array([2]), "channel": np.array([1]),
         "near": np.float32([0.6]), "much": np.float32([99]),
-        "scores": np.float32([[0.99, 0.2, 0.9, 0.3]] if four else [[0.2, 0.9, 0.3]]),
+        "scores": np.float32([0.99, 0.2, 0.9, 0.3] if four else [0.2, 0.9, 0.3]).reshape(1, *lead, count),
     }  # fmt: skip
-    outputs = [value("pred_masks" if huggingface else "masks", *shape), value("iou_predictions", 1, count)]
+    scores = "iou_scores" if huggingface else "iou_predictions"
+    outputs = [value("pred_masks" if huggingface else "masks", *shape), value(scores, 1, *lead, count)]
     return save(path, nodes, inputs, outputs, constants)
+
+
+def opened(*paths: Path) -> PromptedNetwork:
+    """The form of a pair is found in it."""
+    return PromptedNetwork(Model("prompted", "prompted", paths[0].parent, None, None, paths).open("cpu"))
 
 
 def picture() -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +104,7 @@ def picture() -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("form", ["samexporter", "osam", "huggingface"])
 def test_the_region_at_a_point_is_found_whatever_form_the_export_has(tmp_path: Path, form: str) -> None:
-    network = PromptedNetwork(encoder(tmp_path / "e.onnx"), decoder(tmp_path / "d.onnx", form))
+    network = opened(encoder(tmp_path / "e.onnx", form), decoder(tmp_path / "d.onnx", form))
     image, floor = picture()
     found = network.region(image, np.array([[120.0, 70.0]]), np.ones(1, bool))
     assert (found ^ floor).mean() < 0.03  # the border is as coarse as the features
@@ -100,26 +113,24 @@ def test_the_region_at_a_point_is_found_whatever_form_the_export_has(tmp_path: P
 
 
 def test_it_fills_the_prompted_role_and_looks_once_at_an_image(tmp_path: Path, monkeypatch) -> None:
-    network = PromptedNetwork(encoder(tmp_path / "e.onnx"), decoder(tmp_path / "d.onnx"))
+    network = opened(encoder(tmp_path / "e.onnx"), decoder(tmp_path / "d.onnx"))
     image, floor = picture()
     camera = Camera(Intrinsics.from_fov(150, 90, 1.2), look(np.zeros(3), 0.0))
     assert (network.mask(image, np.array([[120.0, 70.0], [80.0, 60.0]]), camera) ^ floor).mean() < 0.03
-    monkeypatch.setattr(network, "_encoder", None)
+    monkeypatch.setattr(network._chain, "show", None)
     network.mask(image, np.array([[10.0, 10.0]]), camera)
 
 
 def test_files_that_are_no_pair_are_refused_by_name(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("NVSIM_MODELS", str(tmp_path))
-    assert prompted_files() is None
+    assert find_model("prompted") is None
     good = encoder(tmp_path / "prompted.encoder.onnx")
     with pytest.raises(InputError, match=r"prompted\.decoder\.onnx is missing"):
-        prompted_files()
-    with pytest.raises(InputError, match="32, 64 and 256"):
-        PromptedNetwork(good, good)
+        find_model("prompted")
+    with pytest.raises(InputError, match="fit none of the known forms .*sam2-osam"):
+        opened(good, encoder(tmp_path / "again.onnx"))
     (tmp_path / "prompted.decoder.onnx").write_bytes(b"no network")
-    assert prompted_files() == (good, tmp_path / "prompted.decoder.onnx")
+    model = find_model("prompted")
+    assert model is not None and model.files == (good, tmp_path / "prompted.decoder.onnx")
     with pytest.raises(InputError, match="cannot be loaded"):
-        PromptedNetwork(*prompted_files())
-    with pytest.raises(InputError, match="one image"):
-        made = decoder(tmp_path / "d.onnx")
-        PromptedNetwork(made, made)
+        model.open()

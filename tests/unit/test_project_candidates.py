@@ -102,5 +102,5 @@ def test_points_without_a_network_are_refused_with_the_folder_it_belongs_into(
 ) -> None:
     monkeypatch.setenv("NVSIM_MODELS", str(tmp_path / "models"))
     found(project)
-    with pytest.raises(InputError, match="prompted.encoder.onnx .*models"):
+    with pytest.raises(InputError, match="no prompted network in .*models; add one with .nvsim models add"):
         CandidateMaker(project).prompt(2, np.array([[0.5, 0.5]]), np.ones(1, bool))

@@ -10,8 +10,8 @@ from nvsim.cli.arguments import Positional
 from nvsim.cli.console import listening
 from nvsim.errors import InputError
 from nvsim.events import Warning
+from nvsim.networks.onnx_session import Provider
 from nvsim.r2r.features.layouts import LAYOUTS, Name
-from nvsim.r2r.features.network import Provider
 
 
 @dataclass(frozen=True)

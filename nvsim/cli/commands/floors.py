@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.session import working
+from nvsim.project.config import FloorsConfig
 from nvsim.project.stages import floors
 
 
@@ -13,9 +14,10 @@ from nvsim.project.stages import floors
 class Arguments(ProjectArguments):
     discard_corrections: bool = False
     """Throw away the masks that were corrected by hand; without this they are kept and take precedence."""
+    config: Inline[FloorsConfig] = field(default_factory=FloorsConfig)
 
 
 def run(arguments: Arguments) -> int:
     with working(arguments.project, "floors", arguments.json) as (project, listen):
-        floors.run(project, listen, arguments.discard_corrections)
+        floors.run(project, listen, arguments.discard_corrections, arguments.config)
     return 0

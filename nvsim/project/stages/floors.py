@@ -11,10 +11,12 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.perception.roles import FAILURE_WORDS
 from nvsim.project import ledger, results
-from nvsim.project.config import held_out
+from nvsim.project.config import FloorsConfig, held_out
 from nvsim.project.corrections import corrected_frames, corrections_key, discard_corrections
 from nvsim.project.floor_heights import floor_of, floors_seen
+from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scan import depth_in_use, depth_maps
@@ -40,23 +42,27 @@ _NOTHING_STANDS = (
 )
 
 
-def run(project: Project, listen: Listener, discard: bool = False) -> None:
+def run(project: Project, listen: Listener, discard: bool = False, config: FloorsConfig | None = None) -> None:
     """Masks of all frames; frames that are held out of training do not count as support. Masks that a user corrected
-    stay, unless they are to be discarded, and count in place of the machine's."""
-    config = capture_config(project)
+    stay, unless they are to be discarded, and count in place of the machine's. Raises InputError for a network that is
+    asked for and not installed, or cannot be used."""
+    how = capture_config(project)
+    provider = choose(config or FloorsConfig(), project.scan)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)
     # Without depth the key is that of before there was a depth stage, and on one storey that of before stairs.
-    later = [depth.key, _WITH_DEPTH] if depth else []
     stacked = len(storeys_of(project.need_capture().positions).levels) > 1
-    key = ledger.key_of(STAGE, submaps_key(project), config.key, _VERSION, *later, *([_WITH_STAIRS] if stacked else []))
+    parts = [*([depth.key, _WITH_DEPTH] if depth else []), *([_WITH_STAIRS] if stacked else []), *provider.key()]
+    key = ledger.key_of(STAGE, submaps_key(project), how.key, _VERSION, *parts)
     if ledger.is_current(project, STAGE, key) and _is_whole(project):
-        listen(Log("The floor masks are up to date.", STAGE))
+        listen(Log(f"The floor masks are up to date; they were made {provider.words}.", STAGE))
         refresh_support(project, listen)
         return
     from nvsim.perception.segment import segment_capture
 
+    listen(Log(f"The floor is found {provider.words}.", STAGE))
+    other = provider.open()  # refused before anything is replaced
     capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
     if capture.cloud is None or not capture.cloud.is_dense:
         listen(Warning(_NOTHING_STANDS, STAGE))
@@ -72,15 +78,23 @@ def run(project: Project, listen: Listener, discard: bool = False) -> None:
         shutil.rmtree(layout.floor, ignore_errors=True)
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, "floor heights"))
-    floor_surfaces(project, submaps, config)
+    floor_surfaces(project, submaps, how)
     seen = depth_maps(project)
-    segment_capture(capture, floors_seen(project).__getitem__, layout.masks, listen=listen, depth_of=seen)
+    floors = floors_seen(project)
+    failures = segment_capture(capture, floors.__getitem__, layout.masks, listen=listen, depth_of=seen, other_of=other)
     support_key = _support_key(project, key)
     coverage = _support(project)
-    summary = {"frames": len(capture.frames), "supported_m2": round(coverage, 1)}
+    counts = {word: sum(f == word for f in failures.values()) for word in FAILURE_WORDS}
+    summary = {
+        "frames": len(capture.frames), "supported_m2": round(coverage, 1), **provider.summary,
+        **({"failures": {word: n for word, n in counts.items() if n}} if failures else {}),
+    }  # fmt: skip
     ledger.finish(project, STAGE, time.monotonic() - started, summary, also={_SUPPORT: support_key})
     corrected = len(corrected_frames(layout, capture.frames))
     words = f"floor masks of {len(capture.frames)} frames" + (f", {corrected} of them corrected" if corrected else "")
+    for word, count in counts.items():
+        if count:
+            listen(Warning(f"In {count} of {len(capture.frames)} frames {FAILURE_WORDS[word]}.", STAGE))
     listen(Done(STAGE, f"{words}, {coverage:.0f} m² of supported floor", summary))
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nvsim.perception.models import find_model
+from nvsim.networks.folder import find_file
+from nvsim.networks.onnx_session import Provider
 from nvsim.r2r.features.backbone import Backbone
 from nvsim.r2r.features.layouts import Layout
-from nvsim.r2r.features.network import Network, Provider
+from nvsim.r2r.features.network import Network
 from nvsim.r2r.features.projection import Projection
 
 
@@ -24,7 +25,7 @@ def choose_backbone(
 
     Raises InputError for a network that cannot be used.
     """
-    named = model or (None if projection else find_model(role(layout)))
+    named = model or (None if projection else find_file(role(layout)))
     if named is not None:
         return Network(named, batch, provider), ""
     from nvsim.r2r.features import trunk  # takes torch along

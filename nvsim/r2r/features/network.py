@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,11 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import opened
-from nvsim.perception.onnx_session import session
+from nvsim.networks.onnx_session import Provider, providers, session
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.description import Description, read_description
 from nvsim.r2r.features.layouts import CLASSES
 
-Provider = Literal["auto", "cpu", "cuda"]
-_PROVIDERS = {
-    "auto": ("CUDAExecutionProvider", "CPUExecutionProvider"),
-    "cpu": ("CPUExecutionProvider",),
-    "cuda": ("CUDAExecutionProvider",),
-}
 _TYPES: dict[str, Any] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 
 
@@ -107,20 +101,6 @@ class Network:
                 said = "its description names no output" if name is None else f"it has no output {name}"
                 raise InputError(f"{self._path}: {said}; it has {', '.join(names)}.")
         return [name for name in wanted if name]
-
-
-def providers(wanted: Provider) -> list[str]:
-    """What onnxruntime is to run on, the best first. Raises InputError where it can run on none of it."""
-    import onnxruntime
-
-    here = onnxruntime.get_available_providers()
-    found = [name for name in _PROVIDERS[wanted] if name in here]
-    if not found:
-        raise InputError(
-            f"This onnxruntime cannot run on {wanted if wanted != 'auto' else 'cpu or cuda'} (it has "
-            f"{', '.join(here) or 'nothing'}); install onnxruntime{'-gpu' if wanted == 'cuda' else ''}."
-        )
-    return found
 
 
 def _digest(path: Path, description: Description) -> str:

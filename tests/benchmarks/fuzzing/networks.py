@@ -13,6 +13,7 @@ def readers() -> list[Reader]:
     return [
         Reader("prompted network", _pair, _prompted),
         Reader("lpips network", _distance, _lpips),
+        Reader("description of a model", _descriptions, _described),
     ]
 
 
@@ -27,12 +28,13 @@ def _pair() -> list[Seed]:
 
 
 def _prompted(path: Path) -> object:
-    from nvsim.perception.models import VARIABLE
-    from nvsim.perception.prompted_network import PromptedNetwork, prompted_files
+    from nvsim.networks.folder import VARIABLE
+    from nvsim.networks.installed import find_model
+    from nvsim.perception.prompted_network import PromptedNetwork
 
     os.environ[VARIABLE] = str(path)
-    files = prompted_files()
-    return files and PromptedNetwork(*files)
+    model = find_model("prompted")
+    return model and PromptedNetwork(model.open("cpu"))
 
 
 def _distance() -> list[Seed]:
@@ -57,3 +59,16 @@ def _lpips(path: Path) -> object:
     from nvsim.evaluation.lpips import Lpips
 
     return Lpips(path).values
+
+
+def _descriptions() -> list[Seed]:
+    from nvsim.networks.ready import FOLDER
+
+    files = files_in(FOLDER)
+    return each(files, "", {name: "text" for name in files})
+
+
+def _described(path: Path) -> object:
+    from nvsim.networks.ready import read_description
+
+    return [read_description(file) for file in sorted(path.glob("*.toml"))]

@@ -1,10 +1,13 @@
-"""Where networks that the user brings lie: one folder per user, files by role (lpips.onnx)."""
+"""Where networks that the user brings lie: one folder per user. What a single ONNX file does (lpips.onnx) lies there
+by its name; a model with a description has a folder of its own, or a TOML there."""
 
 from __future__ import annotations
 
 import os
 import sys
 from pathlib import Path
+
+from nvsim.files.regular import is_regular
 
 VARIABLE = "NVSIM_MODELS"
 
@@ -23,7 +26,7 @@ def models_folder() -> Path:
     return base / "nvsim" / "models"
 
 
-def find_model(role: str) -> Path | None:
-    """The user's file for a role ("lpips"), None where there is none."""
-    path = models_folder() / f"{role}.onnx"
-    return path if path.is_file() else None
+def find_file(name: str) -> Path | None:
+    """The user's file NAME.onnx ("lpips"), None where there is none."""
+    path = models_folder() / f"{name}.onnx"
+    return path if is_regular(path) else None

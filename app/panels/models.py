@@ -1,0 +1,204 @@
+"""The networks that are installed and those that are known, with who made them and what they would improve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt, QUrl
+from PySide6.QtGui import QDesktopServices
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QHBoxLayout,
+    QPlainTextEdit,
+    QPushButton,
+    QSplitter,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.look.labels import Label
+from app.look.plain_text import tip
+from app.state.installed_models import InstalledModels
+from nvsim.networks.roles import SINGLE_FILES
+
+_ROW = Qt.ItemDataRole.UserRole
+_INTRO = (
+    "NVSim brings no networks of others and fetches none. What you install here takes part in floor masks, in the map "
+    "and while masks are corrected; everything works without."
+)
+_NOT_INSTALLED = "Choose a model that is installed to try it"
+
+
+class ModelsWindow(QDialog):
+    """Not modal."""
+
+    def __init__(self, models: InstalledModels, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._models = models
+        self.setWindowTitle("Networks")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        intro, self.folder, self.state = Label(_INTRO, self), Label(self), Label(self)
+        for label in (intro, self.folder, self.state):
+            label.setWordWrap(True)
+        self.folder.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.tree = QTreeWidget(self)
+        self.tree.setHeaderLabels(["Network", "State"])
+        self.tree.setAccessibleName("Networks")
+        self.tree.setRootIsDecorated(False)
+        self.tree.currentItemChanged.connect(lambda *_: self._show_row())
+        self.details = QPlainTextEdit(self)
+        self.details.setReadOnly(True)
+        self.details.setAccessibleName("About the network")
+        both = QSplitter(self)
+        both.addWidget(self.tree)
+        both.addWidget(self.details)
+        both.setSizes([390, 550])
+        both.setChildrenCollapsible(False)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        about = "Choose the ONNX files of one model; they are copied"
+        self.add_button = self._button(buttons, "Install…", about, self._add)
+        self.check_button = self._button(buttons, "Try", "", self._check)
+        self.open_button = self._button(buttons, "Open folder", "The folder that models lie in", self._open_folder)
+        buttons.rejected.connect(self.close)
+        below = QHBoxLayout()
+        below.addWidget(self.state, 1)
+        below.addWidget(buttons)
+        layout = QVBoxLayout(self)
+        layout.setSpacing(10)
+        for label in (intro, self.folder):
+            layout.addWidget(label)
+        layout.addWidget(both, 1)
+        layout.addLayout(below)
+        self.resize(940, 560)
+        models.changed.connect(self._refresh)
+        models.failed.connect(self._say)
+        self._refresh()
+
+    def _button(self, box: QDialogButtonBox, words: str, about: str, do: Callable[[], object]) -> QPushButton:
+        button = box.addButton(words, QDialogButtonBox.ButtonRole.ActionRole)
+        button.setToolTip(tip(about) if about else "")
+        button.setAutoDefault(False)
+        button.clicked.connect(lambda: do())
+        return button
+
+    # What it shows ------------------------------------------------------------------------------------------------
+
+    def _refresh(self) -> None:
+        found, chosen = self._models.found, self._name_of(self.tree.currentItem())
+        self.folder.setText(f"Models lie in {found['folder']}" if found else "")
+        self.tree.clear()
+        if found:
+            self._group("Installed", [self._installed(row) for row in found["models"]] or [_nothing()])
+            for lacking in found["lacking"]:
+                rows = [_known(row, lacking) for row in lacking["known"]]
+                self._group(f"Not installed: {lacking['role']}", rows)
+        self.tree.expandAll()
+        self.tree.resizeColumnToContents(0)
+        self.tree.setColumnWidth(0, min(self.tree.columnWidth(0), 300))
+        self._choose(self._models.added or chosen)
+        self._models.added = ""
+        problems = found.get("problems", [])
+        self._say(self._models.doing or (problems[0] if problems else ""))
+        self._offer()
+
+    def _group(self, title: str, rows: list[QTreeWidgetItem]) -> None:
+        head = QTreeWidgetItem(self.tree, [title])
+        head.setFirstColumnSpanned(True)
+        head.setFlags(Qt.ItemFlag.ItemIsEnabled)
+        font = head.font(0)
+        font.setBold(True)
+        head.setFont(0, font)
+        head.addChildren(rows)
+
+    def _installed(self, row: dict[str, Any]) -> QTreeWidgetItem:
+        checked = self._models.checked.get(row["name"])
+        state = "installed" if checked is None else "does not work" if checked["problem"] else "works"
+        lines = [row["title"], f"Gives {row['role']}.", f"Improves {_plain(row['improves'])}."]
+        lines += [f"{words}: {row[key]}" for words, key in (("Made by", "made_by"), ("Licence", "licence")) if row[key]]
+        lines += [row["source"], f"{row['megabytes']:,.1f} MB: {', '.join(row['files'])}"]
+        if checked is not None:
+            says = f"Tried: {checked['says']}, {1000 * checked['seconds']:.0f} ms an image."
+            lines.append(checked["problem"] or says)
+        item = QTreeWidgetItem([row["name"], state])
+        may_be_tried = row["role"] not in SINGLE_FILES  # the others are tried by the commands that use them
+        item.setData(0, _ROW, {"name": row["name"], "lines": lines, "installed": may_be_tried})
+        return item
+
+    def _choose(self, name: str) -> None:
+        items = [group.child(i) for group in self._groups() for i in range(group.childCount())]
+        wanted = next((item for item in items if self._name_of(item) == name), None)
+        self.tree.setCurrentItem(wanted or (items[0] if items else None))  # type: ignore[arg-type]
+
+    def _groups(self) -> list[QTreeWidgetItem]:
+        found = (self.tree.topLevelItem(i) for i in range(self.tree.topLevelItemCount()))
+        return [group for group in found if group is not None]
+
+    def _name_of(self, item: QTreeWidgetItem | None) -> str:
+        row = None if item is None else item.data(0, _ROW)
+        return "" if row is None else str(row["name"])
+
+    def _show_row(self) -> None:
+        item = self.tree.currentItem()
+        row = None if item is None else item.data(0, _ROW)
+        self.details.setPlainText("\n\n".join(filter(None, row["lines"])) if row else "")
+        self._offer()
+
+    def _offer(self) -> None:
+        item = self.tree.currentItem()
+        row = None if item is None else item.data(0, _ROW)
+        busy = self._models.doing
+        why = busy or ("" if row and row["installed"] else _NOT_INSTALLED)
+        self.check_button.setEnabled(not why)
+        self.check_button.setToolTip(tip(why or "Open the model and show it an image"))
+        self.add_button.setEnabled(not busy)
+        self.open_button.setEnabled(bool(self._models.found))
+
+    def _say(self, words: str) -> None:
+        self.state.setText(words)
+
+    # What it does -------------------------------------------------------------------------------------------------
+
+    def _add(self) -> None:
+        names, _ = QFileDialog.getOpenFileNames(
+            self,
+            "The ONNX files of one model, with its TOML if it has one",
+            str(Path.home()),
+            "Networks (*.onnx *.toml)",
+        )
+        if names:
+            self._models.add([Path(name) for name in names])
+
+    def _check(self) -> None:
+        self._models.check([self._name_of(self.tree.currentItem())])
+
+    def _open_folder(self) -> None:
+        folder = Path(self._models.found["folder"])
+        if folder.is_dir():
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
+        else:
+            self._say(f"{folder} is made when the first model is installed.")
+
+
+def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
+    lines = [row["title"], f"Would improve {_plain(lacking['improves'])}.", f"Models: {', '.join(row['names'])}."]
+    lines += [f"Made by: {row['made_by']}", f"Licence: {row['licence']}", f"From {row['source']}"]
+    item = QTreeWidgetItem([row["form"], "not installed"])
+    item.setData(0, _ROW, {"name": row["form"], "lines": lines, "installed": False})
+    return item
+
+
+def _nothing() -> QTreeWidgetItem:
+    item = QTreeWidgetItem(["no network yet", ""])
+    item.setData(0, _ROW, {"name": "", "lines": ["Choose Install…, or run nvsim models add FILE…"], "installed": False})
+    return item
+
+
+def _plain(words: str) -> str:
+    """Without the marks of commands, which a label would show."""
+    return words.replace("`", "")

@@ -1,0 +1,49 @@
+"""The page of the user's networks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.panels.models import ModelsWindow
+from app.state.installed_models import InstalledModels
+from app.wiring.part import Dock, Part
+
+
+class ModelsPart(Part):
+    ACTIONS = (
+        Action(
+            "models",
+            "&Networks…",
+            "Which networks are installed, who made them, and what others would improve",
+            "&Jobs",
+            4,
+        ),
+    )
+
+    def docks(self) -> tuple[Dock, ...]:
+        self.models = InstalledModels(self)
+        self.page: ModelsWindow | None = None
+        return ()
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"models": self.open_page}
+
+    def store(self, settings: QSettings) -> None:
+        self.models.stop()
+
+    def open_page(self) -> ModelsWindow:
+        """Shows the page, one of it."""
+        if self.page is None:
+            self.page = ModelsWindow(self.models, self.workspace.window)
+            self.page.destroyed.connect(self._forget)
+        self.models.list()
+        self.page.show()
+        self.page.raise_()
+        return self.page
+
+    def _forget(self) -> None:
+        self.page = None
+        self.models.stop()

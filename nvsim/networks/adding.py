@@ -1,0 +1,189 @@
+"""Installing a model: its files are copied into a folder of its own, with the description that they fit."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.files.atomic import as_input_error, make_folder, write_text
+from nvsim.files.reading import as_reading_error
+from nvsim.files.regular import is_regular, opened
+from nvsim.networks.description import Description, File
+from nvsim.networks.folder import models_folder
+from nvsim.networks.installed import DESCRIPTION, Model, model_at, signature_of
+from nvsim.networks.ready import fitting, read_description, ready
+
+_BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
+"""What exporters call the file with the weights of a large network."""
+_LETTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.+")
+
+
+def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = False) -> Model:
+    """Installs the ONNX files at `paths`, or in a folder there, under a name; without one, under that of the model that
+    the files are named after. A TOML among them describes them; else they must fit a ready description, `form` or the
+    one whose tensors they have. The model is opened before it is installed.
+
+    Raises InputError where nothing fits, a model of that name is there and not to be replaced, or nothing can be
+    written; then nothing has changed.
+    """
+    networks, toml = _found(paths)
+    if toml is not None:
+        return _install(networks, toml.parent, read_description(toml), None, name or _own_name(toml), replace, toml)
+    found = _form(networks, form)
+    description = ready()[found[0]]
+    chosen = name or _guessed(description, networks) or found[0]
+    return _install(networks, networks[0].parent, description, found, chosen, replace, None)
+
+
+def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
+    """The ONNX files, and the TOML that describes them."""
+    every: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            try:
+                every += [p for p in sorted(path.iterdir()) if p.suffix.lower() in (".onnx", ".toml")]
+            except OSError as error:
+                raise as_reading_error(path, error) from error
+        else:
+            with opened(path):  # refused here where it is no file
+                every.append(path)
+    networks = [p for p in every if p.suffix.lower() == ".onnx"]
+    tomls = [p for p in every if p.suffix.lower() == ".toml"]
+    given = ", ".join(map(str, paths))
+    if not networks:
+        raise InputError(f"There is no ONNX file in {given}; name the .onnx files of one model, or their folder.")
+    if len(tomls) > 1:
+        raise InputError(f"{given} has {len(tomls)} TOML files; name the files of one model.")
+    if len(networks) > 8:
+        raise InputError(f"{given} has {len(networks)} ONNX files; name those of one model.")
+    return networks, tomls[0] if tomls else None
+
+
+def _form(networks: Sequence[Path], wanted: str) -> tuple[str, dict[str, Path]]:
+    """The form that the files fit, and which of them is which."""
+    if wanted and wanted not in ready():
+        raise InputError(f"There is no form {wanted!r:.60}; the forms are {', '.join(ready())}.")
+    forms = [(f, files) for f, files in fitting({p: signature_of(p) for p in networks}) if wanted in ("", f)]
+    if not forms:
+        names = " and ".join(p.name for p in networks)
+        of = f"the form {wanted}" if wanted else f"none of the forms {', '.join(ready())}"
+        raise InputError(
+            f"{names} fit{'s' if len(networks) == 1 else ''} {of}; describe the model in a TOML beside "
+            f"{'it' if len(networks) == 1 else 'them'} (resources/docs/perception.md) and add both."
+        )
+    return forms[0]
+
+
+def _guessed(description: Description, networks: Sequence[Path]) -> str:
+    """The model's name of which most parts stand in the names of the files and their folder; "" where none does."""
+    words = " ".join([networks[0].absolute().parent.name, *(p.name for p in networks)]).lower()
+    known = [n for n in description.names if all(part in words for part in n.replace(".", "-").split("-"))]
+    return max(known, key=len, default="")
+
+
+def _own_name(toml: Path) -> str:
+    return toml.absolute().parent.name if toml.name == DESCRIPTION else toml.stem
+
+
+def _install(
+    networks: Sequence[Path],
+    source: Path,
+    description: Description,
+    form: tuple[str, dict[str, Path]] | None,
+    name: str,
+    replace: bool,
+    toml: Path | None,
+) -> Model:
+    if not name or not set(name) <= _LETTERS or name.startswith(".") or len(name) > 80:
+        raise InputError(f"A model cannot be called {name!r:.80}; use letters, digits, - and . (--name NAME).")
+    folder = models_folder()
+    target = folder / name
+    if target.exists() and not replace:
+        raise InputError(f"{target} is there already; say --replace, or another --name.")
+    with _beside(folder, name) as made:
+        files = description.files if form is None else {k: _file(p) for k, p in form[1].items()}
+        where = {f.name: source for f in files.values()} | {p.name: p.parent for p in networks}
+        sums = {}
+        for file in files.values():
+            for each in (file.name, *file.beside):
+                sums[each] = _copied(where.get(each, where[file.name]) / each, made / each)
+        if form is None:
+            assert toml is not None
+            _copied(toml, made / DESCRIPTION)
+        else:
+            write_text(made / DESCRIPTION, _written(form[0], files, sums))
+        model_at(made / DESCRIPTION).open("cpu")
+        _put(made, target)
+    return model_at(target / DESCRIPTION)
+
+
+@contextmanager
+def _beside(folder: Path, name: str) -> Iterator[Path]:
+    """A folder in which a model is put together; gone afterwards, unless it was moved."""
+    make_folder(folder)
+    try:
+        made = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=folder))
+    except OSError as error:
+        raise as_input_error(folder, error) from error
+    try:
+        yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def _put(made: Path, target: Path) -> None:
+    """Moves a whole model to where it is looked for; one that is there is moved away first, and back where this
+    fails."""
+    old = made.with_name(made.name + "-old")
+    try:
+        if target.exists():
+            os.replace(target, old)
+        try:
+            os.chmod(made, 0o755)
+            os.replace(made, target)
+        except OSError:
+            if old.exists():
+                os.replace(old, target)
+            raise
+    except OSError as error:
+        raise as_input_error(target, error) from error
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _file(path: Path) -> File:
+    names = (pattern.format(stem=path.stem) for pattern in _BESIDE)
+    return File(path.name, tuple(n for n in names if is_regular(path.with_name(n))))
+
+
+def _copied(source: Path, target: Path) -> str:
+    """Copies a file; returns its SHA-256, hexadecimal."""
+    digest = hashlib.sha256()
+    with opened(source) as file:
+        try:
+            with open(target, "xb") as written:
+                while part := file.read(1 << 22):
+                    digest.update(part)
+                    written.write(part)
+        except OSError as error:
+            raise as_input_error(target, error) from error
+    return digest.hexdigest()
+
+
+def _written(form: str, files: dict[str, File], sums: dict[str, str]) -> str:
+    """A TOML that follows a form. Strings of JSON are strings of TOML."""
+
+    def text(value: str) -> str:
+        return json.dumps(value, ensure_ascii=False)
+
+    lines = [f"form = {text(form)}", "", "[files]"]
+    for key, file in files.items():
+        beside = f", beside = [{', '.join(map(text, file.beside))}]" if file.beside else ""
+        lines.append(f"{key} = {{ file = {text(file.name)}{beside}, sha256 = {text(sums[file.name])} }}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,95 @@
+"""Which tensor of a file is which of its description: by name, else by shape, never by position, because exports of one
+network differ in order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.networks.description import Tensor
+from nvsim.networks.onnx_session import Node
+
+
+@dataclass(frozen=True)
+class Bound:
+    tensor: Tensor
+    node: Node
+
+
+def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[Bound, ...]:
+    """Each of the `tensors` that the file at `path` has, with its node. Two tensors may be of one output; of several
+    outputs for one value the first that is there gives it.
+
+    Raises InputError where a needed one is missing or several could be it, where a named one has another shape, and
+    for an input that the description does not know.
+    """
+    found: dict[int, Node] = {}
+
+    def wanted(i: int) -> bool:
+        return i not in found and (inputs or not any(tensors[k].values == tensors[i].values for k in found))
+
+    for i, tensor in enumerate(tensors):
+        if not wanted(i):
+            continue
+        named = next((n for name in tensor.names for n in nodes if n.name == name), None)
+        if named is not None:
+            if _exactness(tensor, named) is None:
+                raise InputError(
+                    f"{path}: {named.name} is {words([named])}, but the description says {_said(tensor)}; correct the "
+                    "description, or export the file again."
+                )
+            found[i] = named
+    while True:
+        free = [n for n in nodes if n not in found.values()]
+        chosen = next(((i, n) for i, t in enumerate(tensors) if wanted(i) and (n := _only(t, free))), None)
+        if chosen is None:
+            break
+        found[chosen[0]] = chosen[1]
+    for i, tensor in enumerate(tensors):
+        if wanted(i) and not tensor.optional:
+            raise InputError(
+                f"{path} has no {'input' if inputs else 'output'} that is {_said(tensor)}; it has {words(nodes)}."
+            )
+    left = [n for n in nodes if n not in found.values()]
+    if inputs and left:
+        raise InputError(f"{path} also takes {words(left)}, which its description does not know; add it there.")
+    return tuple(Bound(tensors[i], found[i]) for i in sorted(found))
+
+
+def _only(tensor: Tensor, nodes: Sequence[Node]) -> Node | None:
+    """The one node that fits a tensor best by its shape, None where there is none, or there are several."""
+    if tensor.shape is None:
+        return None
+    fits = [(exact, node) for node in nodes if (exact := _exactness(tensor, node)) is not None]
+    most = max((exact for exact, _ in fits), default=0)
+    best = [node for exact, node in fits if exact == most]
+    return best[0] if len(best) == 1 else None
+
+
+def _exactness(tensor: Tensor, node: Node) -> int | None:
+    """How many sides of a node are exactly what the tensor says, None where one is not."""
+    is_float = node.type in ("tensor(float)", "tensor(float16)", "tensor(double)")
+    if tensor.kind and (tensor.kind == "float") != is_float:
+        return None
+    if tensor.shape is None:
+        return 0
+    shape = node.shape
+    if len(shape) != len(tensor.shape):
+        return None
+    said = [(wanted, side) for wanted, side in zip(tensor.shape, shape) if wanted]
+    if any(isinstance(side, int) and side != wanted for wanted, side in said):
+        return None
+    return sum(side == wanted for wanted, side in said)
+
+
+def _said(tensor: Tensor) -> str:
+    name = " or ".join(tensor.names)
+    shape = "" if tensor.shape is None else "[" + ", ".join(str(n) if n else "?" for n in tensor.shape) + "]"
+    return " ".join(filter(None, (name, tensor.kind, shape)))
+
+
+def words(nodes: Sequence[Node]) -> str:
+    """The tensors of a file for a message."""
+    return ", ".join(f"{n.name} {n.type} {list(n.shape)}" for n in nodes) or "none"

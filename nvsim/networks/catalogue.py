@@ -1,0 +1,110 @@
+"""What is installed and what could be, for a list on the screen or in the window."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from nvsim.files.regular import is_regular
+from nvsim.networks.description import Role
+from nvsim.networks.folder import models_folder
+from nvsim.networks.installed import Model, installed
+from nvsim.networks.ready import ready
+from nvsim.networks.roles import IMPROVES, ROLE_WORDS, SINGLE_FILES
+
+
+@dataclass(frozen=True)
+class Listed:
+    """An installed model, in words."""
+
+    name: str
+    role: str
+    title: str
+    improves: str
+    made_by: str
+    licence: str
+    source: str
+    files: tuple[str, ...]
+    megabytes: float
+
+
+@dataclass(frozen=True)
+class Known:
+    """A form that NVSim has a description of."""
+
+    form: str
+    title: str
+    names: tuple[str, ...]
+    made_by: str
+    licence: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Lacking:
+    """A role that no installed model plays."""
+
+    role: str
+    improves: str
+    known: tuple[Known, ...]
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    folder: Path
+    models: tuple[Listed, ...]
+    problems: tuple[str, ...]
+    lacking: tuple[Lacking, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        return {**asdict(self), "folder": str(self.folder)}
+
+
+def catalogue() -> Catalogue:
+    """Opens no network."""
+    models, problems = installed()
+    roles: tuple[Role, ...] = get_args(Role)
+    played = {model.role for model in models}
+    return Catalogue(
+        models_folder(),
+        (*map(_listed, models), *_single_files()),
+        tuple(problems),
+        tuple(Lacking(ROLE_WORDS[r], IMPROVES[r], _known(r)) for r in roles if r not in played),
+    )
+
+
+def _listed(model: Model) -> Listed:
+    d = model.description
+    title = d.title if d else f"installed as {', '.join(p.name for p in model.files)}; its form is found when it opens"
+    paths = model.sources
+    return Listed(
+        model.name, ROLE_WORDS[model.role], title, IMPROVES[model.role], d.made_by if d else "",
+        d.licence if d else "", d.source if d else "", tuple(p.name for p in paths), _megabytes(paths),
+    )  # fmt: skip
+
+
+def _single_files() -> list[Listed]:
+    found = []
+    try:
+        names = sorted(os.listdir(models_folder()))
+    except OSError:
+        return []
+    for name in names:
+        path = models_folder() / name
+        kind = name.split(".")[0]
+        if kind in SINGLE_FILES and name.endswith(".onnx") and is_regular(path):
+            title = "a distance of images" if kind == "lpips" else "a backbone of features"
+            found.append(Listed(path.stem, kind, title, SINGLE_FILES[kind], "", "", "", (name,), _megabytes([path])))
+    return found
+
+
+def _known(role: Role) -> tuple[Known, ...]:
+    return tuple(
+        Known(form, d.title, d.names, d.made_by, d.licence, d.source) for form, d in ready().items() if d.role == role
+    )
+
+
+def _megabytes(paths: list[Path]) -> float:
+    return sum(path.stat().st_size for path in paths if is_regular(path)) / 1e6

@@ -1,0 +1,205 @@
+"""A described model at work: its files opened, their tensors bound, its steps run one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.networks.binding import Bound, bind, words
+from nvsim.networks.description import Constant, Description, Step
+from nvsim.networks.diffusion import Ddim
+from nvsim.networks.onnx_session import TYPES, Node, Provider, providers, session, signature
+from nvsim.networks.preparing import Image, Placement, Preparation
+
+Values = dict[str, NDArray[Any]]
+_MOST = 4096  # pixels of a side
+_OF_PROMPTS = ("points", "labels")
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A step with its session and its bound tensors."""
+
+    step: Step
+    path: Path
+    session: Any
+    inputs: tuple[Bound, ...]
+    outputs: tuple[Bound, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a model has seen of an image: every value that does not depend on a prompt, and by the names of the
+    description's images where the image lies in them."""
+
+    image: Image
+    values: Values
+    placements: dict[str, Placement]
+
+
+class Chain:
+    """An opened model. Raises InputError for files that cannot be loaded or are not what the description says."""
+
+    def __init__(self, description: Description, folder: Path, provider: Provider = "auto") -> None:
+        self.description = description
+        for name, constant in description.constants.items():
+            if constant.needed:
+                raise InputError(
+                    f"{description.title}: its TOML must say the constant {name}: {constant.needed}, as "
+                    f"[constants] {name} = {{ value = [...] }}."
+                )
+        self.paths = {key: folder / file.name for key, file in description.files.items()}
+        asked = providers(provider)
+        sessions = {key: session(path, asked) for key, path in self.paths.items()}
+        runs = [_bound(step, self.paths[step.file], sessions[step.file]) for step in description.steps]
+        self.images = _sized(description, runs)
+        self._ddim = {name: Ddim(scheduler) for name, scheduler in description.schedulers.items()}
+        # What depends on a prompt runs once for each, the rest once for an image.
+        self._once: list[_Run] = []
+        self._each: list[_Run] = []
+        prompted = set(_OF_PROMPTS)
+        for run in runs:
+            if any(prompted.intersection(b.tensor.values) for b in run.inputs):
+                prompted |= {v for b in run.outputs for v in b.tensor.values}
+                self._each.append(run)
+            else:
+                self._once.append(run)
+
+    def show(self, image: Image) -> Shown:
+        """Lets the model look at an image (H, W, 3) uint8 RGB."""
+        values: Values = {"height_width": np.array(image.shape[:2])}
+        placements = {}
+        for name, preparation in self.images.items():
+            prepared, placements[name] = preparation.placed(image)
+            values[name] = prepared if preparation.layout == "HWC" else prepared[None]
+        for run in self._once:
+            self._run(run, values)
+        return Shown(image, values, placements)
+
+    def ask(self, shown: Shown, given: Mapping[str, NDArray[Any]]) -> Values:
+        """Every value, with those `given` of a prompt and what follows from them."""
+        values = {**shown.values, **given}
+        for run in self._each:
+            self._run(run, values)
+        return values
+
+    def value(self, values: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float32]:
+        """A value of the result. Raises InputError where a file left it out, or it is not finite."""
+        found = values.get(name)
+        if found is None:
+            raise InputError(f"{next(iter(self.paths.values()))} gives no {name}; export it with that output.")
+        found = np.asarray(found)
+        if not np.isfinite(found).all():
+            raise InputError(
+                f"{next(iter(self.paths.values()))} gives a {name} that is not finite; check mean and std, or export "
+                "it again."
+            )
+        return found.astype(np.float32)
+
+    def _run(self, run: _Run, values: Values) -> None:
+        with reading(run.path, "a network that runs", "export it again"):
+            if not run.step.loop:
+                self._once_through(run, values)
+                return
+            ddim, said = self._ddim[run.step.loop], self.description.schedulers[run.step.loop]
+            values[said.state] = self._value(said.state, values)
+            for timestep in ddim.timesteps:
+                values["timestep"] = np.array([timestep])
+                self._once_through(run, values)
+                values[said.state] = ddim.step(values[said.state], values[said.prediction], int(timestep))
+
+    def _once_through(self, run: _Run, values: Values) -> None:
+        feed = {b.node.name: self._fed(b, values) for b in run.inputs}
+        names = list(dict.fromkeys(b.node.name for b in run.outputs))
+        found = dict(zip(names, run.session.run(names, feed), strict=True))
+        for b in run.outputs:
+            values[b.tensor.values[0]] = _copied(_changed(np.asarray(found[b.node.name]), b), b)
+
+    def _fed(self, bound: Bound, values: Values) -> NDArray[Any]:
+        """What an input takes."""
+        parts = [self._value(name, values, bound.node) for name in bound.tensor.values]
+        value = _changed(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), bound)
+        value = _copied(_ranked(value, bound.node), bound)
+        return np.ascontiguousarray(value, TYPES.get(bound.node.type, np.float32))
+
+    def _value(self, name: str, values: Values, node: Node | None = None) -> NDArray[Any]:
+        if name in values:
+            return values[name]
+        constant = self.description.constants.get(name)
+        if constant is None:
+            raise InputError(f"{name} is not known before it is needed; correct the order of the steps.")
+        return _constant(constant, values, node)
+
+
+def _bound(step: Step, path: Path, opened: Any) -> _Run:
+    takes, gives = signature(opened, path)
+    inputs = bind(step.inputs, takes, path, inputs=True)
+    return _Run(step, path, opened, inputs, bind(step.outputs, gives, path, inputs=False))
+
+
+def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparation]:
+    """The images in the sizes that the files prescribe."""
+    images = dict(description.images)
+    for run in runs:
+        for bound in run.inputs:
+            for name in set(bound.tensor.values) & set(images):
+                shape = list(bound.node.shape)
+                preparation = images[name]
+                axis = {"NCHW": 2, "NHWC": 1, "HWC": 0}[preparation.layout]
+                if len(shape) != (3 if preparation.layout == "HWC" else 4) or bound.node.type not in TYPES:
+                    raise InputError(
+                        f"{run.path} takes {words([bound.node])} as an image, but its description says "
+                        f"{preparation.layout}; correct the layout."
+                    )
+                sides = [n if isinstance(n, int) else 0 for n in shape[axis : axis + 2]]
+                if not all(0 <= n <= _MOST for n in sides) or (0 in shape):
+                    raise InputError(
+                        f"{run.path} takes images of {shape[axis + 1]} x {shape[axis]} pixels; export it with dynamic "
+                        "size."
+                    )
+                images[name] = preparation.of_size(*sides)
+    return images
+
+
+def _changed(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
+    tensor = bound.tensor
+    if tensor.item is not None:
+        value = value[tensor.item : tensor.item + 1]
+    return value * tensor.factor if tensor.factor != 1 else value
+
+
+def _copied(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
+    return np.repeat(value, bound.tensor.copies, axis=0) if bound.tensor.copies > 1 else value
+
+
+def _ranked(value: NDArray[Any], node: Node) -> NDArray[Any]:
+    """`value` with as many axes as the input has; those in front that it has too few or too many are of one entry. One
+    number fills an input of any size."""
+    rank = len(node.shape)
+    while value.ndim < rank:
+        value = value[None]
+    while value.ndim > rank and value.shape[0] == 1:
+        value = value[0]
+    if value.size == 1 and all(isinstance(n, int) for n in node.shape):
+        value = np.broadcast_to(value, [int(n) for n in node.shape if isinstance(n, int)])
+    return value
+
+
+def _constant(constant: Constant, values: Values, node: Node | None) -> NDArray[Any]:
+    if constant.seed is not None:
+        shape = values[constant.like].shape if constant.like else constant.shape or (1,)
+        noise = np.random.default_rng(constant.seed).standard_normal(shape)
+        return np.repeat(noise, constant.copies, axis=0)
+    numbers = np.array(constant.numbers)
+    if constant.shape is not None:
+        return np.full(constant.shape, numbers[0]) if len(numbers) == 1 else numbers.reshape(constant.shape)
+    if len(numbers) == 1 and node is not None:
+        return np.full([n if isinstance(n, int) else 1 for n in node.shape], numbers[0])
+    return numbers

@@ -1,0 +1,174 @@
+"""The models that the user has installed: a folder NAME with model.toml and its files in the models folder, a TOML with
+its files there, or the names of before there were descriptions (normals.onnx, prompted.encoder.onnx and
+prompted.decoder.onnx)."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.regular import is_regular, opened, read_text
+from nvsim.networks.chain import Chain
+from nvsim.networks.description import Description, Role
+from nvsim.networks.folder import models_folder
+from nvsim.networks.old_normals import values_of_old
+from nvsim.networks.onnx_session import Provider, Signature, session, signature
+from nvsim.networks.parsing import description_in
+from nvsim.networks.ready import fitting, read_description, ready
+from nvsim.networks.roles import ROLE_WORDS
+from nvsim.networks.toml_table import LARGEST, parsed
+
+DESCRIPTION = "model.toml"
+OLD: dict[str, tuple[Role, tuple[str, ...]]] = {
+    "normals": ("normals", ("normals.onnx",)),
+    "prompted": ("prompted", ("prompted.encoder.onnx", "prompted.decoder.onnx")),
+}
+"""Names of before there were descriptions: role and files."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """An installed model. `description` is None where the files must be opened to know their form."""
+
+    name: str
+    role: Role
+    folder: Path
+    described_in: Path | None
+    description: Description | None
+    files: tuple[Path, ...]
+
+    @property
+    def sources(self) -> list[Path]:
+        """Every file that the model's answers depend on."""
+        described = [self.described_in] if self.described_in else [self.files[0].with_suffix(".toml")]
+        files = self.description.files.values() if self.description else ()
+        weights = [self.folder / name for file in files for name in file.beside]
+        return [path for path in (*self.files, *weights, *described) if is_regular(path)]
+
+    @property
+    def stamp(self) -> list[tuple[str, int, int]]:
+        """Names, sizes and times of the files: quicker than a digest, for what can be made again."""
+        found = [(path.name, path.stat()) for path in self.sources]
+        return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in found]
+
+    def digest(self) -> str:
+        """What tells the model, with what is said of it, from others. Raises InputError for a file that cannot be
+        read."""
+        whole = hashlib.sha256()
+        for path in self.sources:
+            with reading(path, "a network"), opened(path) as file:
+                whole.update(hashlib.file_digest(file, "sha256").digest())
+        return whole.hexdigest()[:24]
+
+    def open(self, provider: Provider = "auto") -> Chain:
+        """Raises InputError for files that cannot be loaded or are not what is said of them."""
+        return Chain(self.description or self._recognised(), self.folder, provider)
+
+    def _recognised(self) -> Description:
+        signatures = {path: signature_of(path) for path in self.files}
+        beside = self.files[0].with_suffix(".toml")
+        if self.role == "normals" and is_regular(beside):
+            return description_in(values_of_old(beside, self.files[0], *signatures[self.files[0]]), beside)
+        forms = fitting(signatures, self.role)
+        if not forms:
+            known = ", ".join(form for form, d in ready().items() if d.role == self.role)
+            names = " and ".join(path.name for path in self.files)
+            raise InputError(
+                f"{self.folder}: {names} fit none of the known forms ({known}); describe it in a TOML, and add it "
+                "with `nvsim models add`."
+            )
+        form, files = forms[0]
+        description = ready()[form]
+        named = {key: replace(file, name=files[key].name) for key, file in description.files.items()}
+        return replace(description, files=named)
+
+
+def signature_of(path: Path) -> Signature:
+    """Inputs and outputs of an ONNX file. Raises InputError where it cannot be loaded."""
+    return signature(session(path), path)
+
+
+def installed() -> tuple[list[Model], list[str]]:
+    """The models by name, and a sentence for each description that makes no sense."""
+    folder = models_folder()
+    found: dict[str, Model] = {}
+    problems = []
+    for name, (role, files) in OLD.items():
+        paths = tuple(folder / file for file in files)
+        there = [path for path in paths if is_regular(path)]
+        if len(there) == len(paths):
+            found[name] = Model(name, role, folder, None, None, paths)
+        elif there:
+            (missing, *_) = (path for path in paths if path not in there)
+            problems.append(f"{missing} is missing; a prompted model is an encoder and a decoder.")
+    for path in _descriptions(folder):
+        try:
+            model = model_at(path)
+        except InputError as error:
+            problems.append(str(error))
+        else:
+            found[model.name] = model
+    return [found[name] for name in sorted(found)], problems
+
+
+def model_at(path: Path) -> Model:
+    """The model that the TOML at `path` describes. Raises InputError."""
+    description = read_description(path)
+    name = path.parent.name if path.name == DESCRIPTION else path.stem
+    files = tuple(path.parent / file.name for file in description.files.values())
+    return Model(name, description.role, path.parent, path, description, files)
+
+
+def models_of(role: Role) -> list[Model]:
+    """The installed models of a role, those without a description last."""
+    return sorted((m for m in installed()[0] if m.role == role), key=lambda m: (m.description is None, m.name))
+
+
+def find_model(role: Role, name: str = "") -> Model | None:
+    """The model of a role by its name; without one the first there is, None where there is none. Raises InputError
+    where none has that name, and for an installed model that makes no sense where it could be meant."""
+    models, problems = installed()
+    fitting_role = models_of(role)
+    if not name:
+        if not fitting_role and role == "prompted":
+            for problem in problems:
+                if OLD["prompted"][1][0] in problem or OLD["prompted"][1][1] in problem:
+                    raise InputError(problem)
+        return fitting_role[0] if fitting_role else None
+    for model in fitting_role:
+        if model.name == name:
+            return model
+    other = next((m for m in models if m.name == name), None)
+    if other is not None:
+        raise InputError(f"{name} is a model of {ROLE_WORDS[other.role]}, not of {ROLE_WORDS[role]}.")
+    broken = next((p for p in problems if f"{name}/" in p or f"{name}.toml" in p), "")
+    if broken:
+        raise InputError(broken)
+    there = ", ".join(m.name for m in fitting_role) or "none"
+    raise InputError(
+        f"There is no model {name!r:.60} of {ROLE_WORDS[role]} in {models_folder()} (installed: {there}); add it with "
+        "`nvsim models add`."
+    )
+
+
+def _descriptions(folder: Path) -> list[Path]:
+    """Every TOML that may describe a model of a role."""
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError:
+        return []
+    inside = [entry / DESCRIPTION for entry in entries if not entry.name.startswith(".")]
+    loose = [entry for entry in entries if entry.suffix == ".toml" and _is_of_a_model(entry)]
+    return [path for path in (*inside, *loose) if is_regular(path)]
+
+
+def _is_of_a_model(path: Path) -> bool:
+    """Whether a TOML says so, or cannot be read: descriptions of backbones, which lie there too, have no role."""
+    try:
+        values = parsed(read_text(path, "a description of a model", "save it as UTF-8", LARGEST), path)
+    except InputError:
+        return path.stem not in OLD
+    return "role" in values or "form" in values

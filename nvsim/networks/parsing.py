@@ -1,0 +1,215 @@
+"""The TOML about a model, read into a Description or refused with the key that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from nvsim.errors import InputError
+from nvsim.networks.description import (
+    GIVEN,
+    Constant,
+    Description,
+    Direction,
+    File,
+    FloorResult,
+    Kind,
+    MaskResult,
+    Meaning,
+    NormalsResult,
+    Points,
+    Result,
+    Role,
+    Scheduler,
+    Step,
+    Tensor,
+)
+from nvsim.networks.preparing import preparation_in
+from nvsim.networks.toml_table import Table
+
+_PERPENDICULAR = ({"right", "left"}, {"down", "up"}, {"forward", "backward"})
+_MOST_SIDE = 1 << 16
+T = TypeVar("T")
+
+
+def description_in(values: dict[str, Any], path: Path) -> Description:
+    """The description in the parsed TOML `values` of the file `path`. Raises InputError."""
+    table = Table(values, path)
+    role: Role = table.one_of("role", get_args(Role))
+    steps = table.tables("steps")
+    description = Description(
+        role=role,
+        title=table.word("title", path.stem),
+        files=_each(table.table("files"), _file),
+        images=_each(table.table("images"), lambda t: preparation_in(t, needs_size=False)),
+        steps=tuple(map(_step, steps)),
+        result=_result(table.table("result"), role),
+        points=_points(table.table("points")) if role == "prompted" else None,
+        constants=_each(table.table("constants"), _constant),
+        schedulers=_each(table.table("schedulers"), _scheduler),
+        names=table.words("names", ()),
+        made_by=table.word("made_by", ""),
+        licence=table.word("licence", ""),
+        source=table.word("source", ""),
+    )
+    table.refuse_others()
+    _check(description, path)
+    return description
+
+
+def _each(table: Table, read: Callable[[Table], T]) -> dict[str, T]:
+    found = {}
+    for key in table.keys():  # noqa: SIM118  (a Table is no dict)
+        inner = table.table(key)
+        found[key] = read(inner)
+        inner.refuse_others()
+    return found
+
+
+def _file(table: Table) -> File:
+    name = table.word("file")
+    beside = table.words("beside", ())
+    for each in (name, *beside):
+        if Path(each).name != each or each.startswith("."):
+            raise table.wrong("file" if each == name else "beside", "the name of a file beside the description")
+    return File(name, beside, table.word("sha256", ""))
+
+
+def _step(table: Table) -> Step:
+    inputs, outputs = (
+        tuple(_tensor(t, several=key == "inputs") for t in table.tables(key)) for key in ("inputs", "outputs")
+    )
+    step = Step(table.word("file"), inputs, outputs, table.word("loop", ""))
+    table.refuse_others()
+    return step
+
+
+def _tensor(table: Table, several: bool) -> Tensor:
+    tensor = Tensor(
+        table.words("value") if several else (table.word("value"),),
+        table.words("name", ()),
+        table.wholes("shape", _MOST_SIDE) if "shape" in table else None,
+        table.one_of("kind", get_args(Kind)[1:], ""),
+        table.flag("optional", False),
+        table.number("factor", 1.0, positive=False),
+        table.whole("item", 1024, least=0) if "item" in table else None,
+        table.whole("copies", 64, 1),
+    )
+    if not tensor.names and tensor.shape is None:
+        raise table.wrong("name", "what the file calls it; without a name, say its shape")
+    table.refuse_others()
+    return tensor
+
+
+def _constant(table: Table) -> Constant:
+    shape = table.wholes("shape", _MOST_SIDE) if "shape" in table else None
+    if "seed" in table:
+        seed = table.whole("seed", 1 << 30, least=0)
+        return Constant((), shape, seed, table.word("like", ""), table.whole("copies", 64, 1))
+    if "needed" in table and "value" not in table:
+        return Constant(needed=table.word("needed"))
+    numbers = table.numbers("value")
+    size = 1
+    for side in shape or ():
+        size *= side
+    if shape is not None and (size > 1 << 24 or len(numbers) not in (1, size)):
+        raise table.wrong("value", f"one number, or {size}, as the shape says")
+    return Constant(numbers, shape)
+
+
+def _scheduler(table: Table) -> Scheduler:
+    least, most = table.number("first_beta", Scheduler.first_beta), table.number("last_beta", Scheduler.last_beta)
+    trained = table.whole("trained", 10_000, Scheduler.trained)
+    if not 0 < least <= most < 1:
+        raise table.wrong("last_beta", "below 1, and not below first_beta")
+    return Scheduler(
+        state=table.word("state"),
+        prediction=table.word("prediction"),
+        predicts=table.one_of("predicts", ("epsilon", "v_prediction", "sample")),
+        steps=table.whole("steps", trained, min(Scheduler.steps, trained)),
+        trained=trained,
+        first_beta=least,
+        last_beta=most,
+        betas=table.one_of("betas", ("scaled_linear", "linear"), Scheduler.betas),
+        spacing=table.one_of("spacing", ("leading", "trailing"), Scheduler.spacing),
+        offset=table.whole("offset", trained, Scheduler.offset, least=0),
+        ends_at_one=table.flag("ends_at_one", Scheduler.ends_at_one),
+    )
+
+
+def _points(table: Table) -> Points:
+    points = Points(table.word("image", ""), table.flag("padding", False), table.flag("negatives", True))
+    table.refuse_others()
+    return points
+
+
+def _result(table: Table, role: Role) -> Result:
+    value, image = table.word("value"), table.word("image", "")
+    result: Result
+    if role == "prompted":
+        single = table.one_of("single", ("skip", "best", "first"), MaskResult.single)
+        result = MaskResult(value, image, table.word("scores", ""), single)
+    elif role == "normals":
+        result = NormalsResult(
+            value, image, _axes(table), _channels_last(table), table.flag("halved", False),
+            table.word("there", ""), table.number("least", NormalsResult.least),
+        )  # fmt: skip
+    else:
+        classes = table.whole("classes", 100_000, 1)
+        floor = table.wholes("floor", classes - 1, (0,) if classes == 1 else None)
+        result = FloorResult(
+            value, image, table.one_of("meaning", get_args(Meaning)), _channels_last(table), classes, floor,
+            table.word("scores", ""),
+        )  # fmt: skip
+    table.refuse_others()
+    return result
+
+
+def _channels_last(table: Table) -> bool:
+    return bool(table.one_of("layout", ("NCHW", "NHWC"), "NCHW") == "NHWC")
+
+
+def _axes(table: Table) -> tuple[Direction, Direction, Direction]:
+    axes = table.words("axes")
+    right = "three of right or left, down or up, forward or backward, each once, out of the surface"
+    if len(axes) != 3 or not all(sum(a in pair for a in axes) == 1 for pair in _PERPENDICULAR):
+        raise table.wrong("axes", right)
+    first, second, third = axes
+    return first, second, third  # type: ignore[return-value]
+
+
+def _check(d: Description, path: Path) -> None:
+    """Raises InputError where a name stands for nothing."""
+
+    def need(name: str, known: tuple[str, ...], what: str) -> None:
+        if name not in known:
+            raise InputError(f"{path}: {what} {name!r:.60} is unknown; it must be one of {', '.join(known) or 'none'}.")
+
+    if not d.files or not d.images or not d.steps:
+        missing = "files" if not d.files else "images" if not d.images else "steps"
+        raise InputError(f"{path}: {missing} is missing; a description says files, images, steps and result.")
+    known = (*d.images, *d.constants, *(GIVEN if d.role == "prompted" else GIVEN[2:]))
+    for constant in d.constants.values():
+        if constant.like:  # made of a value when that is there
+            need(constant.like, tuple(v for s in d.steps for t in s.outputs for v in t.values), "the value")
+    for step in d.steps:
+        need(step.file, tuple(d.files), "the file")
+        if step.loop:
+            need(step.loop, tuple(d.schedulers), "the scheduler")
+        for tensor in step.inputs:
+            for name in tensor.values:
+                need(name, known, "the value")
+        known += tuple(v for tensor in step.outputs for v in tensor.values)
+        if step.loop:
+            need(d.schedulers[step.loop].prediction, known, "the value")
+            need(d.schedulers[step.loop].state, known, "the value")
+    result = d.result
+    need(result.value, known, "the value")
+    if result.image or not isinstance(result, MaskResult):
+        need(result.image, tuple(d.images), "the image")
+    more = {"scores": getattr(result, "scores", ""), "there": getattr(result, "there", "")}
+    for name in filter(None, more.values()):
+        need(name, known, "the value")
+    if d.points is not None and d.points.image:
+        need(d.points.image, tuple(d.images), "the image")

@@ -1,0 +1,82 @@
+"""The descriptions that come with NVSim, one for each form in which models of the three roles are exported."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import resources
+from nvsim.errors import InputError
+from nvsim.files.regular import read_text, shown
+from nvsim.networks.binding import bind
+from nvsim.networks.description import Description, Role
+from nvsim.networks.onnx_session import Signature
+from nvsim.networks.parsing import description_in
+from nvsim.networks.toml_table import LARGEST, parsed
+
+FOLDER = Path(resources.__file__).parent / "models"
+_AGAIN = "save it as UTF-8"
+
+
+@cache
+def ready() -> dict[str, Description]:
+    """By the name of the form: "sam2-samexporter"."""
+    return {path.stem: description_in(values_of(path), path) for path in sorted(FOLDER.glob("*.toml"))}
+
+
+def values_of(path: Path) -> dict[str, Any]:
+    """The parsed TOML at `path`; where it follows a form (`form = "moge-2"`), with what it leaves out taken from there.
+    Raises InputError."""
+    values = parsed(read_text(path, "a description of a model", _AGAIN, LARGEST), path)
+    form = values.pop("form", None)
+    if form is None:
+        return values
+    if not isinstance(form, str) or not (FOLDER / f"{form}.toml").is_file() or Path(form).name != form:
+        known = ", ".join(ready())
+        raise InputError(f"{path}: form is {shown(form)}; it must be one of {known}.")
+    return {**values_of(FOLDER / f"{form}.toml"), **values}
+
+
+def read_description(path: Path) -> Description:
+    """The description in the TOML at `path`. Raises InputError."""
+    return description_in(values_of(path), path)
+
+
+def fitting(signatures: dict[Path, Signature], role: Role | None = None) -> list[tuple[str, dict[str, Path]]]:
+    """The forms whose every file is one of those with these `signatures`, and each of those is one of its files: name
+    and file of each; the form whose tensors are known by name most often comes first."""
+    found = []
+    for name, description in ready().items():
+        if role in (None, description.role) and len(description.files) == len(signatures):
+            fit = _fit(description, signatures)
+            if fit is not None:
+                found.append((fit[0], name, fit[1]))
+    return [(name, files) for _, name, files in sorted(found, key=lambda f: -f[0])]
+
+
+def _fit(description: Description, signatures: dict[Path, Signature]) -> tuple[int, dict[str, Path]] | None:
+    """How many tensors are known by name, and which path is which file."""
+    from itertools import permutations
+
+    best = None
+    for paths in permutations(signatures):
+        files = dict(zip(description.files, paths, strict=True))
+        try:
+            bound = [
+                b
+                for step in description.steps
+                for tensors, nodes, inputs in zip(
+                    (step.inputs, step.outputs), signatures[files[step.file]], (True, False), strict=True
+                )
+                for b in bind(tensors, nodes, files[step.file], inputs)
+            ]
+        except InputError:
+            continue
+        inputs_of = {id(t) for step in description.steps for t in step.inputs}
+        if any(id(b.tensor) in inputs_of and b.tensor.names and b.node.name not in b.tensor.names for b in bound):
+            continue  # what is prepared otherwise has the same shape; only its name tells it
+        named = sum(b.node.name in b.tensor.names for b in bound)
+        if best is None or named > best[0]:
+            best = named, files
+    return best

@@ -1,0 +1,86 @@
+"""Whether an installed model is what its description says: its files, their checksums, and what it answers."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.regular import is_regular, opened
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.networks.chain import Chain
+from nvsim.networks.installed import Model
+from nvsim.perception.normals_network import NormalsNetwork
+from nvsim.perception.prompted_network import PromptedNetwork
+from nvsim.perception.semantic_network import SemanticNetwork
+
+_SIZE = 240, 320  # of the image that is asked about
+
+
+@dataclass(frozen=True)
+class Checked:
+    """problem  a sentence, "" where the model is what its description says
+    says     what it answered of a test image, in words
+    seconds  for one image, the second time
+    """
+
+    problem: str
+    says: str = ""
+    seconds: float = 0.0
+
+
+def check(model: Model) -> Checked:
+    """Opens a model and lets it look at an image twice."""
+    try:
+        _sums(model)
+        chain = model.open()
+        _answer(chain)
+        start = time.perf_counter()
+        says = _answer(chain)
+        return Checked("", says, time.perf_counter() - start)
+    except InputError as error:
+        return Checked(str(error))
+
+
+def _sums(model: Model) -> None:
+    """Raises InputError where a file is missing, or not the one that was installed."""
+    for file in model.description.files.values() if model.description else ():
+        for name in (file.name, *file.beside):
+            if not is_regular(model.folder / name):
+                raise InputError(f"{model.folder / name} is missing; add the model again.")
+        path = model.folder / file.name
+        if not file.sha256:
+            continue
+        with reading(path, "an ONNX network"), opened(path) as opened_file:
+            found = hashlib.file_digest(opened_file, "sha256").hexdigest()
+        if found != file.sha256.lower():
+            raise InputError(f"{path} is not the file that was described (SHA-256 {found[:16]}…); add the model again.")
+
+
+def _answer(chain: Chain) -> str:
+    """What a model says of a test image: light above a dark floor, with noise. Raises InputError where it says nothing
+    that can be."""
+    height, width = _SIZE
+    image = np.full((height, width, 3), 190, np.uint8)
+    image[height // 2 :] = (120, 100, 80)
+    image = np.clip(image + np.random.default_rng(0).normal(0, 6, image.shape), 0, 255).astype(np.uint8)
+    camera = Camera(Intrinsics.from_fov(width, height, 1.2), look(np.zeros(3), 0.0, -0.3))
+    path = next(iter(chain.paths.values()))
+    role = chain.description.role
+    if role == "semantic":
+        found = SemanticNetwork(chain).floor_probability(image, camera)
+        if not 0 <= found.min() <= found.max() <= 1 + 1e-4:
+            raise InputError(f"{path} gives probabilities from {found.min():.3g} to {found.max():.3g}; check meaning.")
+        return f"floor on {float((found > 0.5).mean()):.0%} of a test image"
+    if role == "normals":
+        normals = NormalsNetwork(chain).normals(image, camera)
+        there = normals.any(axis=-1)
+        if not there.any():
+            raise InputError(f"{path} sees no surface in a test image; check the range of its images.")
+        return f"{float((normals[there][:, 2] > 0.9).mean()):.0%} of a test image lies flat"
+    mask = PromptedNetwork(chain).mask(image, np.array([[width / 2, height * 0.8]]), camera)
+    return f"a region of {float(mask.mean()):.0%} at a point of a test image"

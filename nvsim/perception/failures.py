@@ -1,0 +1,55 @@
+"""Which frames' masks are not what their provider meant, and why: a file beside the masks."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterable
+from pathlib import Path
+from typing import get_args
+
+from nvsim.errors import InputError
+from nvsim.files.atomic import write_text
+from nvsim.files.regular import read_json
+from nvsim.perception.roles import Failure
+
+NAME = "failures.json"
+
+
+class Failures:
+    """Those of the masks in a folder. May be told from several threads."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path, self._lock = folder / NAME, threading.Lock()
+        self.of_frames = read_failures(folder)
+
+    def add(self, index: int, failure: Failure) -> None:
+        """Raises InputError where it cannot be written."""
+        with self._lock:
+            self.of_frames[index] = failure
+            self._write()
+
+    def forget(self, frames: Iterable[int]) -> None:
+        """Of frames whose masks are made again."""
+        gone = set(frames) & self.of_frames.keys()
+        if gone:
+            for index in gone:
+                del self.of_frames[index]
+            self._write()
+
+    def _write(self) -> None:
+        write_text(self._path, json.dumps({str(index): self.of_frames[index] for index in sorted(self.of_frames)}))
+
+
+def read_failures(folder: Path) -> dict[int, Failure]:
+    """By frame; nothing where the file is missing, and of what in it makes no sense."""
+    if not (folder / NAME).is_file():
+        return {}
+    try:
+        found = read_json(folder / NAME, "why masks failed", "find the floor again")
+    except InputError:
+        return {}
+    rows = found.items() if isinstance(found, dict) else ()
+    words: tuple[Failure, ...] = get_args(Failure)
+    known = {word: word for word in words if word}
+    return {int(key): known[word] for key, word in rows if key.isdecimal() and isinstance(word, str) and word in known}

@@ -1,0 +1,22 @@
+"""Geometry, with a network of looks where it leaves the floor open: the cloud knows best what stands on a floor, and a
+network what floor looks like where the scan has a hole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nvsim.geometry.camera import Camera
+from nvsim.perception.geometric import GeometricFloor
+from nvsim.perception.roles import Float32, FloorMask, Image, SemanticFloor
+
+
+@dataclass(frozen=True)
+class FusedFloor:
+    """A FloorSegmenter. The network only adds floor that nothing hides: what it takes for no floor stays, because it
+    misses floor more often than a dense cloud misses what stands on it."""
+
+    floor: GeometricFloor
+    semantic: SemanticFloor
+
+    def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
+        return self.floor.segment(camera, image, depth, self.semantic.floor_probability(image, camera))

@@ -1,0 +1,75 @@
+"""The semantic role by a network that the user brings."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Camera
+from nvsim.networks.chain import Chain, Values
+from nvsim.networks.description import FloorResult
+from nvsim.networks.preparing import Placement
+from nvsim.perception.roles import Float32, Image
+
+
+class SemanticNetwork:
+    """An opened model. A SemanticFloor."""
+
+    def __init__(self, chain: Chain) -> None:
+        assert isinstance(chain.description.result, FloorResult)
+        self._chain, self._result = chain, chain.description.result
+
+    def floor_probability(self, image: Image, camera: Camera) -> Float32:
+        """See SemanticFloor."""
+        shown = self._chain.show(image)
+        found = self._chain.value(shown.values, self._result.value)
+        place = shown.placements[self._result.image]
+        if self._result.meaning == "labels":
+            return _labelled(self._planes(found, 1, shown.values)[0], self._floor(), place)
+        planes = self._planes(found, self._result.classes, shown.values)
+        floor = self._floor(len(planes) - self._result.classes)
+        if self._result.meaning == "probabilities":
+            return np.clip(place.back(planes[list(floor)].sum(axis=0)), 0, 1)
+        if len(planes) == 1:
+            return np.asarray(1 / (1 + np.exp(-np.clip(place.back(planes[0]), -80, 80))), np.float32)
+        return _soft(planes, floor, place)
+
+    def _planes(self, found: NDArray[np.float32], classes: int, values: Values) -> NDArray[np.float32]:
+        """(C, h, w) with as many classes as are said, or one more. Raises InputError where it has other ones."""
+        if self._result.scores and self._result.scores in values:
+            masks = found.reshape(-1, *found.shape[-2:])
+            scores = np.ravel(self._chain.value(values, self._result.scores))
+            return masks[[int(np.argmax(scores))]] if len(scores) == len(masks) else masks[:1]
+        planes = np.moveaxis(found, -1, -3) if self._result.channels_last and found.ndim > 2 else found
+        planes = planes.reshape(-1, *planes.shape[-2:]) if planes.ndim >= 2 else planes[None, None]
+        extra = (0, 1) if self._result.meaning != "labels" and classes > 1 else (0,)
+        if len(planes) - classes not in extra:
+            path = next(iter(self._chain.paths.values()))
+            raise InputError(
+                f"{path} gives {self._result.value} of the shape {list(found.shape)}, but its description says "
+                f"{classes} class{'es' if classes != 1 else ''}; correct classes, floor or layout there."
+            )
+        return planes
+
+    def _floor(self, background: int = 0) -> tuple[int, ...]:
+        """The classes that are floor, behind one of the background where there is one."""
+        return tuple(number + background for number in self._result.floor)
+
+
+def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
+    """The softmax of logits (C, h, w), summed over `floor`, at the image's size. The logits are enlarged, not their
+    softmax, and one at a time: of 150 classes all would be large."""
+    most = place.back(planes.max(axis=0))
+    total, ours = np.zeros_like(most), np.zeros_like(most)
+    for number, plane in enumerate(planes):
+        part = np.exp(place.back(plane) - most)
+        total += part
+        if number in floor:
+            ours += part
+    return np.asarray(ours / np.maximum(total, 1e-30), np.float32)
+
+
+def _labelled(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
+    """1 where `labels` (h, w) say floor, at the image's size; between labels it changes linearly."""
+    return place.back(np.isin(np.round(labels), floor).astype(np.float32))

@@ -1,0 +1,132 @@
+"""Floor masks by geometry, by a network of looks alone, by both fused and by the hybrid, with the scan as it is and as
+scans may be: with holes in the floor, without things that stand there, and thin.
+
+python -m tests.benchmarks.floor_fusion PROJECT --semantic NAME [--truth DIR] [--every 1]
+
+Nothing in the project changes. NAME is an installed model (`nvsim models`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Cloud
+from nvsim.cli import show
+from nvsim.errors import InputError
+from nvsim.evaluation.truth import true_mask, truth_folder
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.perception.fused import FusedFloor
+from nvsim.perception.geometric_roles import CloudNormals
+from nvsim.perception.hybrid import HybridFloor
+from nvsim.perception.regions import RegionGrowing
+from nvsim.perception.roles import Float32, Mask
+from nvsim.perception.segment import SegmentConfig, learnt_floor, read_mask
+from nvsim.perception.semantic_network import SemanticNetwork
+from nvsim.project.config import FloorsConfig
+from nvsim.project.floor_provider import choose
+from nvsim.project.project import Project
+from nvsim.project.work import lacks
+
+_RADIUS, _APART = 0.7, 2.0  # metres: of a hole, and between holes, about
+_LOW, _HIGH = 0.05, 1.0  # metres above the floor: what stands there
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: tyro.conf.Positional[Path]
+    semantic: str
+    truth: Path | None = None
+    every: int = 1
+    """Every how many frames one is looked at."""
+
+
+def worlds(scan: Cloud, surface: FloorSurface) -> Iterator[tuple[str, Cloud]]:
+    """The scan, and what is left of it."""
+    rng = np.random.default_rng(0)
+    points = scan.points
+    height = points[:, 2] - surface.height_at(points[:, :2])
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    centres = rng.uniform(low, high, (int(np.prod((high - low) / _APART)), 2))
+    near = cKDTree(centres).query(points[:, :2])[0] < _RADIUS
+    yield "as it is", scan
+    yield "holes in the floor", _only(scan, ~(near & (height < _LOW)))
+    yield "things missing", _only(scan, ~(near & (height > _LOW) & (height < _HIGH)))
+    yield "a tenth of the points", _only(scan, rng.random(len(points)) < 0.1)
+
+
+def _only(cloud: Cloud, kept: NDArray[np.bool_]) -> Cloud:
+    colors, normals = (None if v is None else v[kept] for v in (cloud.colors, cloud.normals))
+    return replace(cloud, points=cloud.points[kept], colors=colors, normals=normals)
+
+
+class Remembered:
+    """A semantic role that looks at each image once, whatever the scan."""
+
+    def __init__(self, network: SemanticNetwork) -> None:
+        self._network, self._seen = network, dict[bytes, Float32]()
+
+    def floor_probability(self, image, camera):  # type: ignore[no-untyped-def]
+        key = camera.camera_to_world.tobytes()
+        if key not in self._seen:
+            self._seen[key] = self._network.floor_probability(image, camera)
+        return self._seen[key]
+
+
+def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str]:
+    """Mean IoU over frames with 1 % of true floor, precision and recall over all their pixels."""
+    counted = [(m, t) for m, t in pairs if t.mean() >= 0.01]
+    hits = sum(int((m & t).sum()) for m, t in counted)
+    found, true = (sum(int(pair[k].sum()) for pair in counted) for k in (0, 1))
+    ious = [(m & t).sum() / max(1, (m | t).sum()) for m, t in counted]
+    return f"{np.mean(ious):.3f}", f"{hits / max(1, found):.3f}", f"{hits / max(1, true):.3f}"
+
+
+def main() -> None:
+    arguments = tyro.cli(Arguments, description=__doc__)
+    models = choose(FloorsConfig("fused", semantic=arguments.semantic), lambda: None).models
+    looks = Remembered(SemanticNetwork(models["semantic"].open()))
+    with Project.open(arguments.project) as project:
+        capture, scan, submaps = project.need_capture(), project.scan(), project.need_submaps()
+        truth = truth_folder(project, arguments.truth)
+        if scan is None:
+            raise InputError(f"{arguments.project} has no scan; choose a project with one.")
+        surfaces: dict[int, FloorSurface] = {}
+        for submap in submaps:
+            surface = project.surface(submap.index)
+            if surface is None:
+                raise lacks(arguments.project, "floors")
+            surfaces[submap.index] = surface
+        frames = range(0, len(capture.frames), arguments.every)
+        true = {i: true_mask(truth, "floor", capture.frames[i].name) for i in frames}
+        rows = []
+        for name, cloud in worlds(scan, surfaces[submaps[0].index]):
+            found: dict[str, list[tuple[Mask, Mask]]] = {}
+            for submap in submaps:
+                whole = replace(capture, cloud=cloud)
+                floor, calm = learnt_floor(whole, list(submap.core), surfaces[submap.index], SegmentConfig())
+                hybrid = HybridFloor(looks, CloudNormals(floor, calm), RegionGrowing())
+                providers = {"geometry": floor, "fused": FusedFloor(floor, looks), "hybrid": hybrid}
+                for i in submap.core:
+                    if (path := true.get(i)) is None:
+                        continue
+                    frame = capture.frames[i]
+                    size = frame.intrinsics.within(SegmentConfig().longest_side)
+                    camera, image = frame.camera.scaled(size.width, size.height), read_image(frame, size)
+                    right = read_mask(path, size.width, size.height)
+                    for who, provider in providers.items():
+                        found.setdefault(who, []).append((provider.segment(camera, image).mask, right))
+                    found.setdefault("network alone", []).append((looks.floor_probability(image, camera) > 0.5, right))
+            rows += [(name, who, *scores(pairs)) for who, pairs in found.items()]
+    show.table(("scan", "masks by", "IoU", "precision", "recall"), rows, arguments.project.name)
+
+
+if __name__ == "__main__":
+    main()
