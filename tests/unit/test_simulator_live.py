@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 from nvsim.benchmarks.map_builder import HALL, hall
 from nvsim.capture.alignment import Alignment
@@ -19,6 +22,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.perception.support import FloorSupport
 from nvsim.project.project import Project
 from nvsim.r2r.simulator import Simulator
+from nvsim.r2r.simulator.gym import WalkEnv
 from nvsim.render.model import render_model
 from nvsim.splats.files import save_model
 from nvsim.splats.types import Gaussians, SubmapModel
@@ -153,3 +157,23 @@ def test_a_project_without_models_walks_its_graph_and_draws_nothing(tmp_path: Pa
         sim.move_to(1.5, 2.5)
     with pytest.raises(IndexError, match="no 'other'"):
         sim.newEpisode("other", "a", 0, 0)
+
+
+def test_the_walk_environment_keeps_gymnasiums_contract_and_stops_before_what_stands(project: Path) -> None:
+    env = gymnasium.make("nvsim/Walk-v0", dataset=project, width=32, height=24, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        check_env(env.unwrapped)
+    walk = env.unwrapped
+    assert isinstance(walk, WalkEnv)
+    _, info = walk.reset(seed=0, options={"scan": "hall", "viewpoint": "b", "heading": 0.5 * math.pi, "goal": "c"})
+    assert info["position"] == pytest.approx(PLACES["b"])
+    for _ in range(4):  # to the left, away from the desk, and back over the same floor
+        walk.step(np.int64(2))
+    before = walk.state.location.point
+    _, _, _, _, info = walk.step(np.int64(1))
+    assert info["refused"] == "" and math.dist(walk.state.location.point, before) == pytest.approx(0.25)
+    walk.reset(options={"scan": "hall", "viewpoint": "b", "heading": 0.75 * math.pi, "goal": "c"})
+    ahead = [walk.step(np.int64(1))[4]["refused"] for _ in range(8)]
+    assert ahead[0] == "" and ahead[-1], "the desk from x = 2.4, y = 3.4 on stands in the way"
+    assert walk.state.location.x < 2.4
