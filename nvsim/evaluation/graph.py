@@ -77,11 +77,8 @@ def evaluate_graph(
         "largest_component": _share(len(groups[0]) if groups else 0, len(nodes)),
         "isolated": sum(len(g) == 1 for g in groups),
         **structure(graph),
-        **(
-            _on_stairs(graph, occupancy, edges, edges_robot)
-            if isinstance(occupancy, StoreyMaps)
-            else map_structure(graph, occupancy, robot_radius)
-        ),
+        **map_structure(graph, occupancy, robot_radius),
+        **(_on_stairs(graph, occupancy, edges, edges_robot) if isinstance(occupancy, StoreyMaps) else {}),
     }
 
 

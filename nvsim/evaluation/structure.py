@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.evaluation.map_ways import MapWays
 from nvsim.graph.structure import spread_rows
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
-from nvsim.occupancy.geodesic import Geodesics
-from nvsim.occupancy.paths import points_are_free, segments_are_free, standing_room
+from nvsim.occupancy.storeys import StoreyMaps
 from nvsim.occupancy.types import OccupancyMap
 
 NEAR = (1.5, 2.5)
@@ -23,8 +23,10 @@ _WORK = 4_000_000  # cells that the ways over the map from all viewpoints may vi
 _SOURCES = (8, 50)  # viewpoints whose ways over the map are measured: fewest, most
 
 
-def map_structure(graph: NavGraph, occupancy: OccupancyMap, robot_radius: float = 0.25) -> dict[str, float | int]:
-    """Figures of `graph` on a map in its frame, for a robot of `robot_radius` metres.
+def map_structure(
+    graph: NavGraph, occupancy: OccupancyMap | StoreyMaps, robot_radius: float = 0.25
+) -> dict[str, float | int]:
+    """Figures of `graph` on a map in its frame, or on those of its storeys, for a robot of `robot_radius` metres.
 
     near_pairs_1.5, near_pairs_2.5   pairs of included viewpoints on one floor that are nearer than so many metres and
                                      have a free straight way between them
@@ -37,14 +39,14 @@ def map_structure(graph: NavGraph, occupancy: OccupancyMap, robot_radius: float 
     time) to all others; they are up to 2.8 % too long (`nvsim.occupancy.geodesic.ERROR`), so that a detour is up to as
     much too small. Of nothing a figure is 0.
     """
-    ways, room = Ways.of(graph), standing_room(occupancy, robot_radius)
-    return {**_near(ways, room, occupancy), **_detours(ways, room, occupancy)}
+    ways = Ways.of(graph)
+    over = MapWays.of(occupancy, ways.places[:, :2], ways.floor, robot_radius)
+    return {**_near(ways, over), **_detours(ways, over)}
 
 
-def _near(ways: Ways, room: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float | int]:
+def _near(ways: Ways, over: MapWays) -> dict[str, float | int]:
     pairs = _pairs(ways, max(NEAR))
-    a, b = ways.places[pairs[:, 0]], ways.places[pairs[:, 1]]
-    pairs = pairs[segments_are_free(room, occupancy, a[:, :2], b[:, :2])]
+    pairs = pairs[over.straight(pairs)]
     apart = np.linalg.norm(ways.places[pairs[:, 0]] - ways.places[pairs[:, 1]], axis=1)
     far = np.ones(len(pairs), bool)
     firsts = np.unique(pairs[:, 0])
@@ -70,15 +72,12 @@ def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
     return pairs[np.abs(ways.floor[pairs[:, 0]] - ways.floor[pairs[:, 1]]) <= LEVEL]
 
 
-def _detours(ways: Ways, room: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float | int]:
-    geodesics = Geodesics(room, occupancy)
-    rows = np.flatnonzero(points_are_free(room, occupancy, ways.places[:, :2]))
+def _detours(ways: Ways, map_ways: MapWays) -> dict[str, float | int]:
+    rows = np.flatnonzero(map_ways.stand())
     fewest, most = _SOURCES
-    sources = rows[spread_rows(len(rows), int(np.clip(_WORK // max(len(geodesics), 1), fewest, most)))]
+    sources = rows[spread_rows(len(rows), int(np.clip(_WORK // max(map_ways.cells, 1), fewest, most)))]
     along = ways.lengths(sources)[:, rows] if len(sources) else np.zeros((0, 0))
-    over = np.array([geodesics.lengths(ways.places[s, :2], ways.places[rows, :2]) for s in sources]).reshape(
-        along.shape
-    )
+    over = map_ways.lengths(sources, rows) if len(sources) else np.zeros((0, 0))
     pairs = np.isfinite(over) & (over > 0)
     both = pairs & np.isfinite(along)
     ratios = along[both] / over[both]

@@ -11,12 +11,14 @@ import pytest
 from columns import fill, room
 
 from nvsim.evaluation.graph import evaluate_graph
+from nvsim.evaluation.map_ways import MapWays
 from nvsim.evaluation.structure import map_structure
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import SAME_LENGTH, Ways
 from nvsim.occupancy.geodesic import ERROR, Geodesics
 from nvsim.occupancy.paths import standing_room
+from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps
 from nvsim.occupancy.types import OCCUPIED
 
 
@@ -120,6 +122,26 @@ def test_detour_is_the_way_along_the_graph_over_the_way_on_the_map() -> None:
     assert parted["unreachable"] == pytest.approx(4 / 6, abs=1e-5) and parted["detour"] == 1
     empty = map_structure(NavGraph("test"), room(4, 4))
     assert set(empty.values()) == {0}
+
+
+def test_ways_between_storeys_lead_over_the_middles_of_their_stairs() -> None:
+    def stair(lower: int, x: float) -> Stair:
+        return Stair(lower, lower + 1, ((x, 1.0), (x + 4, 1.0), (x + 4, 3.0), (x, 3.0)))
+
+    maps = StoreyMaps(tuple(StoreyMap(3.0 * k, room(12, 4)) for k in range(3)), (stair(0, 1.0), stair(1, 7.0)))
+    places = np.array([[1.0, 2.0], [2.0, 2.0], [6.0, 2.0], [11.0, 2.0], [6.0, 2.0]])
+    ways = MapWays.of(maps, places, np.array([0.0, 0.1, 2.9, 6.0, 9.5]), 0.25)
+    assert ways.storeys.tolist() == [0, 0, 1, 2, 2] and ways.stand().all()
+    found = ways.lengths(np.array([0, 3]), np.arange(5))
+    climb = 1.0  # hypot(4, 3) - 4
+    expected = [[0, 1, 2 + 3 + climb, 2 + 6 + 2 + 2 * climb, 2 + 6 + 3 + 2 * climb], [0, 0, 3 + 2 + climb, 0, 5]]
+    expected[1][:2] = [10 + 2 * climb, 9 + 2 * climb]
+    np.testing.assert_allclose(found, expected, atol=0.1)
+    assert ways.straight(np.array([[0, 1], [1, 2], [2, 4]])).tolist() == [True, False, False]
+    closed = StoreyMaps(maps.storeys, maps.stairs[:1])
+    assert np.isinf(
+        MapWays.of(closed, places, np.array([0.0, 0.1, 2.9, 6.0, 9.5]), 0.25).lengths(*np.array([[0], [3]]))
+    )
 
 
 def test_the_figures_of_a_graph_hold_its_structure() -> None:
