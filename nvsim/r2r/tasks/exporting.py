@@ -1,0 +1,45 @@
+"""The tasks of a dataset in a folder: a file for each split, and `tasks.json`, which says how they were made."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+from nvsim import __version__
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset
+from nvsim.r2r.tasks.task_files import write_tasks
+
+RECORD = "tasks.json"
+FORMAT = 1
+
+
+def export_tasks(dataset: Dataset, out: Path, bounds: Bounds, amounts: Amounts) -> list[Path]:
+    """Writes `R2R_<split>.json`, `R4R_<split>.json` where paths were joined, and tasks.json; returns their paths. Files
+    of tasks that NVSim wrote into `out` before are replaced.
+
+    Raises InputError where a file of tasks lies there that NVSim did not write, or the disk refuses.
+    """
+    files = {out / f"R2R_{name}.json": dataset.splits[name] for name in SPLITS}
+    files |= {out / f"R4R_{name}.json": tasks for name, tasks in dataset.joined.items()}
+    if not (out / RECORD).is_file():
+        for path in files:
+            if os.path.lexists(path):
+                raise InputError(f"{path} is there and NVSim did not write it; choose another --out.")
+    about = {
+        "format": FORMAT,
+        "version": __version__,
+        "files": [path.name for path in files],
+        "bounds": {name: value for name, value in asdict(bounds).items() if value != float("inf")},
+        "amounts": asdict(amounts),
+        "unseen": {scan: list(ids) for scan, ids in dataset.unseen.items()},
+    }
+    # The record goes first: where a run is cut off between the files, the next one knows the folder for ours.
+    atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
+    for path, tasks in files.items():
+        write_tasks(path, tasks)
+    return [*files, out / RECORD]
