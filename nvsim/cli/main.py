@@ -67,6 +67,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "evaluate_scan",
         "check an exported scan: files, directions, reach, seams, views from its strips",
     ),
+    "evaluate r2r": ("evaluate_r2r", "score the trajectories of agents on tasks, and print the paper's table of them"),
     "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),
