@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nvsim.errors import InputError
+from nvsim.r2r.agents.table import Name
 
 if TYPE_CHECKING:
+    from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import Trajectories
 
 
@@ -22,6 +24,10 @@ class Arguments:
     submission: tuple[Path, ...] = ()
     """Files of trajectories as for the leaderboard, one for each agent: [{"instr_id": "17_0", "trajectory": [[viewpoint
     id, heading, elevation], ...]}, ...]."""
+    agents: tuple[Name, ...] = ()
+    """Agents without a model that are run too: shortest; random, R2R's; random-paper, ten moves to any neighbour."""
+    seed: int = 0
+    """Of the random agents."""
     json: bool = False
     """Print the figures as JSON."""
 
@@ -29,37 +35,35 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.cli.show import as_json
     from nvsim.evaluation.navigation import figures_of, text_of
-    from nvsim.graph.connectivity import read_connectivity, scan_files
-    from nvsim.r2r.metrics.distances import Distances, check_tasks
+    from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.scores import score
     from nvsim.r2r.metrics.submission import check_submission
-    from nvsim.r2r.tasks.task_files import read_tasks
 
     a = arguments
-    tasks = read_tasks(a.tasks)
-    if not tasks:
-        raise InputError(f"{a.tasks} holds no path; export tasks with paths in this split.")
-    files = scan_files(a.scans, list(dict.fromkeys(task.scan for task in tasks)))
-    distances = {scan: Distances(read_connectivity(path)) for scan, path in files.items()}
-    check_tasks(tasks, distances, a.tasks)
+    if not a.submission and not a.agents:
+        raise InputError("There is nobody to score; give files of trajectories with --submission, or --agents.")
+    benchmark = Benchmark.read(a.scans, a.tasks)
     agents = {}
-    for name, (where, trajectories) in _trajectories(a).items():
-        check_submission(trajectories, tasks, distances, where)
-        agents[name] = figures_of(score(tasks, trajectories, distances))
+    for name, (where, trajectories) in _trajectories(a, benchmark).items():
+        check_submission(trajectories, benchmark.tasks, benchmark.distances, where)
+        agents[name] = figures_of(score(benchmark.tasks, trajectories, benchmark.distances))
     if a.json:
-        print(as_json({"tasks": str(a.tasks), "scans": list(files), "agents": agents}))
+        print(as_json({"tasks": str(a.tasks), "scans": list(benchmark.graphs), "agents": agents}))
     else:
         print(text_of(agents), end="")
     return 0
 
 
-def _trajectories(arguments: Arguments) -> dict[str, tuple[object, Trajectories]]:
+def _trajectories(arguments: Arguments, benchmark: Benchmark) -> dict[str, tuple[object, Trajectories]]:
     """Name of an agent -> where its trajectories come from, and they."""
+    from nvsim.r2r.agents.running import run_agent
+    from nvsim.r2r.agents.table import agent_of
     from nvsim.r2r.metrics.submission import read_submission
 
-    if not arguments.submission:
-        raise InputError("There is nobody to score; give files of trajectories with --submission.")
     found: dict[str, tuple[object, Trajectories]] = {}
+    for agent in arguments.agents:
+        walked = run_agent(agent_of(agent, benchmark.graphs, arguments.seed), benchmark.tasks, benchmark.folder)
+        found[agent.upper()] = f"the agent {agent}", walked
     for path in arguments.submission:
         name = str(path) if path.stem in found else path.stem
         found[name] = path, read_submission(path)
