@@ -13,6 +13,7 @@ from nvsim.evaluation.table import Column, text_table
 from nvsim.r2r.metrics.scores import METRICS, NEAR, Scores
 
 _SHARES = ("success", "oracle_success")
+_UNBOUNDED = ("pl", "ne", "steps")
 _TABLE = (("ne", "NE m", 1, 2), ("success", "SR %", 100, 1), ("oracle_success", "OSR %", 100, 1)) + (
     ("spl", "SPL %", 100, 1),
     ("pl", "PL m", 1, 2),
@@ -34,9 +35,11 @@ def figures_of(scores: Scores) -> dict[str, Any]:
     }
     for name in METRICS:
         values = getattr(scores, name)
-        interval = grouped_share if name in _SHARES else grouped_mean
+        low, high = (grouped_share if name in _SHARES else grouped_mean)(values, scores.path_ids)
         found[name] = float(values.mean())
-        found[f"{name}_low"], found[f"{name}_high"] = interval(values, scores.path_ids)
+        if math.isfinite(low):  # no metric is negative, and most are fractions
+            low, high = max(low, 0.0), high if name in _UNBOUNDED else min(high, 1.0)
+        found[f"{name}_low"], found[f"{name}_high"] = low, high
     return found
 
 

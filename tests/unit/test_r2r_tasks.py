@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -191,7 +192,7 @@ def test_files_have_the_fields_of_r2r_and_come_back_as_they_were(tmp_path: Path)
         for item in json.loads(path.read_text()):
             assert sorted(item) == ["distance", "heading", "instructions", "path", "path_id", "scan"]
             assert item["distance"] == round(item["distance"], 2) and item["heading"] == round(item["heading"], 3)
-        assert read_tasks(path) == dataset.splits[name]
+        assert [replace(task, instructions=()) for task in read_tasks(path)] == dataset.splits[name]
         assert len(read_tasks(tmp_path / "tasks" / f"R4R_{name}.json")) == len(dataset.joined[name])
 
 

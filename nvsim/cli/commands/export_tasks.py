@@ -1,9 +1,10 @@
-"""Sample the paths of a benchmark as R2R does, and write them as R2R_train.json, R2R_val_seen.json and
-R2R_val_unseen.json: shortest paths, spread over the building, val_unseen in regions that the others never enter."""
+"""Sample the paths of a benchmark as R2R does, with instructions, and write them as R2R_train.json, R2R_val_seen.json
+and R2R_val_unseen.json: shortest paths, spread over the building, val_unseen in regions that the others never enter."""
 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from nvsim.r2r.tasks.splitting import Amounts
 
 if TYPE_CHECKING:
     from nvsim.graph.types import NavGraph
+    from nvsim.r2r.instructions.generating import Told
     from nvsim.r2r.tasks.splitting import Dataset
 
 
@@ -30,6 +32,8 @@ class Arguments:
     """Which scans; all that scans.txt lists when none is named."""
     unseen: tuple[str, ...] = ()
     """Scans that only val_unseen enters, whole; when none is named, a region of every scan."""
+    instructions: int = 3
+    """Instructions of each path, made here from turns, distances and slopes; 0 leaves them empty."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
     json: bool = False
@@ -38,20 +42,29 @@ class Arguments:
 
 def run(arguments: Arguments) -> int:
     from nvsim.cli.show import as_json, table
+    from nvsim.r2r.instructions.generating import instruct
     from nvsim.r2r.tasks.exporting import export_tasks
     from nvsim.r2r.tasks.splitting import sample_tasks
 
     a = arguments
-    dataset = sample_tasks(_graphs(a), a.unseen, a.bounds, a.amounts)
-    written = export_tasks(dataset, a.out, a.bounds, a.amounts)
+    if not 0 <= a.instructions <= 100:
+        raise InputError(f"{a.instructions} instructions of a path cannot be made; give --instructions from 0 to 100.")
+    graphs = _graphs(a)
+    told = instruct(sample_tasks(graphs, a.unseen, a.bounds, a.amounts), graphs, a.instructions, a.amounts.seed)
+    dataset = told.dataset
+    about = {"each": a.instructions, "paths": told.paths, "found_again": len(told.found)}
+    written = export_tasks(dataset, a.out, a.bounds, a.amounts, about)
     for warning in _warnings(dataset):
         print(f"warning: {warning}", file=sys.stderr)
     rows = _rows(dataset)
     if a.json:
         unseen = {scan: len(ids) for scan, ids in dataset.unseen.items()}
-        print(as_json({"written": [str(path) for path in written], "splits": rows, "unseen": unseen}))
+        files = [str(path) for path in written]
+        print(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": about}))
     else:
         table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
+        if a.instructions:
+            print(f"From the instructions alone a follower finds {_found(told)}.")
         print("\n".join(f"Wrote {path}" for path in written))
     return 0
 
@@ -73,6 +86,14 @@ def _rows(dataset: Dataset) -> list[dict[str, Any]]:
         }
         rows.append(row)
     return rows
+
+
+def _found(told: Told) -> str:
+    how = Counter(told.found.values())
+    return (
+        f"{len(told.found)} of {told.paths} paths again, {how['clock']} of them because they name the hours of a clock "
+        f"and {how['degrees']} because they name degrees"
+    )
 
 
 def _text(value: object) -> str:

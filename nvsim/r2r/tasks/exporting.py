@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -18,9 +19,11 @@ RECORD = "tasks.json"
 FORMAT = 1
 
 
-def export_tasks(dataset: Dataset, out: Path, bounds: Bounds, amounts: Amounts) -> list[Path]:
+def export_tasks(
+    dataset: Dataset, out: Path, bounds: Bounds, amounts: Amounts, instructions: Mapping[str, object]
+) -> list[Path]:
     """Writes `R2R_<split>.json`, `R4R_<split>.json` where paths were joined, and tasks.json; returns their paths. Files
-    of tasks that NVSim wrote into `out` before are replaced.
+    of tasks that NVSim wrote into `out` before are replaced. `instructions` is what tasks.json says of them.
 
     Raises InputError where a file of tasks lies there that NVSim did not write, or the disk refuses.
     """
@@ -36,6 +39,7 @@ def export_tasks(dataset: Dataset, out: Path, bounds: Bounds, amounts: Amounts) 
         "files": [path.name for path in files],
         "bounds": {name: value for name, value in asdict(bounds).items() if value != float("inf")},
         "amounts": asdict(amounts),
+        "instructions": dict(instructions),
         "unseen": {scan: list(ids) for scan, ids in dataset.unseen.items()},
     }
     # The record goes first: where a run is cut off between the files, the next one knows the folder for ours.

@@ -38,6 +38,11 @@ def join_tasks(
     return [replace(found[i], path_id=first_id + k) for k, i in enumerate(chosen)]
 
 
+def joined_instructions(first: Task, second: Task) -> tuple[str, ...]:
+    """Every instruction of the first path before every one of the second."""
+    return tuple(f"{a} {b}" for a in first.instructions for b in second.instructions)
+
+
 def _of_scan(tasks: Sequence[Task], scan: str, ways: Ways, allowed: NDArray[np.bool_]) -> Iterator[JoinedTask]:
     row = {id: i for i, id in enumerate(ways.ids)}
     shortest = ShortestPaths(ways)
@@ -64,7 +69,7 @@ def _of_scan(tasks: Sequence[Task], scan: str, ways: Ways, allowed: NDArray[np.b
                 scan=scan,
                 path=path,
                 heading=first.heading,
-                instructions=tuple(f"{a} {b}" for a in first.instructions for b in second.instructions),
+                instructions=joined_instructions(first, second),
                 distance=round((first.distance or 0.0) + float(start.metres[goal]) + (second.distance or 0.0), 2),
                 first_path_id=first.path_id,
                 second_path_id=second.path_id,
