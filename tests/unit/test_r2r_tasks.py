@@ -210,6 +210,7 @@ def test_a_file_of_tasks_of_somebody_else_is_not_replaced(tmp_path: Path, capsys
     "item, what",
     [
         ({"path_id": True}, "path_id is True"),
+        ({"path_id": 1 << 70}, "path_id is 11805"),
         ({"path_id": 1}, "path_id 1 was used before"),
         ({"scan": 3}, "scan is 3"),
         ({"path": []}, "path is"),

@@ -18,6 +18,8 @@ from nvsim.files.regular import read_json, shown
 from nvsim.graph.connectivity import is_name, number_in
 from nvsim.r2r.tasks.task import Task
 
+_IDS = 1 << 53  # whole numbers that every reader of JSON has
+
 
 def write_tasks(path: Path, tasks: Iterable[Task]) -> Path:
     """One task a line. Raises InputError when the disk refuses."""
@@ -53,8 +55,8 @@ def _task(item: Any, where: str) -> Task:
     if not isinstance(item, dict):
         raise InputError(f"{where} is not an object; every path needs scan, path_id, path, heading and instructions.")
     path_id, scan, path = item.get("path_id"), item.get("scan"), item.get("path")
-    if not isinstance(path_id, int) or isinstance(path_id, bool) or path_id < 0:
-        raise InputError(f"{where}: path_id is {shown(path_id)}; it must be a whole number, 0 or more.")
+    if not isinstance(path_id, int) or isinstance(path_id, bool) or not 0 <= path_id < _IDS:
+        raise InputError(f"{where}: path_id is {shown(path_id)}; it must be a whole number from 0 to {_IDS - 1}.")
     if not is_name(scan):
         raise InputError(f"{where}: scan is {shown(scan)}; it must be the id of a scan.")
     if not isinstance(path, list) or not path or not all(map(is_name, path)):
