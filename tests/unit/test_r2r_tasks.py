@@ -206,6 +206,21 @@ def test_a_file_of_tasks_of_somebody_else_is_not_replaced(tmp_path: Path, capsys
     assert main([*command[:-1], str(tmp_path / "other")]) == main([*command[:-1], str(tmp_path / "other")]) == 0
 
 
+def test_no_tasks_of_an_earlier_run_stay_beside_new_ones(tmp_path: Path) -> None:
+    scans, out = exported(tmp_path, house("one")), tmp_path / "tasks"
+    command = ["export", "tasks", "--scans", str(scans), "--out", str(out)]
+    assert main([*command, "--joined", "3"]) == 0 and (out / "R4R_train.json").exists()
+    old = {path.name: path.read_text() for path in out.iterdir()}
+    (out / "R2R_val_seen.json").unlink()
+    (out / "R2R_val_seen.json").mkdir()  # the new run is cut off here
+    (out / "R2R_val_seen.json" / "x").touch()
+    assert main([*command, "--seed", "1"]) == 2
+    assert all(path.is_dir() or path.read_text() == old[path.name] for path in out.iterdir())
+    (out / "R2R_val_seen.json" / "x").unlink()
+    (out / "R2R_val_seen.json").rmdir()
+    assert main([*command, "--seed", "1"]) == 0 and not (out / "R4R_train.json").exists()
+
+
 @pytest.mark.parametrize(
     "item, what",
     [

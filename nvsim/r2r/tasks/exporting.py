@@ -11,6 +11,8 @@ from pathlib import Path
 from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.atomic import as_input_error
+from nvsim.files.regular import read_json
 from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset
 from nvsim.r2r.tasks.task_files import write_tasks
@@ -29,10 +31,10 @@ def export_tasks(
     """
     files = {out / f"R2R_{name}.json": dataset.splits[name] for name in SPLITS}
     files |= {out / f"R4R_{name}.json": tasks for name, tasks in dataset.joined.items()}
-    if not (out / RECORD).is_file():
-        for path in files:
-            if os.path.lexists(path):
-                raise InputError(f"{path} is there and NVSim did not write it; choose another --out.")
+    before = _written_before(out)
+    for path in files:
+        if path.name not in before and os.path.lexists(path):
+            raise InputError(f"{path} is there and NVSim did not write it; choose another --out.")
     about = {
         "format": FORMAT,
         "version": __version__,
@@ -42,8 +44,24 @@ def export_tasks(
         "instructions": dict(instructions),
         "unseen": {scan: list(ids) for scan, ids in dataset.unseen.items()},
     }
-    # The record goes first: where a run is cut off between the files, the next one knows the folder for ours.
+    # Tasks of an earlier run go before new ones come: together they might train where they must not.
+    for name in sorted(before):
+        try:
+            (out / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise as_input_error(out / name, error) from error
+    # The record comes first: where a run is cut off between the files, the next one knows them for ours.
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     for path, tasks in files.items():
         write_tasks(path, tasks)
     return [*files, out / RECORD]
+
+
+def _written_before(out: Path) -> set[str]:
+    """Names of the files of tasks that the record in `out` lists."""
+    if not os.path.lexists(out / RECORD):
+        return set()
+    about = read_json(out / RECORD, "the record of tasks", "remove it and the tasks beside it, or choose another --out")
+    listed = about.get("files") if isinstance(about, dict) else None
+    names = {f"{kind}_{name}.json" for kind in ("R2R", "R4R") for name in SPLITS}
+    return names.intersection(name for name in listed if isinstance(name, str)) if isinstance(listed, list) else set()

@@ -83,7 +83,7 @@ class _Scan:
 
 
 def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Bounds, amounts: Amounts) -> Dataset:
-    """Samples the tasks of all splits. The same graphs and seed give the same tasks on every machine.
+    """Samples the tasks of all splits. The same graphs, bounds and amounts give the same tasks.
 
     unseen   the scans that only val_unseen enters, whole; where none is named, a region of every scan
 
