@@ -47,8 +47,8 @@ def text_of(agents: Mapping[str, dict[str, Any]]) -> str:
     """The table of agents by name, the metrics beyond the paper's below it, and what the brackets say."""
     first = next(iter(agents.values()))
     notes = [
-        f"{first['instructions']} instructions of {first['paths']} paths. In brackets: 95 % intervals over paths (of "
-        f"shares by Wilson). Success: nearer than {NEAR:g} m along the graph.",
+        f"Instructions: {first['instructions']}, of paths: {first['paths']}. In brackets: 95 % intervals over paths "
+        f"(of shares by Wilson). Success: nearer than {NEAR:g} m along the graph.",
         "SPL is by the shortest path from start to goal, as in R2R; SPL by path by the length of the reference path.",
     ]
     return "\n".join([_block(agents, _TABLE), _block(agents, _MORE), *notes]) + "\n"
