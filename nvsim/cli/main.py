@@ -44,6 +44,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export r2r": ("export_r2r", WORK["export r2r"].does),
     "export scan": ("export_scan", WORK["export scan"].does),
     "r2r python": ("r2r_python", "run a program that finds NVSim's simulator where it imports MatterSim"),
+    "r2r agent": ("r2r_agent", "run an agent without a model through tasks, and write its trajectories"),
     "r2r path": ("r2r_path", "print the folder that PYTHONPATH needs for the same"),
     "export graph": (
         "export_graph",
@@ -55,6 +56,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "write the candidates of exported scans for agents that use no simulator",
     ),
     "export features": ("export_features", "write features of the 36 views of exported scans, as agents read them"),
+    "export tasks": ("export_tasks", "sample the paths of a benchmark from exported scans, as R2R_<split>.json"),
     "evaluate views": ("evaluate_views", WORK["evaluate views"].does),
     "evaluate ablation": ("evaluate_ablation", WORK["evaluate ablation"].does),
     "evaluate floor": ("evaluate_floor", WORK["evaluate floor"].does),
@@ -66,6 +68,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "evaluate_scan",
         "check an exported scan: files, directions, reach, seams, views from its strips",
     ),
+    "evaluate r2r": ("evaluate_r2r", "score the trajectories of agents on tasks, and print the paper's table of them"),
     "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),

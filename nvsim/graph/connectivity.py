@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -121,6 +121,29 @@ def read_scans(path: Path) -> list[str]:
     """The scans that a scans.txt lists, each once. Raises InputError when it cannot be read."""
     then = "it lists the scans beside it: mend it or move it away"
     return list(dict.fromkeys(read_text(path, "a list of scans", then, LARGEST_LIST).split()))
+
+
+def scan_files(root: Path, names: Sequence[str] = ()) -> dict[str, Path]:
+    """Scan id -> connectivity file, of the scans `names` of an export in `root`, all that its scans.txt lists where
+    none is named. `root` may also be the folder of the connectivity files itself.
+
+    Raises InputError when scans.txt cannot be read, lists none, or does not list a named one.
+    """
+    folder = root / "connectivity" if (root / "connectivity").is_dir() else root
+    listed = read_scans(folder / "scans.txt")
+    for name in names:
+        if name not in listed:
+            raise InputError(
+                f"The scan {shown(name)} is not listed in {folder / 'scans.txt'}; name one of "
+                f"{', '.join(map(shown, listed[:5]))}{' ...' if len(listed) > 5 else ''}."
+            )
+    if not listed:
+        raise InputError(f"{folder / 'scans.txt'} lists no scan; export one into the folder.")
+    found = {}
+    for name in names or listed:
+        check_scan_id(name)
+        found[name] = folder / f"{name}{SUFFIX}"
+    return found
 
 
 def _scan_of(path: Path) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_json, shown
-from nvsim.graph.connectivity import SUFFIX, check_scan_id, read_connectivity, read_scans
+from nvsim.files.regular import read_json
+from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 
 
@@ -53,22 +53,10 @@ def read_exported_scans(root: Path, names: Sequence[str] = ()) -> list[ExportedS
 
     Raises InputError when scans.txt lists none, does not list a named one, or a connectivity file cannot be read.
     """
-    graphs = root / "connectivity" if (root / "connectivity").is_dir() else root
-    listed = read_scans(graphs / "scans.txt")
-    for name in names:
-        if name not in listed:
-            raise InputError(
-                f"The scan {shown(name)} is not listed in {graphs / 'scans.txt'}; name one of "
-                f"{', '.join(map(shown, listed[:5]))}{' ...' if len(listed) > 5 else ''}."
-            )
-    if not listed:
-        raise InputError(f"{graphs / 'scans.txt'} lists no scan; export one into the folder.")
-    return [_read_scan(root, graphs, name) for name in (names or listed)]
+    return [_read_scan(root, name, path) for name, path in scan_files(root, names).items()]
 
 
-def _read_scan(root: Path, graphs: Path, name: str) -> ExportedScan:
-    check_scan_id(name)
-    path = graphs / f"{name}{SUFFIX}"
+def _read_scan(root: Path, name: str, path: Path) -> ExportedScan:
     graph = read_connectivity(path)
     poses = {entry["image_id"]: entry["pose"] for entry in read_json(path, "a connectivity file", "export it again")}
     included = [v for v in graph.viewpoints.values() if v.included]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from fuzzing import captures, graphs, maps, models, networks, project_files, projects, splats, window
+from fuzzing import captures, graphs, maps, models, networks, project_files, projects, splats, tasks, window
 from fuzzing.reader import Reader
 
 
 def all_readers() -> list[Reader]:
-    families = (captures, splats, maps, graphs, projects, project_files, models, networks, window)
+    families = (captures, splats, maps, graphs, projects, project_files, models, networks, tasks, window)
     found = [r for family in families for r in family.readers()]
     assert len({r.name for r in found}) == len(found)
     return found

@@ -1,0 +1,70 @@
+"""Score the trajectories of agents on tasks as R2R's evaluation does (NE, SR, OSR, SPL, PL; nDTW, SDTW, CLS), and print
+the paper's table of agents, with counts and 95 % intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim.errors import InputError
+from nvsim.r2r.agents.table import Name
+
+if TYPE_CHECKING:
+    from nvsim.r2r.agents.benchmark import Benchmark
+    from nvsim.r2r.metrics.submission import Trajectories
+
+
+@dataclass(frozen=True)
+class Arguments:
+    scans: Path
+    """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
+    tasks: Path
+    """A file of tasks, such as R2R_val_unseen.json."""
+    submission: tuple[Path, ...] = ()
+    """Files of trajectories as for the leaderboard, one for each agent: [{"instr_id": "17_0", "trajectory": [[viewpoint
+    id, heading, elevation], ...]}, ...]."""
+    agents: tuple[Name, ...] = ()
+    """Agents without a model that are run too: shortest; random, R2R's; random-paper, ten moves to any neighbour."""
+    seed: int = 0
+    """Of the random agents."""
+    json: bool = False
+    """Print the figures as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli.show import as_json
+    from nvsim.evaluation.navigation import figures_of, text_of
+    from nvsim.r2r.agents.benchmark import Benchmark
+    from nvsim.r2r.metrics.scores import score
+    from nvsim.r2r.metrics.submission import check_submission
+
+    a = arguments
+    if not a.submission and not a.agents:
+        raise InputError("There is nobody to score; give files of trajectories with --submission, or --agents.")
+    benchmark = Benchmark.read(a.scans, a.tasks)
+    agents = {}
+    for name, (where, trajectories) in _trajectories(a, benchmark).items():
+        check_submission(trajectories, benchmark.tasks, benchmark.distances, where)
+        agents[name] = figures_of(score(benchmark.tasks, trajectories, benchmark.distances))
+    if a.json:
+        print(as_json({"tasks": str(a.tasks), "scans": list(benchmark.graphs), "agents": agents}))
+    else:
+        print(text_of(agents), end="")
+    return 0
+
+
+def _trajectories(arguments: Arguments, benchmark: Benchmark) -> dict[str, tuple[object, Trajectories]]:
+    """Name of an agent -> where its trajectories come from, and they."""
+    from nvsim.r2r.agents.running import run_agent
+    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.metrics.submission import read_submission
+
+    found: dict[str, tuple[object, Trajectories]] = {}
+    for agent in arguments.agents:
+        walked = run_agent(agent_of(agent, benchmark.graphs, arguments.seed), benchmark.tasks, benchmark.folder)
+        found[agent.upper()] = f"the agent {agent}", walked
+    for path in arguments.submission:
+        name = str(path) if path.stem in found else path.stem
+        found[name] = path, read_submission(path)
+    return found

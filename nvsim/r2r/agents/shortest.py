@@ -1,0 +1,96 @@
+"""SHORTEST: follows the shortest path to the goal, turning to each viewpoint before it goes there.
+
+Source: Matterport3DSimulator tasks/R2R/env.py, `_shortest_path_action`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+
+from nvsim.errors import InputError
+from nvsim.graph.types import NavGraph
+from nvsim.graph.ways import Ways
+from nvsim.r2r.agents.running import Action
+from nvsim.r2r.simulator import SimState
+from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
+from nvsim.r2r.tasks.task import Task
+
+_CLOSE = math.radians(30)  # what lies nearer to the middle of the view is gone to without another turn
+_LEFT, _RIGHT, _DOWN, _UP = (0, -1.0, 0.0), (0, 1.0, 0.0), (0, 0.0, -1.0), (0, 0.0, 1.0)
+_MOST_TURNS = 40  # at one viewpoint: all 36 views, and some
+
+
+class ShortestAgent:
+    """graphs   scan id -> graph"""
+
+    restricted = True
+
+    def __init__(self, graphs: Mapping[str, NavGraph]) -> None:
+        self._scans = {scan: _Scan(graph) for scan, graph in graphs.items()}
+
+    def begin(self, instr_id: str, task: Task) -> _Walk:
+        return _Walk(self._scans[task.scan], task.path[-1])
+
+
+class _Scan:
+    def __init__(self, graph: NavGraph) -> None:
+        self.graph = graph
+        self._trees: dict[str, Tree] = {}
+
+    @cached_property
+    def ways(self) -> Ways:
+        return Ways.of(self.graph)
+
+    @cached_property
+    def row(self) -> dict[str, int]:
+        return {id: i for i, id in enumerate(self.ways.ids)}
+
+    @cached_property
+    def shortest(self) -> ShortestPaths:
+        return ShortestPaths(self.ways)
+
+    def next_to(self, goal: str, here: str) -> str:
+        """The viewpoint after `here` on the shortest path to `goal`."""
+        if goal not in self._trees:
+            self._trees[goal] = self.shortest.tree(self.row[goal])
+        return self.ways.ids[self._trees[goal].before[self.row[here]]]
+
+
+class _Walk:
+    def __init__(self, scan: _Scan, goal: str) -> None:
+        self._scan, self._goal = scan, goal
+        self._at, self._turns = "", 0
+
+    def act(self, state: SimState) -> Action | None:
+        here = state.location.viewpointId
+        if here == self._goal:
+            return None
+        there = self._scan.next_to(self._goal, here)
+        self._turns = self._turns + 1 if here == self._at else 0
+        self._at = here
+        if self._turns > _MOST_TURNS:
+            raise InputError(
+                f"No view from {here} in the scan {self._scan.graph.scan} leads to {there}, which is straight above or "
+                "below; move one of them aside with `nvsim graph edit`."
+            )
+        row = state.viewIndex // 12
+        for i, place in enumerate(state.navigableLocations):
+            if place.viewpointId == there:
+                if abs(place.rel_heading) > _CLOSE:
+                    return _RIGHT if place.rel_heading > 0 else _LEFT
+                if place.rel_elevation > _CLOSE and row < 2:
+                    return _UP
+                if place.rel_elevation < -_CLOSE and row > 0:
+                    return _DOWN
+                return i, 0.0, 0.0
+        if row != 1:
+            return _UP if row == 0 else _DOWN
+        return self._turn_to(there, state)
+
+    def _turn_to(self, there: str, state: SimState) -> Action:
+        """The shorter way round."""
+        x, y, _ = self._scan.graph.viewpoints[there].position
+        heading = math.atan2(x - state.location.x, y - state.location.y)
+        return _RIGHT if (heading - state.heading) % (2 * math.pi) < math.pi else _LEFT

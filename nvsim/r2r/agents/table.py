@@ -1,0 +1,20 @@
+"""The agents without a model, by the names that commands take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from nvsim.graph.types import NavGraph
+from nvsim.r2r.agents.chance import PaperRandomAgent, RandomAgent
+from nvsim.r2r.agents.running import Agent
+from nvsim.r2r.agents.shortest import ShortestAgent
+
+Name = Literal["shortest", "random", "random-paper"]
+
+
+def agent_of(name: Name, graphs: Mapping[str, NavGraph], seed: int) -> Agent:
+    """graphs   scan id -> graph"""
+    if name == "shortest":
+        return ShortestAgent(graphs)
+    return RandomAgent(seed) if name == "random" else PaperRandomAgent(seed)

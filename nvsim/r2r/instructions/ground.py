@@ -1,0 +1,86 @@
+"""A graph as one who walks it feels it: which way every step leads, how far, and whether up or down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from nvsim.graph.ways import Ways
+
+Slope = Literal["level", "up", "down"]
+_STEEP = 0.25  # metres up per metre of way: a stair or a ramp, and no threshold
+_STRAIGHT = math.radians(25)
+"""A step that turns by less goes on in the same leg."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """to        row of Ways
+    heading   radians, None straight up or down
+    metres    of the edge
+    """
+
+    to: int
+    heading: float | None
+    metres: float
+    slope: Slope
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A part of a path without a turn, on the level, up or down.
+
+    turn     radians from where one looks to where it begins, positive to the right, in (-pi, pi]
+    metres   of all its steps
+    """
+
+    turn: float
+    metres: float
+    slope: Slope
+
+
+class Ground:
+    """row     viewpoint id -> its row of Ways
+    steps   of each viewpoint, by rows
+    """
+
+    def __init__(self, ways: Ways) -> None:
+        self.row = {id: i for i, id in enumerate(ways.ids)}
+        self.steps: list[list[Step]] = [[] for _ in ways.ids]
+        for (a, b), metres in zip(ways.ends.tolist(), ways.length.tolist()):
+            for start, stop in ((a, b), (b, a)):
+                x, y, z = (ways.places[stop] - ways.places[start]).tolist()
+                heading = math.atan2(x, y) if math.hypot(x, y) > 1e-6 else None
+                slope: Slope = "level" if abs(z) <= _STEEP * metres else "up" if z > 0 else "down"
+                self.steps[start].append(Step(stop, heading, metres, slope))
+
+    def legs(self, rows: Sequence[int], heading: float) -> list[Leg]:
+        """The legs of a path of two viewpoints or more, for one who looks to `heading` (radians) at its start."""
+        legs: list[Leg] = []
+        facing = heading
+        for start, stop in zip(rows, rows[1:]):
+            step = next(step for step in self.steps[start] if step.to == stop)
+            turn = turned(facing, step)
+            if legs and goes_on(legs[-1].slope, turn, step):
+                legs[-1] = Leg(legs[-1].turn, legs[-1].metres + step.metres, step.slope)
+            else:
+                legs.append(Leg(turn, step.metres, step.slope))
+            facing = facing if step.heading is None else step.heading
+        return legs
+
+
+def turned(facing: float, step: Step) -> float:
+    """Radians from where one looks to where a step leads, in (-pi, pi]; 0 where it leads straight up or down."""
+    return 0.0 if step.heading is None else wrapped(step.heading - facing)
+
+
+def goes_on(slope: Slope, turn: float, step: Step) -> bool:
+    """Whether a step belongs to the same leg as the one before it, of which the slope is given."""
+    return slope == step.slope and abs(turn) < _STRAIGHT
+
+
+def wrapped(angle: float) -> float:
+    """The angle in (-pi, pi]."""
+    return math.pi - (math.pi - angle) % (2 * math.pi)

@@ -1,0 +1,53 @@
+"""Metres between all viewpoints of a scan along its graph, which every metric is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from nvsim.errors import InputError
+from nvsim.files.regular import shown
+from nvsim.graph.types import NavGraph
+from nvsim.graph.ways import Ways
+from nvsim.r2r.tasks.task import Task
+
+
+class Distances:
+    """row      viewpoint id -> its row; included viewpoints alone
+    metres   (N, N) float64, length of the shortest path, edges as long as the straight line in space; infinite where
+             no path leads
+    joined   (N, N) bool, whether an edge joins them; True for a viewpoint and itself
+    """
+
+    def __init__(self, graph: NavGraph) -> None:
+        ways = Ways.of(graph)
+        count = len(ways.ids)
+        self.row = {id: i for i, id in enumerate(ways.ids)}
+        self.metres = ways.lengths(np.arange(count)).reshape(count, count)
+        self.joined = np.eye(count, dtype=bool)
+        self.joined[ways.ends[:, 0], ways.ends[:, 1]] = self.joined[ways.ends[:, 1], ways.ends[:, 0]] = True
+
+    def wrong_step(self, path: Sequence[str]) -> str:
+        """What is wrong with the first viewpoint that cannot be, or be reached from the one before; "" for a path."""
+        for id in path:
+            if id not in self.row:
+                return f"the viewpoint {shown(id)} is not in the graph of the scan"
+        for a, b in pairwise(path):
+            if not self.joined[self.row[a], self.row[b]]:
+                return f"no edge leads from {shown(a)} to {shown(b)}"
+        return ""
+
+
+def check_tasks(tasks: Sequence[Task], distances: Mapping[str, Distances], where: object) -> None:
+    """Raises InputError where a path is not in the graphs, or its goal is not said; `where` they come from."""
+    for task in tasks:
+        if len(task.path) < 2:
+            raise InputError(
+                f"{where}: path_id {task.path_id} has a start and no goal, as in R2R's test split; name a split with "
+                "whole paths."
+            )
+        wrong = distances[task.scan].wrong_step(task.path)
+        if wrong:
+            raise InputError(f"{where}: path_id {task.path_id}: {wrong}; give the scans that the tasks were made from.")

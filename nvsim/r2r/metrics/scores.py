@@ -1,0 +1,125 @@
+"""The metrics of every instruction, as the reference evaluation computes them.
+
+Sources: Matterport3DSimulator tasks/R2R/eval.py (PL, NE, SR, OSR); Anderson et al. 2018, On Evaluation of Embodied
+Navigation Agents (SPL); Ilharco et al. 2019 (nDTW, SDTW); Jain et al. 2019 (CLS).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.r2r.metrics.distances import Distances
+from nvsim.r2r.metrics.submission import Trajectories
+from nvsim.r2r.metrics.warping import warped
+from nvsim.r2r.tasks.task import Task
+
+NEAR = 3.0
+"""Metres: an agent that stops nearer than this to the goal has found it."""
+_LEAST = 0.01  # metres, so that nothing is divided by 0
+_AT_ONCE = 1 << 22  # numbers of the largest array
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Of n instructions, in the order of the tasks; float64.
+
+    instr_ids        (n)
+    path_ids         (n,) int64
+    pl               metres of the trajectory
+    ne               metres from where it ends to the goal
+    success          1 where `ne` is under NEAR, else 0
+    oracle_success   the same of the nearest step of the trajectory
+    spl              success times (shortest path / the longer of it and `pl`), as in R2R's own evaluation
+    spl_path         the same with the length of the reference path, as in HAMT, DUET and MapGPT; they differ where
+                     that is not a shortest path
+    ndtw, sdtw, cls  0 to 1
+    steps            of the trajectory, turns on the spot as well
+    """
+
+    instr_ids: tuple[str, ...]
+    path_ids: NDArray[np.int64]
+    pl: Floats
+    ne: Floats
+    success: Floats
+    oracle_success: Floats
+    spl: Floats
+    spl_path: Floats
+    ndtw: Floats
+    sdtw: Floats
+    cls: Floats
+    steps: Floats
+
+
+METRICS = ("pl", "ne", "success", "oracle_success", "spl", "spl_path", "ndtw", "sdtw", "cls", "steps")
+
+
+def score(tasks: Sequence[Task], trajectories: Trajectories, distances: Mapping[str, Distances]) -> Scores:
+    """Scores trajectories that `check_submission` let pass, of tasks that `check_tasks` let pass."""
+    episodes = [(id, task) for task in tasks for id in task.instr_ids]
+    values = {name: np.zeros(len(episodes)) for name in METRICS}
+    for of in distances:
+        mine = [i for i, (_, task) in enumerate(episodes) if task.scan == of]
+        row = distances[of].row
+        walked = [[row[pose[0]] for pose in trajectories[episodes[i][0]]] for i in mine]
+        reference = [[row[id] for id in episodes[i][1].path] for i in mine]
+        for part in _parts(walked, reference):
+            found = _scored(distances[of].metres, [walked[k] for k in part], [reference[k] for k in part])
+            for name, numbers in found.items():
+                values[name][[mine[k] for k in part]] = numbers
+    ids = tuple(id for id, _ in episodes)
+    return Scores(ids, np.array([task.path_id for _, task in episodes], np.int64), **values)
+
+
+def _parts(walked: list[list[int]], reference: list[list[int]]) -> Iterator[list[int]]:
+    """Indices of trajectories of like length, so that none is padded much, and few enough for the memory."""
+    part: list[int] = []
+    widest = max((len(path) for path in reference), default=1)
+    for i in sorted(range(len(walked)), key=lambda i: len(walked[i])):
+        if part and (len(part) + 1) * len(walked[i]) * widest > _AT_ONCE:
+            yield part
+            part = []
+        part.append(i)
+    if part:
+        yield part
+
+
+def _scored(metres: Floats, walked: list[list[int]], reference: list[list[int]]) -> dict[str, Floats]:
+    # Paths are filled up with their last viewpoint, which is no way and no new place.
+    steps, path = _filled(walked), _filled(reference)
+    counts = np.array([len(rows) for rows in walked], np.int64)
+    lengths = np.array([len(rows) for rows in reference], np.int64)
+    goal = path[:, -1]
+    pl = metres[steps[:, :-1], steps[:, 1:]].sum(axis=1)
+    path_length = metres[path[:, :-1], path[:, 1:]].sum(axis=1)
+    ne = metres[steps[:, -1], goal]
+    success = (ne < NEAR).astype(np.float64)
+    shortest = metres[path[:, 0], goal]
+    apart = metres[steps[:, :, None], path[:, None, :]]  # (B, P, R)
+    ndtw = np.exp(-warped(apart, counts, lengths) / (NEAR * lengths))
+    counted = np.arange(path.shape[1]) < lengths[:, None]
+    coverage = (np.exp(-apart.min(axis=1) / NEAR) * counted).sum(axis=1) / lengths
+    expected = coverage * path_length
+    return {
+        "pl": pl,
+        "ne": ne,
+        "success": success,
+        "oracle_success": (metres[steps, goal[:, None]].min(axis=1) < NEAR).astype(np.float64),
+        "spl": success * shortest / np.maximum(np.maximum(pl, shortest), _LEAST),
+        "spl_path": success * path_length / np.maximum(np.maximum(pl, path_length), _LEAST),
+        "ndtw": ndtw,
+        "sdtw": success * ndtw,
+        "cls": coverage * expected / (expected + np.abs(expected - pl)),
+        "steps": counts - 1.0,
+    }
+
+
+def _filled(paths: list[list[int]]) -> NDArray[np.int64]:
+    """(B, longest) int64."""
+    longest = max(map(len, paths))
+    return np.array([rows + rows[-1:] * (longest - len(rows)) for rows in paths], np.int64)

@@ -1,0 +1,81 @@
+"""Files of trajectories, as the R2R leaderboard takes them: an array of {instr_id, trajectory}, the trajectory an array
+of [viewpoint id, heading, elevation], angles in radians. A turn on the spot repeats the viewpoint."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.regular import read_json, shown
+from nvsim.graph.connectivity import is_name, number_in
+from nvsim.r2r.metrics.distances import Distances
+from nvsim.r2r.tasks.task import Task
+
+Pose = tuple[str, float, float]
+"""Viewpoint id, heading and elevation in radians."""
+Trajectories = Mapping[str, Sequence[Pose]]
+"""instr_id -> where an agent stood, from the start on."""
+
+_LARGEST = 1 << 30  # bytes
+
+
+def write_submission(path: Path, trajectories: Trajectories) -> Path:
+    """One trajectory a line. Raises InputError when the disk refuses."""
+    items = ({"instr_id": id, "trajectory": poses} for id, poses in trajectories.items())
+    atomic.write_text(path, "[\n" + ",\n".join(json.dumps(item) for item in items) + "\n]\n")
+    return path
+
+
+def read_submission(path: Path) -> dict[str, list[Pose]]:
+    """Raises InputError with the item when the file cannot be read, or an instr_id comes twice."""
+    items = read_json(path, "a submission", "name a file of trajectories as for the leaderboard", _LARGEST)
+    if not isinstance(items, list):
+        raise InputError(f"{path} does not hold a list of trajectories; name a file as for the leaderboard.")
+    found: dict[str, list[Pose]] = {}
+    for i, item in enumerate(items):
+        where = f"{path}, item {i}"
+        if not isinstance(item, dict) or not isinstance(item.get("instr_id"), str):
+            raise InputError(f"{where} has no instr_id; every item needs instr_id and trajectory.")
+        id, poses = item["instr_id"], item.get("trajectory")
+        where += f" ({shown(id)})"
+        if id in found:
+            raise InputError(f"{where}: this instr_id was used before; give one trajectory for each.")
+        if not isinstance(poses, list) or not poses:
+            raise InputError(f"{where}: trajectory is {shown(poses)}; it must be a list that begins with the start.")
+        found[id] = [_pose(pose, f"{where}, step {k}") for k, pose in enumerate(poses)]
+    return found
+
+
+def check_submission(
+    trajectories: Trajectories, tasks: Sequence[Task], distances: Mapping[str, Distances], where: object
+) -> None:
+    """Raises InputError where the trajectory of an instruction is missing, does not begin at its start, or leaves the
+    graph. Those of other instructions are passed over, as the leaderboard does; `where` they come from."""
+    wanted = [(id, task) for task in tasks for id in task.instr_ids]
+    missing = [id for id, _ in wanted if id not in trajectories]
+    if missing:
+        raise InputError(
+            f"{where} lacks {len(missing)} of {len(wanted)} instructions, the first {missing[0]}; run the agent on the "
+            "whole split."
+        )
+    for id, task in wanted:
+        path = [pose[0] for pose in trajectories[id]]
+        if path[0] != task.path[0]:
+            raise InputError(
+                f"{where}, {id}: the trajectory begins at {shown(path[0])} and not at the start {task.path[0]}; write "
+                "the start as its first step."
+            )
+        wrong = distances[task.scan].wrong_step(path)
+        if wrong:
+            raise InputError(f"{where}, {id}: {wrong}; write every viewpoint that the agent passes.")
+
+
+def _pose(pose: Any, where: str) -> Pose:
+    if not isinstance(pose, list) or len(pose) != 3 or not is_name(pose[0]):
+        flat = " (a segment of a path has to be flattened)" if isinstance(pose, list) and len(pose) != 3 else ""
+        raise InputError(f"{where} is {shown(pose)}{flat}; it must be [viewpoint id, heading, elevation].")
+    return pose[0], number_in(pose[1], f"{where}: heading"), number_in(pose[2], f"{where}: elevation")

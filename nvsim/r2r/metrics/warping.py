@@ -1,0 +1,29 @@
+"""Dynamic time warping of many pairs of paths at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def warped(
+    cost: NDArray[np.float64],  # (B, P, R) metres between step p of a trajectory and step r of its reference
+    steps: NDArray[np.int64],  # (B,) of P that count, 1 or more
+    reference: NDArray[np.int64],  # (B,) of R that count, 1 or more
+) -> NDArray[np.float64]:
+    """(B,) the least sum of costs over the monotone alignments of both paths, each from end to end.
+
+    Source: Ilharco et al. 2019, General Evaluation for Instruction Conditioned Navigation, section 4.
+    """
+    pairs, most, width = cost.shape
+    found = np.zeros(pairs)
+    row = np.full((pairs, width + 1), np.inf)
+    row[:, 0] = 0.0
+    for p in range(most):
+        above, row = row, np.full((pairs, width + 1), np.inf)
+        diagonal_or_above = np.minimum(above[:, :-1], above[:, 1:])
+        for r in range(width):
+            row[:, r + 1] = cost[:, p, r] + np.minimum(diagonal_or_above[:, r], row[:, r])
+        ends = np.flatnonzero(steps == p + 1)
+        found[ends] = row[ends, reference[ends]]
+    return found

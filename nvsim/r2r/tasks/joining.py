@@ -1,0 +1,78 @@
+"""Longer paths out of two, as in R4R: one ends near where the other begins, and the shortest path joins them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from random import Random
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.ways import Ways
+from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
+from nvsim.r2r.tasks.spreading import spread
+from nvsim.r2r.tasks.task import JoinedTask, Task
+
+NEAR = 3.0
+"""Metres along the graph from the goal of the first path to the start of the second (Jain et al. 2019, section 4)."""
+
+
+def join_tasks(
+    tasks: Sequence[Task],
+    ways: Mapping[str, Ways],
+    allowed: Mapping[str, NDArray[np.bool_]],
+    count: int,
+    first_id: int,
+    random: Random,
+) -> list[JoinedTask]:
+    """Up to `count` joined paths of the tasks of a split, spread over the building, with ids from `first_id` on.
+
+    ways      scan id -> its viewpoints and edges
+    allowed   scan id -> (N,) which of them the split may enter
+    """
+    found = [joined for scan in ways for joined in _of_scan(tasks, scan, ways[scan], allowed[scan])]
+    chosen = islice(spread([[(task.scan, v) for v in task.path] for task in found], random), count)
+    return [replace(found[i], path_id=first_id + k) for k, i in enumerate(chosen)]
+
+
+def joined_instructions(first: Task, second: Task) -> tuple[str, ...]:
+    """Every instruction of the first path before every one of the second."""
+    return tuple(f"{a} {b}" for a in first.instructions for b in second.instructions)
+
+
+def _of_scan(tasks: Sequence[Task], scan: str, ways: Ways, allowed: NDArray[np.bool_]) -> Iterator[JoinedTask]:
+    row = {id: i for i, id in enumerate(ways.ids)}
+    shortest = ShortestPaths(ways)
+
+    @cache
+    def tree(start: str) -> Tree:
+        return shortest.tree(row[start])
+
+    mine = [task for task in tasks if task.scan == scan]
+    for second in mine:
+        start = tree(second.path[0])
+        for first in mine:
+            goal = row[first.path[-1]]
+            if first is second or start.metres[goal] > NEAR:
+                continue
+            between = start.back_from(goal)
+            if not allowed[between].all():
+                continue
+            path = (*first.path[:-1], *(ways.ids[i] for i in between), *second.path[1:])
+            whole = tree(first.path[0])
+            end = row[second.path[-1]]
+            yield JoinedTask(
+                path_id=0,
+                scan=scan,
+                path=path,
+                heading=first.heading,
+                instructions=joined_instructions(first, second),
+                distance=round((first.distance or 0.0) + float(start.metres[goal]) + (second.distance or 0.0), 2),
+                first_path_id=first.path_id,
+                second_path_id=second.path_id,
+                shortest_path=tuple(ways.ids[i] for i in reversed(whole.back_from(end))),
+                shortest_path_distance=round(float(whole.metres[end]), 2),
+            )

@@ -1,0 +1,41 @@
+"""Which part of a building no path of training enters: regions of its graph, cut at narrow places such as doors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import NavGraph
+from nvsim.r2r.observations.parts import LEAST, split
+from nvsim.r2r.tasks.eligible import Eligible
+
+
+def unseen_viewpoints(graph: NavGraph, paths: Eligible, share: float) -> NDArray[np.bool_]:
+    """(N,) which of the included viewpoints are unseen: regions of up to `share` of them all, those first in which the
+    most paths lie, as long as that comes nearer to the share. All False where no region holds a path.
+
+    The same graph gives the same regions."""
+    count = len(paths.ids)
+    want = share * count
+    kept = set(paths.ids)
+    included = replace(
+        graph,
+        viewpoints={id: v for id, v in graph.viewpoints.items() if id in kept},
+        edges={key: edge for key, edge in graph.edges.items() if kept.issuperset(key)},
+        evidence={},
+    )
+    row = {id: i for i, id in enumerate(paths.ids)}
+    held = []
+    for part in split(included, max(LEAST, math.ceil(want))):
+        region = np.zeros(count, bool)
+        region[[row[id] for id in part.viewpoints]] = True
+        held.append((int(paths.inside(region).sum()), region))
+    unseen = np.zeros(count, bool)
+    for paths_inside, region in sorted(held, key=lambda of: -of[0]):
+        with_it = int((unseen | region).sum())
+        if paths_inside and abs(with_it - want) < abs(int(unseen.sum()) - want):
+            unseen |= region
+    return unseen

@@ -1,0 +1,176 @@
+"""The tasks of scans in splits: train and val_seen share regions and no path, val_unseen is where neither goes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from random import Random
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.graph.types import NavGraph
+from nvsim.graph.ways import Ways
+from nvsim.r2r.tasks.eligible import Bounds, Eligible, eligible_paths
+from nvsim.r2r.tasks.joining import join_tasks
+from nvsim.r2r.tasks.regions import unseen_viewpoints
+from nvsim.r2r.tasks.spreading import spread
+from nvsim.r2r.tasks.task import JoinedTask, Task
+
+SPLITS = ("train", "val_seen", "val_unseen")
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """How many paths, over all scans together; a split has fewer where no more fit."""
+
+    train: int = 100
+    """Paths of train."""
+    val_seen: int = 20
+    """Paths of val_seen: other paths in the regions of train."""
+    val_unseen: int = 60
+    """Paths of val_unseen."""
+    joined: int = 0
+    """Joined paths of each split, as in R4R; 0 writes none."""
+    unseen_share: float = 0.25
+    """The share of each scan's viewpoints that only val_unseen may enter, where --unseen names no scans."""
+    seed: int = 0
+    """Of what is drawn by chance: headings, directions, and which of equally good paths."""
+
+    def __post_init__(self) -> None:
+        for name in ("train", "val_seen", "val_unseen", "joined"):
+            if not 0 <= getattr(self, name) <= 1_000_000:
+                raise InputError(f"--{name.replace('_', '-')} {getattr(self, name)} is no number of paths; give 0 on.")
+        if not 0 < self.unseen_share < 1:
+            raise InputError(f"--unseen-share {self.unseen_share} is no share; give one between 0 and 1.")
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """splits   name -> its tasks
+    joined   name -> its joined paths, {} where none were asked for
+    unseen   scan id -> viewpoint ids that only val_unseen enters
+    empty    scan ids without any path
+    lacking  split -> how many paths fewer than asked for
+    """
+
+    splits: Mapping[str, Sequence[Task]]
+    joined: Mapping[str, Sequence[JoinedTask]]
+    unseen: Mapping[str, tuple[str, ...]]
+    empty: tuple[str, ...]
+    lacking: Mapping[str, int]
+
+
+@dataclass(eq=False)
+class _Scan:
+    """unseen   (N,) which viewpoints"""
+
+    id: str
+    ways: Ways
+    paths: Eligible
+    unseen: NDArray[np.bool_]
+    sides: dict[bool, list[tuple[int, ...]]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        of = {True: self.paths.inside(self.unseen), False: self.paths.inside(~self.unseen)}
+        self.sides = {
+            side: [self.paths.path(i) for i in np.flatnonzero(inside).tolist()] for side, inside in of.items()
+        }
+        self.metres = {self.paths.path(i): float(m) for i, m in enumerate(self.paths.metres)}
+
+
+def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Bounds, amounts: Amounts) -> Dataset:
+    """Samples the tasks of all splits. The same graphs, bounds and amounts give the same tasks.
+
+    unseen   the scans that only val_unseen enters, whole; where none is named, a region of every scan
+
+    Raises InputError where a split of which paths are wanted would have none, or `unseen` names another scan.
+    """
+    graphs = list(graphs)
+    for name in unseen:
+        if name not in (graph.scan for graph in graphs):
+            known = ", ".join(graph.scan for graph in graphs[:5])
+            raise InputError(f"--unseen {name!r} is none of the scans; name one of {known}.")
+    random = Random(amounts.seed)
+    scans = [_scan(graph, unseen, bounds, amounts) for graph in graphs]
+    wanted = {name: getattr(amounts, name) for name in SPLITS}
+    seen = _drawn(scans, False, wanted["train"] + wanted["val_seen"], random)
+    found = dict(zip(("train", "val_seen"), _parted(seen, wanted["train"], wanted["val_seen"], random)))
+    found["val_unseen"] = _drawn(scans, True, wanted["val_unseen"], random)
+    for name in SPLITS:
+        if wanted[name] and not found[name]:
+            raise InputError(_why_none(name, bounds))
+    next_id, splits = 1, {}
+    for name in SPLITS:
+        splits[name] = [_task(next_id + k, *drawn, random) for k, drawn in enumerate(found[name])]
+        next_id += len(splits[name])
+    joined = {}
+    for name in SPLITS if amounts.joined else ():
+        ways = {scan.id: scan.ways for scan in scans}
+        allowed = {scan.id: scan.unseen if name == "val_unseen" else ~scan.unseen for scan in scans}
+        joined[name] = join_tasks(splits[name], ways, allowed, amounts.joined, next_id, random)
+        next_id += len(joined[name])
+    return Dataset(
+        splits,
+        joined,
+        {scan.id: tuple(id for id, far in zip(scan.paths.ids, scan.unseen) if far) for scan in scans},
+        tuple(scan.id for scan in scans if not len(scan.paths.rows)),
+        {name: wanted[name] - len(splits[name]) for name in SPLITS if wanted[name] > len(splits[name])},
+    )
+
+
+def _scan(graph: NavGraph, unseen: Sequence[str], bounds: Bounds, amounts: Amounts) -> _Scan:
+    ways = Ways.of(graph)
+    paths = eligible_paths(ways, bounds)
+    if unseen:
+        return _Scan(graph.scan, ways, paths, np.full(len(ways.ids), graph.scan in unseen))
+    return _Scan(graph.scan, ways, paths, unseen_viewpoints(graph, paths, amounts.unseen_share))
+
+
+_Drawn = tuple[_Scan, tuple[int, ...]]
+
+
+def _drawn(scans: Sequence[_Scan], side: bool, count: int, random: Random) -> list[_Drawn]:
+    """Up to `count` paths of one side, of every scan in turn."""
+    orders = [(scan, spread(scan.sides[side], random)) for scan in scans]
+    return list(islice(_in_turn(orders, side), count))
+
+
+def _in_turn(orders: list[tuple[_Scan, Iterator[int]]], side: bool) -> Iterator[_Drawn]:
+    while orders:
+        left = []
+        for scan, order in orders:
+            i = next(order, None)
+            if i is not None:
+                yield scan, scan.sides[side][i]
+                left.append((scan, order))
+        orders = left
+
+
+def _parted(drawn: list[_Drawn], train: int, val_seen: int, random: Random) -> tuple[list[_Drawn], list[_Drawn]]:
+    """Train and val_seen, in the ratio that was asked for where there are fewer."""
+    count = math.ceil(len(drawn) * val_seen / max(train + val_seen, 1))
+    order = sorted(range(len(drawn)), key=lambda _: random.random())
+    held = set(order[:count])
+    return [d for i, d in enumerate(drawn) if i not in held], [drawn[i] for i in sorted(held)]
+
+
+def _task(path_id: int, scan: _Scan, rows: tuple[int, ...], random: Random) -> Task:
+    path = tuple(scan.paths.ids[i] for i in rows)
+    path = path[::-1] if random.random() < 0.5 else path
+    heading = round(2 * math.pi * random.random(), 3)
+    return Task(path_id, scan.id, path, heading, (), round(scan.metres[rows], 2))
+
+
+def _why_none(split: str, bounds: Bounds) -> str:
+    what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_metres:g} m"
+    if split == "val_unseen":
+        return (
+            f"No region holds a {what} for val_unseen; give a larger --unseen-share, name whole scans with --unseen, "
+            "change the bounds, or give --val-unseen 0."
+        )
+    flag = f"--{split.replace('_', '-')}"
+    return f"No {what} is left for {split}; change the bounds, give a smaller --unseen-share, or {flag} 0."

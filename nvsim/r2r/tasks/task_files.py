@@ -1,0 +1,69 @@
+"""`R2R_<split>.json`: the tasks of a split as agents read them, and back.
+
+Format: an array of {distance, scan, path_id, path, heading, instructions} (bringmeaspoon.org, R2R 1.0). Files of joined
+paths, `R4R_<split>.json`, have four keys more. Unknown keys are passed over.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.regular import read_json, shown
+from nvsim.graph.connectivity import is_name, number_in
+from nvsim.r2r.tasks.task import Task
+
+_IDS = 1 << 53  # whole numbers that every reader of JSON has
+
+
+def write_tasks(path: Path, tasks: Iterable[Task]) -> Path:
+    """One task a line. Raises InputError when the disk refuses."""
+    lines = ",\n".join(json.dumps(_item(task)) for task in tasks)
+    atomic.write_text(path, f"[\n{lines}\n]\n" if lines else "[]\n")
+    return path
+
+
+def read_tasks(path: Path) -> list[Task]:
+    """The tasks of a file. Raises InputError with the item when the file cannot be read, a field makes no sense or a
+    path_id comes twice."""
+    items = read_json(path, "a file of R2R tasks", "name an R2R_<split>.json")
+    if not isinstance(items, list):
+        raise InputError(f"{path} does not hold a list of paths; name an R2R_<split>.json.")
+    tasks, ids = [], set()
+    for i, item in enumerate(items):
+        task = _task(item, f"{path}, item {i}")
+        if task.path_id in ids:
+            raise InputError(f"{path}, item {i}: path_id {task.path_id} was used before; give every path its own.")
+        ids.add(task.path_id)
+        tasks.append(task)
+    return tasks
+
+
+def _item(task: Task) -> dict[str, Any]:
+    values = asdict(task)
+    if task.distance is None:
+        del values["distance"]
+    return values
+
+
+def _task(item: Any, where: str) -> Task:
+    if not isinstance(item, dict):
+        raise InputError(f"{where} is not an object; every path needs scan, path_id, path, heading and instructions.")
+    path_id, scan, path = item.get("path_id"), item.get("scan"), item.get("path")
+    if not isinstance(path_id, int) or isinstance(path_id, bool) or not 0 <= path_id < _IDS:
+        raise InputError(f"{where}: path_id is {shown(path_id)}; it must be a whole number from 0 to {_IDS - 1}.")
+    if not is_name(scan):
+        raise InputError(f"{where}: scan is {shown(scan)}; it must be the id of a scan.")
+    if not isinstance(path, list) or not path or not all(map(is_name, path)):
+        raise InputError(f"{where}: path is {shown(path)}; it must be a list of viewpoint ids.")
+    instructions = item.get("instructions", [])
+    if not isinstance(instructions, list) or not all(isinstance(text, str) for text in instructions):
+        raise InputError(f"{where}: instructions is {shown(instructions)}; it must be a list of texts.")
+    heading = number_in(item.get("heading"), f"{where}: heading")
+    distance = number_in(item["distance"], f"{where}: distance") if "distance" in item else None
+    return Task(path_id, scan, tuple(path), heading, tuple(instructions), distance)

@@ -1,0 +1,239 @@
+"""Instructions say what the path does, a follower that does not know the path finds it again, and words hold facts."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from random import Random
+
+import pytest
+from export_samples import random_graph
+from task_samples import exported, house
+
+from nvsim.cli.main import main
+from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.graph.ways import Ways
+from nvsim.r2r.instructions.following import follow
+from nvsim.r2r.instructions.generating import Told, instruct, say
+from nvsim.r2r.instructions.ground import Ground, Leg, Step, goes_on, turned, wrapped
+from nvsim.r2r.instructions.rounding import DETAILS, TURNS, Detail, rounded
+from nvsim.r2r.instructions.wording import (
+    AHEAD_PHRASES,
+    CLOCK_PHRASES,
+    DEGREE_PHRASES,
+    METRE_PHRASES,
+    ONE_METRE,
+    TURN_PHRASES,
+    WALK_PHRASES,
+    instruction_of,
+)
+from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.splitting import SPLITS, Amounts, sample_tasks
+
+TURN_TO = {name: math.radians(degrees) for degrees, name in TURNS.items()}
+
+
+def row_of(*places: tuple[float, float, float]) -> Ground:
+    """A path over places in this order."""
+    ids = [f"v{i}" for i in range(len(places))]
+    edges = [edge(a, b) for a, b in zip(ids, ids[1:])]
+    return Ground(
+        Ways.of(NavGraph("row", {id: Viewpoint(id, p) for id, p in zip(ids, places)}, {e.key: e for e in edges}))
+    )
+
+
+def told(*graphs: NavGraph, count: int = 300) -> Told:
+    dataset = sample_tasks(graphs, (), Bounds(), Amounts(count, 20, 0))
+    return instruct(dataset, graphs, 3, 0)
+
+
+def test_legs_are_what_the_path_does() -> None:
+    # 2 m north, 3 m north-north-east, 2 m west, a stair of 3 m up to the west, 1 m south.
+    bend = math.radians(20)
+    ground = row_of(
+        (0, 0, 1),
+        (0, 2, 1),
+        (3 * math.sin(bend), 2 + 3 * math.cos(bend), 1),
+        (3 * math.sin(bend) - 2, 2 + 3 * math.cos(bend), 1),
+        (3 * math.sin(bend) - 2 - 2.4, 2 + 3 * math.cos(bend), 2.8),
+        (3 * math.sin(bend) - 2 - 2.4, 1 + 3 * math.cos(bend), 2.8),
+    )
+    legs = ground.legs(range(6), math.radians(270))
+    assert [leg.slope for leg in legs] == ["level", "level", "up", "level"]
+    assert [leg.metres for leg in legs] == pytest.approx([5, 2, 3, 1])
+    assert [math.degrees(leg.turn) for leg in legs] == pytest.approx([90, -110, 0, -90])
+
+
+@pytest.mark.parametrize(
+    "degrees, word", [(10, "ahead"), (-50, "slightly left"), (100, "right"), (-130, "sharply left"), (-175, "around")]
+)
+def test_turns_are_said_in_the_nearest_word(degrees: float, word: str) -> None:
+    (leg,) = rounded([Leg(math.radians(degrees), 2.4, "level")], "words")
+    assert leg == Leg(TURN_TO[word], 2.0, "level")
+    assert abs(math.degrees(leg.turn) - degrees) <= 22.5 or word == "around"
+
+
+def read(text: str, detail: Detail) -> list[Leg]:
+    """What one understands who knows the phrases: the facts of every sentence but the last."""
+    legs = []
+    for sentence in re.findall(r"[^.]+(?:\.\d+[^.]*)*\.", text)[:-1]:
+        words = sentence.lower()
+        number = re.search(r"([\d.]+) metres", words)
+        metres = float(number[1]) if number else 1.0
+        assert number or any(phrase in words for phrase in ONE_METRE)
+        slopes = {
+            slope
+            for slope, phrases in WALK_PHRASES.items()
+            for phrase in phrases
+            if re.search(re.escape(phrase.format("")) + r"(about|roughly|some|one|a single|\d)", words)
+        }
+        hour = re.search(r"(\d+) o'clock", words)
+        if detail == "clock" and hour:
+            turn = wrapped(math.radians(30 * int(hour[1])))
+        elif any(phrase in words for phrase in AHEAD_PHRASES):
+            turn = 0.0
+        elif detail == "degrees":
+            degrees, side = re.search(r"(\d+) degrees (?:to the )?(right|left)", words).groups()
+            turn = math.radians(int(degrees)) * (1 if side == "right" else -1)
+        else:
+            (turn,) = {TURN_TO[name] for name, phrases in TURN_PHRASES.items() for p in phrases if p.lower() in words}
+        (slope,) = slopes
+        legs.append(Leg(turn, metres, slope))
+    return legs
+
+
+@pytest.mark.parametrize("detail", DETAILS)
+def test_every_fact_can_be_read_back_from_the_words(detail: Detail) -> None:
+    random = Random(0)
+    for _ in range(500):
+        legs = [
+            Leg(random.uniform(-math.pi, math.pi), random.uniform(0.3, 15), random.choice(["level", "up", "down"]))
+            for _ in range(random.randint(1, 6))
+        ]
+        said = rounded(legs, detail)
+        text = instruction_of(said, detail, random)
+        found = read(text, detail)
+        assert [
+            (round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.metres, leg.slope) for leg in found
+        ] == [(round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.metres, leg.slope) for leg in said], text
+        assert "  " not in text and "then" not in re.findall(r"Then [^.]*?, (then)", text)
+
+
+def test_no_phrase_stands_for_two_facts() -> None:
+    phrases = [p for group in (*TURN_PHRASES.values(), *WALK_PHRASES.values()) for p in group]
+    phrases += [*AHEAD_PHRASES, *CLOCK_PHRASES, *DEGREE_PHRASES, *METRE_PHRASES, *ONE_METRE]
+    assert len(set(phrases)) == len(phrases)
+
+
+def test_a_follower_finds_nine_paths_of_ten_again() -> None:
+    graphs = [house("one", 8), house("two", 8, seed=2), random_graph("steep", 80, 3, reach=3.5)]
+    for graph in graphs:
+        found = told(graph)
+        assert found.paths > 100 and len(found.found) >= 0.9 * found.paths
+
+
+def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
+    graph = random_graph("hall", 22, 5, reach=4.5)
+    ground = Ground(Ways.of(graph))
+    random = Random(1)
+
+    def step_between(a: int, b: int) -> Step:
+        return next(step for step in ground.steps[a] if step.to == b)
+
+    def costs(path: list[int], heading: float, said: list[Leg]) -> list[float]:
+        """Of every way to share the steps of a path out among the legs."""
+        found = []
+
+        def share(i: int, facing: float, k: int, walked: float, cost: float) -> None:
+            slack = 1.0 + 0.2 * said[k].metres if k >= 0 else 0.0
+            ended = k >= 0 and abs(walked - said[k].metres) <= slack
+            here = cost + ((walked - said[k].metres) / 0.5) ** 2 if ended else math.inf
+            if i == len(path) - 1:
+                if ended and k == len(said) - 1:
+                    found.append(here)
+                return
+            step = step_between(path[i], path[i + 1])
+            after = facing if step.heading is None else step.heading
+            if k >= 0 and goes_on(said[k].slope, turned(facing, step), step):
+                share(i + 1, after, k, walked + step.metres, cost)
+            if (ended or k < 0) and k + 1 < len(said) and step.slope == said[k + 1].slope:
+                off = wrapped(turned(facing, step) - said[k + 1].turn)
+                if abs(off) <= math.radians(60):
+                    new = (0.0 if k < 0 else here) + (off / math.radians(22.5)) ** 2
+                    share(i + 1, after, k + 1, step.metres, new)
+
+        share(0, heading, -1, 0.0, 0.0)
+        return found
+
+    def simple_paths(path: list[int]) -> list[list[int]]:
+        longer = [[*path, step.to] for step in ground.steps[path[-1]] if step.to not in path] if len(path) < 5 else []
+        return [path, *(deeper for one in longer for deeper in simple_paths(one))]
+
+    compared = 0
+    for _ in range(25):
+        start, heading = random.randrange(len(ground.steps)), random.uniform(0, 2 * math.pi)
+        paths = [path for path in simple_paths([start]) if len(path) > 1]
+        if not paths:
+            continue
+        # At most 3 m: no path of more than four steps of these lengths is as short.
+        goal = min(paths, key=lambda path: abs(sum(leg.metres for leg in ground.legs(path, heading)) - 3))
+        said = rounded(ground.legs(goal, heading), "words")
+        best = min((cost, path) for path in paths for cost in costs(path, heading, said))
+        found = follow(ground, start, heading, said)
+        assert found is not None and min(costs(found, heading, said)) == pytest.approx(best[0])
+        compared += 1
+    assert compared > 15
+
+
+def test_nobody_can_follow_what_fits_no_path() -> None:
+    ground = row_of((0, 0, 1), (0, 2, 1), (0, 4, 1))
+    assert follow(ground, 0, 0.0, [Leg(0.0, 4.0, "level")]) == [0, 1, 2]
+    assert follow(ground, 0, 0.0, [Leg(math.pi, 4.0, "level")]) is None
+    assert follow(ground, 0, 0.0, [Leg(0.0, 4.0, "up")]) is None
+
+
+@pytest.mark.parametrize(
+    "others, detail, found, said_turn",
+    [
+        ((10,), "words", True, 90),
+        ((95,), "clock", True, 60),
+        ((62, 95), "degrees", True, 70),
+        ((62, 70), "degrees", False, 70),
+    ],
+)
+def test_an_instruction_is_as_fine_as_it_has_to_be(
+    others: tuple[int, ...], detail: str, found: bool, said_turn: int
+) -> None:
+    """The path leads off at 69 degrees, and other ways at `others`."""
+    at = {"start": (0.0, 0.0)}
+    at |= {f"to{d}": (3 * math.sin(math.radians(d)), 3 * math.cos(math.radians(d))) for d in (69, *others)}
+    ends = [edge("start", f"to{d}") for d in (69, *others)]
+    graph = NavGraph("fork", {id: Viewpoint(id, (*p, 1.5)) for id, p in at.items()}, {e.key: e for e in ends})
+    ground = Ground(Ways.of(graph))
+    (said,), how, again = say(ground, [ground.row["start"], ground.row["to69"]], 0.0)
+    assert (how, again, round(math.degrees(said.turn))) == (detail, found, said_turn)
+
+
+def test_five_hundred_instructions_are_worded_in_three_hundred_ways() -> None:
+    dataset = told(house("one", 8), count=170).dataset
+    texts = [text for name in SPLITS for task in dataset.splits[name] for text in task.instructions][:500]
+    assert len(texts) == 500 and len(set(texts)) >= 300
+
+
+def test_exported_tasks_have_instructions_and_joined_ones_both(tmp_path: Path) -> None:
+    command = ["export", "tasks", "--scans", str(exported(tmp_path, house("one", 6))), "--joined", "4"]
+    assert main([*command, "--out", str(tmp_path / "a")]) == main([*command, "--out", str(tmp_path / "b")]) == 0
+    assert main([*command, "--out", str(tmp_path / "none"), "--instructions", "0"]) == 0
+    for name in SPLITS:
+        files = [tmp_path / folder / f"R2R_{name}.json" for folder in ("a", "b", "none")]
+        assert files[0].read_text() == files[1].read_text()
+        tasks = {item["path_id"]: item["instructions"] for item in json.loads(files[0].read_text())}
+        assert all(len(set(texts)) >= 2 and len(texts) == 3 for texts in tasks.values())
+        assert all(item["instructions"] == [] for item in json.loads(files[2].read_text()))
+        for item in json.loads((tmp_path / "a" / f"R4R_{name}.json").read_text()):
+            first, second = tasks[item["first_path_id"]], tasks[item["second_path_id"]]
+            assert item["instructions"] == [f"{a} {b}" for a in first for b in second]
+    about = json.loads((tmp_path / "a" / "tasks.json").read_text())["instructions"]
+    assert about["each"] == 3 and about["found_again"] >= 0.9 * about["paths"]
