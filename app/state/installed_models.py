@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
 from app.state.models_child import Found, ModelsChild
-from nvsim.errors import InputError
+from app.state.waiting import Waiting
 
 
 class InstalledModels(QObject):
@@ -17,7 +16,6 @@ class InstalledModels(QObject):
 
     changed = Signal()
     failed = Signal(str)
-    _ended = Signal(int, object, str)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -29,10 +27,8 @@ class InstalledModels(QObject):
         """The name of the model that was installed last."""
         self.doing = ""
         """What is under way, in words."""
-        self._child: ModelsChild | None = None
-        self._thread: threading.Thread | None = None
-        self._number = 0
-        self._ended.connect(self._on_ended)
+        self._waiting = Waiting("models", self)
+        self._waiting.ended.connect(self._on_ended)
 
     def list(self) -> None:
         self._start(ModelsChild(), "The models are listed…")
@@ -47,34 +43,16 @@ class InstalledModels(QObject):
 
     def stop(self) -> None:
         """Nothing runs when this returns."""
-        self._number += 1
-        if self._child is not None:
-            self._child.kill()
-        if self._thread is not None:
-            self._thread.join()
-        self._child, self._thread, self.doing = None, None, ""
+        self._waiting.stop()
+        self.doing = ""
 
     def _start(self, child: ModelsChild, words: str) -> None:
-        self.stop()
-        self._child, self.doing = child, words
-        number = self._number
-
-        def work() -> None:
-            try:
-                self._ended.emit(number, child.result(), "")
-            except InputError as error:
-                self._ended.emit(number, None, str(error))
-
-        self._thread = threading.Thread(target=work, name="models", daemon=True)
-        self._thread.start()
+        self._waiting.start(child)
+        self.doing = words
         self.changed.emit()
 
-    def _on_ended(self, number: int, found: Found | None, trouble: str) -> None:
-        if number != self._number:
-            return
-        if self._thread is not None:
-            self._thread.join()
-        self._child, self._thread, self.doing = None, None, ""
+    def _on_ended(self, found: Found | None, trouble: str) -> None:
+        self.doing = ""
         if found is not None:
             self.found = found["catalogue"]
             self.checked |= found["checked"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,9 @@ from PySide6.QtCore import QObject, Signal
 
 from app.state.calibration_child import Asked, Calibrated, CalibrationChild
 from app.state.document import Document
+from app.state.waiting import Waiting
 from app.thresholds.table import changed
 from app.thresholds.trial import Trial
-from nvsim.errors import InputError
 from nvsim.evaluation.calibrated import Calibration, Judge
 from nvsim.mapping.config import MappingConfig
 
@@ -24,7 +23,6 @@ class Calibrations(QObject):
     """changed(): something is worked out, was worked out, or holds no more."""
 
     changed = Signal()
-    _ended = Signal(int, object, str)
 
     def __init__(self, document: Document, trial: Trial, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -36,15 +34,13 @@ class Calibrations(QObject):
         self.want = 0.99
         self.trouble = ""
         self._last: tuple[Asked, Calibrated] | None = None
-        self._child: CalibrationChild | None = None
-        self._thread: threading.Thread | None = None
         self._asked: Asked | None = None
-        self._number = 0
-        self._ended.connect(self._on_ended)
+        self._waiting = Waiting("calibration", self)
+        self._waiting.ended.connect(self._on_ended)
 
     @property
     def busy(self) -> bool:
-        return self._child is not None
+        return self._waiting.busy
 
     @property
     def found(self) -> Calibration | None:
@@ -65,30 +61,14 @@ class Calibrations(QObject):
         project, graph = self._document.project, self._document.graph
         if project is None or graph is None:
             return
-        self.stop()
         self.trouble = ""
-        self._asked = asked = Asked(project, graph, self._trial.config, self.truth, self.in_capture, self.want)
-        self._child = child = CalibrationChild(asked)
-        number = self._number
-
-        def work() -> None:
-            try:
-                self._ended.emit(number, child.result(), "")
-            except InputError as error:
-                self._ended.emit(number, None, str(error))
-
-        self._thread = threading.Thread(target=work, name="calibration", daemon=True)
-        self._thread.start()
+        self._asked = Asked(project, graph, self._trial.config, self.truth, self.in_capture, self.want)
+        self._waiting.start(CalibrationChild(self._asked))
         self.changed.emit()
 
     def stop(self) -> None:
         """Nothing runs when this returns."""
-        self._number += 1
-        if self._child is not None:
-            self._child.kill()
-        if self._thread is not None:
-            self._thread.join()
-        self._child = self._thread = None
+        self._waiting.stop()
 
     def clear(self) -> None:
         """Another project is shown: its map is another one too."""
@@ -96,14 +76,9 @@ class Calibrations(QObject):
         self.truth, self.in_capture, self.trouble, self._last = None, False, "", None
         self.changed.emit()
 
-    def _on_ended(self, number: int, found: Calibrated | None, trouble: str) -> None:
-        if number != self._number or self._asked is None:
-            return
-        if self._thread is not None:
-            self._thread.join()
-        self._child = self._thread = None
+    def _on_ended(self, found: Calibrated | None, trouble: str) -> None:
         self.trouble = trouble
-        if found is not None:
+        if found is not None and self._asked is not None:
             self._last = self._asked, found
         self.changed.emit()
 

@@ -153,8 +153,8 @@ def test_what_cannot_be_judged_is_said_on_the_page(part: CalibratePart, qtbot: Q
 
 def test_closing_the_window_ends_the_process(part: CalibratePart, qtbot: QtBot) -> None:
     part.show_panel()
-    qtbot.waitUntil(lambda: part.calibrations._child._child is not None, timeout=10_000)
-    pid = part.calibrations._child._child._process.pid
+    qtbot.waitUntil(lambda: part.calibrations.busy, timeout=10_000)
+    pid = part.calibrations._waiting._child._child._process.pid
     part.workspace.window.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
