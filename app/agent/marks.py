@@ -1,4 +1,4 @@
-"""Where the navigable locations lie in the agent's image. Knows no widgets."""
+"""Where the navigable locations lie in the agent's image. Knows no Qt."""
 
 from __future__ import annotations
 

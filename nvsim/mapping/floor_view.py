@@ -59,7 +59,7 @@ def measure(
     free: NDArray[np.bool_] | None = None,
 ) -> Evidence:
     """What `view` shows on the floor cells of `corridor`; the decision is left empty. Cells in `free` (rows, cells) are
-    floor whatever the view shows.
+    floor by other evidence than the view.
 
     The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
     background's floor, whose normal points up, and adds to the z of the Gaussians' normals. So it is no second opinion

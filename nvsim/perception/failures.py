@@ -30,7 +30,7 @@ class Failures:
             self._write()
 
     def forget(self, frames: Iterable[int]) -> None:
-        """Of frames whose masks are made again."""
+        """Drops the reasons of frames whose masks are made again."""
         gone = set(frames) & self.of_frames.keys()
         if gone:
             for index in gone:

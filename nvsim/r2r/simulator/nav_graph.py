@@ -75,7 +75,7 @@ class NavGraph:
 
 
 class OneScan:
-    """A single scan, whoever made it."""
+    """The one scan that a caller gives."""
 
     def __init__(self, scan: Scan) -> None:
         self._scan = scan
