@@ -153,8 +153,11 @@ def test_what_cannot_be_judged_is_said_on_the_page(part: CalibratePart, qtbot: Q
 
 def test_closing_the_window_ends_the_process(part: CalibratePart, qtbot: QtBot) -> None:
     part.show_panel()
-    qtbot.waitUntil(lambda: part.calibrations.busy, timeout=10_000)
-    pid = part.calibrations._waiting._child._child._process.pid
+    asked = part.calibrations._waiting._child
+    assert isinstance(asked, CalibrationChild)
+    qtbot.waitUntil(lambda: asked._child is not None, timeout=10_000)
+    assert asked._child is not None
+    pid = asked._child._process.pid
     part.workspace.window.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
