@@ -110,7 +110,8 @@ class Evidence:
     length      metres from the viewpoint to the place the step leads to
     alpha       (rows, cells) uint8, accumulated alpha * 255 on the floor cells of the corridor: row r covers
                 [near + r * depth, near + (r + 1) * depth] ahead, cell c an equal share of `width` from left to right;
-                255 also where a cell lies outside the image
+                255 also where a cell lies outside the image; 0 by a stair where somebody carried the camera over it,
+                and where the corridor back shows it better
     up          (rows, cells) uint8, upward normal component * 255 (negative as 0)
     support     (rows, cells) bool, whether a floor mask or a cloud point says that there is floor
     near, depth, width   metres: start of the first row, depth of a row, full width of the corridor

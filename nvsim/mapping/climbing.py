@@ -13,7 +13,7 @@ _GRAZING = 0.15  # metres of height over the floor for each metre to it; less sh
 _BODY = 0.4  # metres to either side of a carried camera that were free when it passed
 _CARRIED = 0.3, 2.5  # metres over the floor, at least and at most
 _BETWEEN = 0.1  # metres between the places of a trajectory that are looked at
-_JUMP = 1.5  # metres between cameras beyond which nobody walked straight from one to the next
+JUMP = 1.5  # metres between cameras beyond which nobody walked straight from one to the next
 
 
 class Trodden:
@@ -26,7 +26,7 @@ class Trodden:
         walk = np.asarray(positions, np.float64).reshape(-1, 3)
         way = np.diff(walk, axis=0)
         length = np.linalg.norm(way, axis=1)
-        count = np.where(length > _JUMP, 1, np.maximum(1, np.ceil(length / _BETWEEN))).astype(np.int64)
+        count = np.where(length > JUMP, 1, np.maximum(1, np.ceil(length / _BETWEEN))).astype(np.int64)
         leg = np.repeat(np.arange(len(way)), count)
         share = (np.arange(len(leg)) - (np.cumsum(count) - count)[leg]) / count[leg]
         self._places = np.concatenate([walk[leg] + share[:, None] * way[leg], walk[-1:]])

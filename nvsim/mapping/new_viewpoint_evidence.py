@@ -45,10 +45,12 @@ def measure_new_viewpoints(
     support: SupportAt,
     config: MappingConfig,
     *,
+    trodden: SupportAt | None = None,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> NewViewpointEvidence:
-    """Renders the eight directions of each viewpoint, and the corridors to and from those around it.
+    """Renders the eight directions of each viewpoint, and the corridors to and from those around it. `trodden` as
+    `Measurements` takes it.
 
     Raises InputError when one is not in `graph`.
     """
@@ -57,7 +59,7 @@ def measure_new_viewpoints(
         if id not in graph.viewpoints:
             raise InputError(f"The graph has no viewpoint {id}; check the id.")
     lattice = Lattice(config)
-    measurements = Measurements(source, floor_at, support, config, lattice)
+    measurements = Measurements(source, floor_at, support, config, lattice, trodden=trodden)
     found: dict[str, list[Evidence]] = {}
     submaps: dict[str, int] = {}
     decisions: dict[tuple[str, str], list[str]] = {}

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
+from nvsim.mapping.climbing import JUMP
 from nvsim.mapping.corridor import SupportAt
 from nvsim.submaps.storeys import storeys_of
 
 _SPACING = 0.4  # metres between the places that are looked at
-_JUMP = 1.5  # metres between neighbours beyond which the trajectory is not taken as connected
 _CELL = 0.1  # metres, of the grid that clearance is measured on
 _REACH = 3.0  # metres, the largest clearance that is told apart
 _LOOKED = 0.05  # metres between places of a line at which its floor is asked for
@@ -34,7 +34,7 @@ class Walk:
         kept, broken = [0], []
         jump = False
         for i in range(1, len(self._positions)):
-            jump = jump or _apart(self._positions[i], self._positions[i - 1]) > _JUMP
+            jump = jump or _apart(self._positions[i], self._positions[i - 1]) > JUMP
             if _apart(self._positions[i], self._positions[kept[-1]]) >= _SPACING:
                 kept.append(i)
                 broken.append(jump)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from nvsim.events import Listener
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_new_viewpoints
 from nvsim.project.floor_heights import floor_of
@@ -33,8 +34,10 @@ def measure(
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
+    floor, walked = floor_of(project), Trodden(project.need_capture().positions)
+    views = SceneViews(scene, config)
     return measure_new_viewpoints(
-        graph, ids, SceneViews(scene, config), floor_of(project).height_at, support.at, config, listen=listen
+        graph, ids, views, floor.height_at, support.at, config, trodden=walked.at, listen=listen
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.mapping.climbing import Trodden
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews, scan_name
@@ -44,6 +45,7 @@ class ProjectImages:
                 if drawing and (self._scene is None or self._support is None):
                     raise lacks(project.layout.root, "train")
                 self._floor = floor_of(project)
+                self._walk = np.empty((0, 3)) if self._scene is None else project.need_capture().positions
         except InputError as error:
             raise InvalidValue(str(error)) from error
         self._ground: Standing | None = None
@@ -103,5 +105,6 @@ class ProjectImages:
         if self._scene is None or self._support is None:
             raise InvalidValue("The project has no trained models to say where one can go; run `nvsim train` on it.")
         if self._ground is None:
-            self._ground = Standing(SceneViews(self._scene, self._config), self._floor, self._support.at, self._config)
+            views, trodden = SceneViews(self._scene, self._config), Trodden(self._walk).at
+            self._ground = Standing(views, self._floor, self._support.at, self._config, trodden)
         return self._ground

@@ -30,8 +30,12 @@ _MOST = 500  # places whose measurements are remembered
 class Standing:
     """Asked from several threads, which take turns."""
 
-    def __init__(self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig) -> None:
+    def __init__(
+        self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig, trodden: SupportAt
+    ) -> None:
+        """`trodden` as `Measurements` takes it."""
         self._source, self._floor, self._support, self._config = source, floor, support, config
+        self._trodden = trodden
         self._lock = threading.Lock()
         self._forget()
 
@@ -105,7 +109,9 @@ class Standing:
         self._places: set[str] = set()
         self._lattice = Lattice(self._config)
         floor = self._floor.height_at
-        self._measurements = Measurements(self._source, floor, self._support, self._config, self._lattice)
+        self._measurements = Measurements(
+            self._source, floor, self._support, self._config, self._lattice, trodden=self._trodden
+        )
 
 
 def _words(place: NDArray[np.float64]) -> str:
