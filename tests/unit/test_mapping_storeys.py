@@ -7,12 +7,13 @@ import pytest
 from numpy.typing import NDArray
 from stairwell import SLOPE, known_floor, stairwell
 
-from nvsim.graph.types import Viewpoint
+from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.new_viewpoint_evidence import measure_new_viewpoints
 from nvsim.mapping.walk import Walk
 from nvsim.render.types import RenderOutput
 
@@ -210,3 +211,11 @@ def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walke
     np.testing.assert_array_equal(Trodden(path).at(places)[~edge], by[~edge])
     assert by.any() and not Trodden(path).at(np.array([3.0, 1.0, 0.0]))
     assert Trodden(path[:1]).at(np.array([0.1, 0.0, 0.0]))
+
+
+def test_new_viewpoints_by_a_stair_are_measured_as_the_builder_measures_them() -> None:
+    ends = {"a": viewpoint("a", 3.2, 0.5, 0.72), "b": viewpoint("b", 4.8, 0.5, 1.68)}
+    graph, config = NavGraph("stair", ends), MappingConfig(second_opinion=False)
+    place = Walls(), FLOOR.height_at, SUPPORT.at, config
+    assert measure_new_viewpoints(graph, ["b"], *place, trodden=Trodden(walk()).at).proposed == (("a", "b"),)
+    assert measure_new_viewpoints(graph, ["b"], *place).proposed == ()
