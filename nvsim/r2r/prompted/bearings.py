@@ -11,7 +11,7 @@ from nvsim.r2r.instructions.ground import Leg, Slope, wrapped
 from nvsim.r2r.instructions.rounding import turn_of
 
 _STEEP = math.radians(14)  # 0.25 m a metre, as instructions have it
-_WORDS = {"ahead": "straight ahead", "around": "behind you"}
+_TURNS = {"ahead": "go straight ahead"}
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class Bearing:
         return 0.0 if self.heading is None else wrapped(self.heading - facing)
 
     def words(self, facing: float) -> str:
-        """Which way it lies, for one who looks to `facing`: "slightly right, 2.4 m, up"."""
+        """How one who looks to `facing` gets there: "turn slightly right and go 2.4 m, up"."""
         turn = turn_of(Leg(self.turn(facing), self.metres, self.slope))
-        parts = [_WORDS.get(turn, turn), f"{self.metres:.1f} m", *([] if self.slope == "level" else [self.slope])]
-        return ", ".join(parts)
+        slope = "" if self.slope == "level" else f", {self.slope}"
+        return f"{_TURNS.get(turn, f'turn {turn} and go')} {self.metres:.1f} m{slope}"
 
 
 def bearing(graph: NavGraph, start: str, stop: str) -> Bearing:

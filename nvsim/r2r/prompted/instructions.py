@@ -115,7 +115,7 @@ class Writer:
         parts: list[Part] = ["At the start you look this way:", self._eyes.see(task.scan, task.path[0], facing)]
         for i, (here, there) in enumerate(zip(task.path, task.path[1:]), 1):
             way = bearing(graph, here, there)
-            parts.append(f"Step {i} goes {way.words(facing)}. Looking that way:")
+            parts.append(f"Step {i}: {way.words(facing)}. Looking that way:")
             facing = facing if way.heading is None else way.heading
             parts.append(self._eyes.see(task.scan, here, facing, level(way.elevation)))
         goal = task.path[-1]

@@ -104,7 +104,7 @@ class Episode:
         for id in sorted(ways, key=lambda id: (abs(round(ways[id].turn(self.facing), 6)), self.places.number[id])):
             number = self.places.number[id]
             known = ", where you were" if id in self.places.been else ""
-            found.append(Option(_letter(len(found)), f"go {ways[id].words(self.facing)}, to place {number}{known}", id))
+            found.append(Option(_letter(len(found)), f"{ways[id].words(self.facing)}, to place {number}{known}", id))
         if self.step >= self._rules.stop_after or not found:
             found.append(Option(_letter(len(found)), "stop here, because the instruction ends here", None))
         return found
