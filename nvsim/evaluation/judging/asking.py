@@ -78,7 +78,7 @@ class Asker:
                 listen(Warning(f"{name} gives no verdict on {a} and {b} in {view.name}: {verdict.why}.", STAGE))
             listen(Progress(STAGE, len(found), len(pairs), name))
         ordered = [found[view.name, a, b] for view, a, b in pairs]
-        return Judged(name, f"{client.endpoint.model} at {client.endpoint.url}", ordered)
+        return Judged(name, f"{client.endpoint.model}, asked at {client.endpoint.url}", ordered)
 
     def _verdict(self, client: Client, view: Shown, a: str, b: str) -> Verdict:
         said: list[_Said] = []

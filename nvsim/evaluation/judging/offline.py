@@ -20,7 +20,7 @@ _BLUR = 1.0  # pixels: what is finer is noise of single pixels
 
 def by_lpips(shown: Sequence[Shown], distance: Distance | None, why: str) -> Judged:
     """Prefers the image that is nearer to the photograph, in the views of which there is one."""
-    what = "LPIPS, the nearer to the photograph; no model that sees, and only where there is a photograph"
+    what = "prefers what is nearer to the photograph; a figure that does not see, of views with a photograph alone"
     photographed = [view for view in shown if view.photo is not None]
     if distance is None or not photographed:
         return Judged("LPIPS (offline)", what, why=why or "no view has a photograph")
@@ -35,7 +35,7 @@ def by_lpips(shown: Sequence[Shown], distance: Distance | None, why: str) -> Jud
 
 def by_sharpness(shown: Sequence[Shown]) -> Judged:
     """Prefers the sharper image. Knows no photograph, and takes floaters and noise for detail."""
-    what = "sharpness, without a reference: finer detail wins, be it right, noise or floaters; no model that sees"
+    what = "prefers finer detail, be it right, noise or floaters; a figure that does not see"
     found = []
     for view in shown:
         sharp = {who: sharpness(read_shown(path)) for who, path in view.images.items()}

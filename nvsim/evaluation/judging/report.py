@@ -41,8 +41,8 @@ def text_of(judged: Sequence[Judged], shown: Sequence[Shown]) -> str:
         blocks.append(f"{head}\n{lines}{note}")
     seen = sum(view.kind == "seen" for view in shown)
     notes = (
-        f"{seen} seen and {len(shown) - seen} novel views. A win in both orders is 1 point, anything else 0.5 for each.\n"
-        "In brackets: points and the number of ties; 95 % intervals are over views.\n"
+        f"{seen} seen and {len(shown) - seen} novel views. A win in both orders is 1 point, all else 0.5 for each.\n"
+        "In brackets: points and the number of ties; the 95 % intervals (Wilson) take points for cases.\n"
     )
     return "\n".join([*blocks, notes])
 

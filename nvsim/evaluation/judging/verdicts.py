@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from nvsim.evaluation.interval import grouped_mean
+from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.judging.contestants import Shown
 
 Preference = Literal["first", "second", "tie"]
@@ -64,7 +64,7 @@ def consistent(a: str, b: str, forth: Preference, back: Preference) -> str:
 
 def table_rows(judged: Sequence[Judged], shown: Sequence[Shown]) -> list[dict[str, Any]]:
     """A row for each judge and pair: judge, a, b, pairs, unanswered, points_a, points_b, share_a (of the pairs, per
-    cent) with its 95 % interval over views, tie_rate, and the shares of seen and of novel views alone. a is the one
+    cent) with its 95 % interval (Wilson), tie_rate, and the shares of seen and of novel views alone. a is the one
     with more points. A judge without verdicts has one row, which says why."""
     rows: list[dict[str, Any]] = []
     contestants = list(shown[0].images)
@@ -86,13 +86,14 @@ def _figures(a: str, b: str, verdicts: Sequence[Verdict]) -> dict[str, Any]:
     found: dict[str, Any] = {"a": a, "b": b, "pairs": len(told), "unanswered": len(verdicts) - len(told)}
     if not len(points):
         return found
-    low, high = grouped_mean(points, np.arange(len(points)))
+    # Points vary less than wins and losses would, so this is wide rather than narrow where there are ties.
+    low, high = wilson(float(points.sum()), len(points))
     found |= {
         "points_a": float(points.sum()),
         "points_b": float((1 - points).sum()),
         "share_a": 100 * float(points.mean()),
-        "share_low": 100 * max(low, 0.0),
-        "share_high": 100 * min(high, 1.0),
+        "share_low": 100 * low,
+        "share_high": 100 * high,
         "ties": int((points == 0.5).sum()),
         "tie_rate": 100 * float((points == 0.5).mean()),
     }
