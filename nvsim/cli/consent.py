@@ -11,20 +11,22 @@ from nvsim.endpoint.estimate import Outlay
 from nvsim.errors import InputError
 
 
-def agree(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str], yes: bool) -> None:
-    """Says on stderr what is sent to whom, with `notes`, and asks unless `yes`. Where all answers are kept there is
-    nothing to agree to. Raises InputError where the user says no, or cannot be asked."""
+def agree(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str], yes: bool) -> bool:
+    """Says on stderr what is sent to whom, with `notes`, and asks unless `yes`. Where all answers are kept
+    nobody is asked. Returns whether anything may be sent. Raises InputError where the user says no, or cannot be asked.
+    """
     for endpoint, outlay, prices in asked:
         print(f"To {endpoint.words}: {outlay.words(prices)}.", file=sys.stderr)
     if not any(outlay.requests for _, outlay, _ in asked):
-        return
+        return yes
     for note in notes:
         print(note, file=sys.stderr)
     sys.stderr.flush()
     if yes:
-        return
+        return True
     if not sys.stdin.isatty():
         raise InputError("Nothing was sent, as nobody can be asked here; give --yes to send it.")
     print("Send this? [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         raise InputError("Nothing was sent; run the command again to send it.")
+    return True

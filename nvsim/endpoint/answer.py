@@ -39,14 +39,11 @@ class Kept:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def has(self, key: str) -> bool:
-        return is_regular(self.path(key))
-
     def path(self, key: str) -> Path:
         return self.folder / key[:2] / f"{key}.json"
 
     def get(self, key: str) -> Answer | None:
-        if not self.has(key):
+        if not is_regular(self.path(key)):
             return None
         try:
             found = read_json(self.path(key), "a kept answer", "remove it", _LARGEST)

@@ -36,12 +36,16 @@ class Unreachable(InputError):
 
 
 class Client:
-    """Asks one model; several threads may. Raises InputError where the package `openai` is not installed."""
+    """Asks one model; several threads may. Raises InputError where the package `openai` is not installed.
+
+    may_send   whether a user agreed; until then kept answers are all that it gives
+    """
 
     def __init__(
         self, endpoint: Endpoint, kept: Kept, budget: Budget, options: AskingOptions, listen: Listener = silent
     ) -> None:
         self.endpoint, self.kept, self.budget, self.options = endpoint, kept, budget, options
+        self.may_send = False
         self._listen = listen
         self._openai = _package()
         self._connection: Any = None
@@ -51,17 +55,22 @@ class Client:
 
     def is_kept(self, request: Request) -> bool:
         """Whether the answer is there, so that nothing would be sent."""
-        return self.kept.has(self._key(request))
+        return self.kept.get(self._key(request)) is not None
 
     def ask(self, request: Request) -> Answer:
         """The answer: kept, or asked for and kept. A refusal is an answer.
 
-        Raises BudgetSpent; Unreachable after all attempts; InputError where the endpoint says that it never will
-        answer: a wrong key, no such model, no credit, a question that it does not take.
+        Raises InputError where it would be sent and nobody agreed; BudgetSpent; Unreachable after all attempts;
+        InputError where the endpoint says that it never will answer: a wrong key, no such model, no credit, a question
+        that it does not take.
         """
         key = self._key(request)
         found = self.kept.get(key)
         if found is None:
+            if not self.may_send:
+                raise InputError(
+                    "A question is left that was not asked yet; nothing was sent, so give --yes to send it."
+                )
             with self.budget.holding(tokens_in(request), request.tokens):
                 found = self._answered(request)
                 self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)

@@ -17,8 +17,6 @@ from typing import Any
 import pytest
 from endpoint_server import Asked, Reply, Service, said, serving, wrong
 
-pytest.importorskip("openai")
-
 from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.answer import Kept
 from nvsim.endpoint.asking import Senseless, Unanswered, Understood, ask_until_clear, json_object
@@ -47,7 +45,9 @@ def question(words: str = "What is this?", tokens: int = 50) -> Request:
 def client(service: Service, folder: Path, budget: Budget | None = None, **options: Any) -> Client:
     quick = {"first_wait": 0.001, "timeout": 5.0, "attempts": 4, **options}
     address = Endpoint.of(service.url, "seer")
-    return Client(address, Kept(folder), budget or Budget(Prices()), AskingOptions(**quick))
+    made = Client(address, Kept(folder), budget or Budget(Prices()), AskingOptions(**quick))
+    made.may_send = True
+    return made
 
 
 def test_a_question_is_sent_as_services_take_it_and_kept(tmp_path: Path) -> None:
@@ -152,6 +152,7 @@ def test_an_endpoint_that_stays_down_is_said(tmp_path: Path) -> None:
     assert len(service.asked) == 4 and not list(tmp_path.rglob("*.json"))
     service_gone = Endpoint.of(service.url, "seer")
     gone = Client(service_gone, Kept(tmp_path), Budget(Prices()), AskingOptions(first_wait=0, attempts=2, timeout=2))
+    gone.may_send = True
     with pytest.raises(Unreachable, match="the connection failed"):
         gone.ask(question())
 
@@ -269,6 +270,23 @@ def test_an_endpoint_that_counts_no_tokens_is_counted_for(tmp_path: Path) -> Non
     assert not found.counted and found.tokens_in == tokens_in(question()) and found.tokens_out == 4
 
 
+def test_nothing_is_sent_before_somebody_agreed(tmp_path: Path) -> None:
+    with serving(lambda n, asked: said("Yes.")) as service:
+        client(service, tmp_path).ask(question())
+        asking = client(service, tmp_path)
+        asking.may_send = False
+        assert asking.ask(question()).text == "Yes."
+        with pytest.raises(InputError, match="give --yes"):
+            asking.ask(question("Another?"))
+    assert len(service.asked) == 1
+
+
+def test_without_the_package_a_sentence_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "openai", None)
+    with pytest.raises(InputError, match=r"pip install 'nvsim\[endpoint\]'"):
+        Client(Endpoint.of("http://localhost/v1", "m"), Kept(tmp_path), Budget(Prices()), AskingOptions())
+
+
 def test_a_damaged_answer_is_asked_for_again(tmp_path: Path) -> None:
     with serving(lambda n, asked: said(f"{n}")) as service:
         asking = client(service, tmp_path)
@@ -309,6 +327,7 @@ def test_after_a_kill_no_question_is_sent_twice(tmp_path: Path) -> None:
         from nvsim.endpoint.request import Message, Request
         kept = Kept(Path(sys.argv[2]))
         client = Client(Endpoint.of(sys.argv[1], "seer"), kept, Budget(Prices()), AskingOptions(parallel=1))
+        client.may_send = True
         for i in range(12):
             print(client.ask(Request((Message("user", (f"Question {i}",)),), 50)).text, flush=True)
     """)

@@ -14,8 +14,6 @@ import numpy as np
 import pytest
 from endpoint_server import Asked, Reply, Service, said, serving
 
-pytest.importorskip("openai")
-
 from nvsim.cli.main import main
 from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.judging.asking import read_prompt

@@ -22,8 +22,6 @@ from endpoint_server import Asked, Behaviour, Reply, Service, said, serving, wor
 from export_samples import save_jpeg, sky, strip
 from task_samples import as_agents_load, exported, house
 
-pytest.importorskip("openai")
-
 from nvsim.cli.main import main
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import NavGraph

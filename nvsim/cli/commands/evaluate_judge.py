@@ -242,8 +242,9 @@ def _judged(
     try:
         asked = [(c.endpoint, asker.outlay(c, shown), c.budget.prices) for c in clients.values()]
         notes = ["Sent are pairs of rendered images, each in both orders. Budgets are for each judge."]
-        agree(asked, notes, a.asking.yes)
+        agreed = agree(asked, notes, a.asking.yes)
         for name, client in clients.items():
+            client.may_send = agreed
             judged.append(asker.judge(client, name, shown, listen))
             write_report(judged, shown, out)
     finally:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from nvsim.cli.arguments import Inline
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
-from nvsim.r2r.prompted.eyes import Looking
+from nvsim.r2r.prompted.looking import Looking
 from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 

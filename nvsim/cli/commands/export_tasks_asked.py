@@ -46,7 +46,7 @@ def asked_instructions(a: Arguments, dataset: Dataset, graphs: list[NavGraph]) -
                 "Sent are views along the paths, turns and metres. An answer that makes no sense is asked for again, "
                 "twice at most."
             )
-            agree([(endpoint, writer.outlay(client, tasks), budget.prices)], [note], a.asking.yes)
+            client.may_send = agree([(endpoint, writer.outlay(client, tasks), budget.prices)], [note], a.asking.yes)
             written = writer.write(client, tasks, a.asking.parallel, listen)
         finally:
             client.close()

@@ -12,8 +12,8 @@ from nvsim.cli.arguments import Inline, Positional
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
 from nvsim.r2r.agents.table import Name
-from nvsim.r2r.prompted.eyes import Looking
-from nvsim.r2r.prompted.mapgpt.episode import Rules
+from nvsim.r2r.prompted.looking import Looking
+from nvsim.r2r.prompted.mapgpt.rules import Rules
 
 
 @dataclass(frozen=True)

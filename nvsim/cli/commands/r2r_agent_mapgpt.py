@@ -38,7 +38,7 @@ def run(a: Arguments) -> int:
                 f"{a.rules.most_images} images each, and up to three times as often where its answers make no sense. "
                 "A limit is --budget-tokens or --budget-money."
             ]
-            agree([(endpoint, about, budget.prices)], notes, a.asking.yes)
+            client.may_send = agree([(endpoint, about, budget.prices)], notes, a.asking.yes)
             done = run_mapgpt(agent, client, episodes, folder, listen)
         finally:
             client.close()

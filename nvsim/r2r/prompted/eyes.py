@@ -3,42 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from nvsim.endpoint.request import Image
-from nvsim.errors import InputError
 from nvsim.graph.connectivity import scan_files
 from nvsim.r2r.observations.encoding import jpeg
+from nvsim.r2r.prompted.looking import Looking
 from nvsim.r2r.simulator.images import View
 from nvsim.r2r.simulator.settings import Settings
 from nvsim.r2r.simulator.source import source_of
 
 QUALITY = 85
 """Of JPEG."""
-
-
-@dataclass(frozen=True)
-class Looking:
-    """The images that are sent."""
-
-    image_width: int = 640
-    """Pixels of the images that are sent; they are three quarters as high."""
-    field_of_view: float = 60.0
-    """Degrees of these images from top to bottom, as R2R's views have them."""
-
-    def __post_init__(self) -> None:
-        if not 32 <= self.image_width <= 4096:
-            raise InputError(f"--image-width {self.image_width} is out of range; give 32 to 4096 pixels.")
-        if not 10 <= self.field_of_view <= 120:
-            raise InputError(f"--field-of-view {self.field_of_view:g} is out of range; give 10 to 120 degrees.")
-
-    @property
-    def view(self) -> View:
-        height = max(1, round(self.image_width * 0.75))
-        return View(self.image_width, height, math.radians(self.field_of_view), False)
 
 
 class Eyes:
@@ -51,7 +29,7 @@ class Eyes:
         if not (place / "project.db").is_file():
             settings.setNavGraphPath(next(iter(scan_files(place).values())).parent)
         self._scans, self._images = source_of(settings)
-        self._view = looking.view
+        self._view = View(looking.image_width, looking.image_height, math.radians(looking.field_of_view), False)
 
     def see(self, scan: str, viewpoint: str, heading: float, elevation: float = 0.0) -> Image:
         """The view, angles in radians, rounded to a tenth of a degree so that equal views are equal images. Raises

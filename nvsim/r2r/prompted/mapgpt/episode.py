@@ -11,12 +11,12 @@ from pathlib import Path
 from nvsim.endpoint.asking import Senseless, json_object
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
-from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.prompted.bearings import bearing, level
 from nvsim.r2r.prompted.eyes import Eyes
 from nvsim.r2r.prompted.mapgpt.places import Places
+from nvsim.r2r.prompted.mapgpt.rules import Rules
 from nvsim.r2r.tasks.task import Task
 
 PROMPT = FOLDER / "mapgpt.txt"
@@ -31,25 +31,6 @@ _LONGEST = 2000  # letters of a plan or a thought that are kept
 def read_prompt(path: Path | None) -> Prompt:
     """The prompt in a file, ours where none is named. Raises InputError where it cannot be used."""
     return Prompt.read(path or PROMPT, _NEEDS)
-
-
-@dataclass(frozen=True)
-class Rules:
-    """How far the agent mapgpt may go."""
-
-    steps: int = 15
-    """Most questions of an episode."""
-    stop_after: int = 3
-    """Steps before which stopping is not offered; R2R's paths have four or more."""
-    most_images: int = 20
-    """Most images of a question: of the places that can be gone to, then of others, those seen last first."""
-
-    def __post_init__(self) -> None:
-        for flag, value, least in (("--steps", self.steps, 1), ("--stop-after", self.stop_after, 0)):
-            if not least <= value <= 1000:
-                raise InputError(f"{flag} {value} is out of range; give {least} to 1000.")
-        if not 1 <= self.most_images <= 1000:
-            raise InputError(f"--most-images {self.most_images} is out of range; give 1 to 1000.")
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,10 @@ from nvsim.files import atomic
 from nvsim.files.regular import is_regular, read_json
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose, read_poses
-from nvsim.r2r.prompted.eyes import Eyes, Looking
-from nvsim.r2r.prompted.mapgpt.episode import Choice, Episode, Option, Rules
+from nvsim.r2r.prompted.eyes import Eyes
+from nvsim.r2r.prompted.looking import Looking
+from nvsim.r2r.prompted.mapgpt.episode import Choice, Episode, Option
+from nvsim.r2r.prompted.mapgpt.rules import Rules
 from nvsim.r2r.tasks.task import Task
 
 STAGE = "mapgpt"
