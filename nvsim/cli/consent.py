@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from nvsim.cli.console import paused
 from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.budget import Prices
 from nvsim.endpoint.estimate import Outlay
@@ -15,6 +16,11 @@ def agree(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str]
     """Says on stderr what is sent to whom, with `notes`, and asks unless `yes`. Where all answers are kept
     nobody is asked. Returns whether anything may be sent. Raises InputError where the user says no, or cannot be asked.
     """
+    with paused():
+        return _agreed(asked, notes, yes)
+
+
+def _agreed(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str], yes: bool) -> bool:
     for endpoint, outlay, prices in asked:
         print(f"To {endpoint.words}: {outlay.words(prices)}.", file=sys.stderr)
     if not any(outlay.requests for _, outlay, _ in asked):

@@ -5,6 +5,7 @@ What earlier calls paid for the same work counts too: their answers are kept, an
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -49,14 +50,15 @@ class Budget:
         self.tokens_in = self.tokens_out = 0
         self.asked = self.used_again = 0
         self._held_in = self._held_out = 0
+        self._counted = 1.0  # the most that an endpoint counted for one token of an estimate
         self._changed = threading.Condition()
 
     @contextmanager
-    def holding(self, tokens_in: int, tokens_out: int) -> Iterator[None]:
+    def holding(self, estimate: int, tokens_out: int) -> Iterator[None]:
         """Puts aside what a question may cost while it is asked; waits where others hold what is left. Raises
         BudgetSpent when there is not enough though nobody holds any."""
         with self._changed:
-            while not self._enough(tokens_in, tokens_out):
+            while not self._enough(tokens_in := math.ceil(estimate * self._counted), tokens_out):
                 if not (self._held_in or self._held_out):
                     raise BudgetSpent(self._words())
                 self._changed.wait()
@@ -70,9 +72,12 @@ class Budget:
                 self._held_out -= tokens_out
                 self._changed.notify_all()
 
-    def count(self, answer: Answer, again: bool) -> None:
-        """Adds what an answer cost; `again` where an earlier call had paid for it."""
+    def count(self, answer: Answer, again: bool, estimate: int = 0) -> None:
+        """Adds what an answer cost; `again` where an earlier call had paid for it. estimate: tokens that its question
+        was thought to have; where the endpoint counted more, questions from now on are thought to have more."""
         with self._changed:
+            if estimate > 0:
+                self._counted = max(self._counted, answer.tokens_in / estimate)
             self.tokens_in += answer.tokens_in
             self.tokens_out += answer.tokens_out
             self.asked += not again

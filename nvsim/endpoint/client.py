@@ -74,9 +74,9 @@ class Client:
             with self.budget.holding(tokens_in(request), request.tokens):
                 found = self._answered(request)
                 self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)
-                self.budget.count(found, again=False)
+                self.budget.count(found, again=False, estimate=tokens_in(request))
         else:
-            self.budget.count(found, again=True)
+            self.budget.count(found, again=True, estimate=tokens_in(request))
         return found
 
     def _key(self, request: Request) -> str:

@@ -255,6 +255,16 @@ def test_a_budget_is_never_overspent(tmp_path: Path) -> None:
         assert len(service.asked) == 12 and more.used_again == 6 and more.asked == 6
 
 
+def test_a_budget_learns_how_the_endpoint_counts(tmp_path: Path) -> None:
+    """An endpoint that counts three times the estimate exceeds a budget by its first answers at most."""
+    requests = [Request((Message("user", ("x" * 360 + f"{i:04}",)),), 50) for i in range(20)]
+    with serving(lambda n, asked: said("Yes.", 297, 50)) as service:
+        budget = Budget(Prices(), tokens=2000)
+        with pytest.raises(BudgetSpent):
+            list(each(client(service, tmp_path, budget).ask, requests, 1))
+    assert len(service.asked) == 5 and 2000 - 347 < budget.tokens_in + budget.tokens_out <= 2000
+
+
 def test_a_budget_in_money_needs_prices() -> None:
     with pytest.raises(InputError, match="--price-in and --price-out"):
         Budget(Prices(1.0), money=1.0)
