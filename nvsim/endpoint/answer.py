@@ -43,13 +43,17 @@ class Kept:
         return self.folder / key[:2] / f"{key}.json"
 
     def get(self, key: str) -> Answer | None:
-        if not is_regular(self.path(key)):
-            return None
-        try:
-            found = read_json(self.path(key), "a kept answer", "remove it", _LARGEST)
-        except InputError:
-            return None
-        return _answer(found.get("answer")) if isinstance(found, dict) and found.get("format") == _FORMAT else None
+        return _answer(_record(self.path(key)).get("answer"))
+
+    def paid(self, url: str, model: str) -> tuple[int, int]:
+        """Tokens in and out of all answers of a model."""
+        into = out = 0
+        for path in self.folder.glob("??/*.json"):
+            found = _record(path)
+            answer = _answer(found.get("answer"))
+            if answer is not None and (found.get("endpoint"), found.get("model")) == (url, model):
+                into, out = into + answer.tokens_in, out + answer.tokens_out
+        return into, out
 
     def put(self, key: str, url: str, model: str, request: Request, answer: Answer) -> None:
         """Writes question and answer, whole or not at all. Raises InputError when the disk refuses."""
@@ -62,6 +66,17 @@ class Kept:
         }
         # What a model says may hold halves of surrogate pairs, which are no UTF-8; JSON's escapes hold them.
         atomic.write_text(self.path(key), json.dumps(kept, indent=1) + "\n")
+
+
+def _record(path: Path) -> dict[str, Any]:
+    """What a file holds, {} where it is missing or damaged."""
+    if not is_regular(path):
+        return {}
+    try:
+        found = read_json(path, "a kept answer", "remove it", _LARGEST)
+    except InputError:
+        return {}
+    return found if isinstance(found, dict) and found.get("format") == _FORMAT else {}
 
 
 def _answer(found: Any) -> Answer | None:

@@ -1,6 +1,6 @@
 """What may be spent on one piece of work, in tokens and in money, by however many questions at once.
 
-What earlier calls paid for the same work counts too: their answers are kept, and are counted when they are used again.
+What earlier calls paid counts too: all answers of the same model that are kept in the same folder.
 """
 
 from __future__ import annotations
@@ -72,16 +72,25 @@ class Budget:
                 self._held_out -= tokens_out
                 self._changed.notify_all()
 
-    def count(self, answer: Answer, again: bool, estimate: int = 0) -> None:
-        """Adds what an answer cost; `again` where an earlier call had paid for it. estimate: tokens that its question
-        was thought to have; where the endpoint counted more, questions from now on are thought to have more."""
+    def paid_before(self, tokens_in: int, tokens_out: int) -> None:
+        """Adds what earlier calls paid."""
         with self._changed:
-            if estimate > 0:
-                self._counted = max(self._counted, answer.tokens_in / estimate)
+            self.tokens_in += tokens_in
+            self.tokens_out += tokens_out
+
+    def count(self, answer: Answer, estimate: int) -> None:
+        """Adds what an answer cost. estimate: tokens that its question was thought to have; where the endpoint counted
+        more, questions from now on are thought to have more."""
+        with self._changed:
+            self._counted = max(self._counted, answer.tokens_in / max(estimate, 1))
             self.tokens_in += answer.tokens_in
             self.tokens_out += answer.tokens_out
-            self.asked += not again
-            self.used_again += again
+            self.asked += 1
+
+    def count_again(self) -> None:
+        """Counts an answer that earlier calls paid for."""
+        with self._changed:
+            self.used_again += 1
 
     @property
     def money(self) -> float | None:

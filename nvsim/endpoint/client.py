@@ -46,6 +46,7 @@ class Client:
     ) -> None:
         self.endpoint, self.kept, self.budget, self.options = endpoint, kept, budget, options
         self.may_send = False
+        budget.paid_before(*kept.paid(endpoint.url, endpoint.model))
         self._listen = listen
         self._openai = _package()
         self._connection: Any = None
@@ -74,9 +75,9 @@ class Client:
             with self.budget.holding(tokens_in(request), request.tokens):
                 found = self._answered(request)
                 self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)
-                self.budget.count(found, again=False, estimate=tokens_in(request))
+                self.budget.count(found, tokens_in(request))
         else:
-            self.budget.count(found, again=True, estimate=tokens_in(request))
+            self.budget.count_again()
         return found
 
     def _key(self, request: Request) -> str:

@@ -54,7 +54,8 @@ def test_a_question_is_sent_as_services_take_it_and_kept(tmp_path: Path) -> None
     with serving(lambda n, asked: said("A door.", 120, 7)) as service:
         budget = Budget(Prices(2.0, 10.0))
         first = client(service, tmp_path, budget).ask(question())
-        again = client(service, tmp_path, budget).ask(question())
+        later = Budget(Prices())
+        again = client(service, tmp_path, later).ask(question())
     assert first.text == "A door." and again == first
     (asked,) = service.asked
     assert asked.path == "/v1/chat/completions" and asked.headers["authorization"] == "Bearer secret-word"
@@ -63,8 +64,9 @@ def test_a_question_is_sent_as_services_take_it_and_kept(tmp_path: Path) -> None
     assert body["messages"][0] == {"role": "system", "content": "You look."}
     assert body["messages"][1]["content"][0] == {"type": "text", "text": "What is this?"}
     assert body["messages"][1]["content"][1]["image_url"]["url"].startswith("data:image/jpeg;base64,/9j/")
-    assert (budget.asked, budget.used_again, budget.tokens_in, budget.tokens_out) == (1, 1, 240, 14)
-    assert budget.money == pytest.approx((240 * 2 + 14 * 10) / 1e6)
+    assert (budget.asked, budget.used_again, budget.tokens_in, budget.tokens_out) == (1, 0, 120, 7)
+    assert budget.money == pytest.approx((120 * 2 + 7 * 10) / 1e6)
+    assert (later.asked, later.used_again, later.tokens_in, later.tokens_out) == (0, 1, 120, 7)
     (kept,) = tmp_path.rglob("*.json")
     assert "secret-word" not in kept.read_text() and json.loads(kept.read_text())["answer"]["text"] == "A door."
 

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from nvsim.endpoint.answer import Answer
 from nvsim.endpoint.asking import Unanswered, ask_until_clear
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.estimate import Outlay, outlay_of
@@ -116,7 +115,6 @@ def run_mapgpt(
             todo.append((id, task, depends))
         else:
             found[id] = record
-            client.budget.count(Answer("", tokens_in=record.tokens_in, tokens_out=record.tokens_out), again=True)
     listen(Progress(STAGE, len(found), len(episodes)))
     for (id, _, _), record in each(lambda e: _walked(agent, client, folder, *e), todo, client.options.parallel):
         found[id] = record
