@@ -12,6 +12,7 @@ from nvsim.cli.show import as_json
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
 
 _heard_by: Listener | None = None
+_terminal: _Terminal | None = None  # which has its bars on the screen
 
 
 @contextmanager
@@ -33,10 +34,28 @@ def listening(in_json: bool) -> Iterator[Listener]:
     elif in_json:
         yield _print_json
     elif sys.stderr.isatty():
+        global _terminal
         with _Terminal() as terminal:
-            yield terminal
+            _terminal = terminal
+            try:
+                yield terminal
+            finally:
+                _terminal = None
     else:
         yield _Plain()
+
+
+@contextmanager
+def paused() -> Iterator[None]:
+    """Takes the bars off the screen for the time of a question: they hold back lines that are not ended."""
+    if _terminal is None:
+        yield
+        return
+    _terminal.stop()
+    try:
+        yield
+    finally:
+        _terminal.start()
 
 
 def tell_failure(event: Failed, in_json: bool) -> None:
@@ -100,10 +119,16 @@ class _Terminal:
         self._tasks: dict[str, tuple] = {}
 
     def __enter__(self) -> _Terminal:
-        self._bars.start()
+        self.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self) -> None:
+        self._bars.start()
+
+    def stop(self) -> None:
         self._bars.stop()
 
     def __call__(self, event: Event) -> None:

@@ -44,7 +44,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export r2r": ("export_r2r", WORK["export r2r"].does),
     "export scan": ("export_scan", WORK["export scan"].does),
     "r2r python": ("r2r_python", "run a program that finds NVSim's simulator where it imports MatterSim"),
-    "r2r agent": ("r2r_agent", "run an agent without a model through tasks, and write its trajectories"),
+    "r2r agent": ("r2r_agent", "run an agent through tasks, and write its trajectories"),
     "r2r path": ("r2r_path", "print the folder that PYTHONPATH needs for the same"),
     "export graph": (
         "export_graph",
@@ -69,6 +69,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "check an exported scan: files, directions, reach, seams, views from its strips",
     ),
     "evaluate r2r": ("evaluate_r2r", "score the trajectories of agents on tasks, and print the paper's table of them"),
+    "evaluate judge": (
+        "evaluate_judge",
+        "let models that see, and figures, prefer one image of a pair: the paper's table of judges",
+    ),
     "bench render": ("bench_render", "milliseconds of a view of many Gaussians, forward and backward"),
     "bench opengl": ("bench_opengl", "milliseconds of an OpenGL frame and its parts, beside the kernels"),
     "bench startup": ("bench_startup", "seconds until the help and until the window"),

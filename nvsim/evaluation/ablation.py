@@ -76,7 +76,7 @@ def evaluate_ablation(
 ) -> Outcome:
     """Trains what is missing and scores everything. Raises InputError when the project has no floor masks, holds no
     frame out, or has no such submap or row."""
-    chosen, tables, folder = _submaps(project, config.submaps), _tables(config), truth_of(project, truth)
+    chosen, tables, folder = chosen_submaps(project, config.submaps), _tables(config), truth_of(project, truth)
     runs = {
         (row, submap.index, seed): run_of(project, submap, row.config, seed)
         for submap in chosen
@@ -154,7 +154,9 @@ def _tables(config: AblationConfig) -> dict[str, tuple[Row, ...]]:
     return {table: made[table]() for table in TABLES if table in config.tables}
 
 
-def _submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
+def chosen_submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
+    """The submaps of a project, `only` some where any is given. Raises InputError where there is no such one, or no
+    floor masks."""
     submaps = project.need_submaps()
     if not floors_key(project):
         raise lacks(project.layout.root, "floors")

@@ -126,6 +126,26 @@ def test_a_second_call_trains_nothing_and_leaves_the_project_s_models_alone(
     assert outcome.tables["ablation"].rows == made[1]["tables"]["ablation"]
 
 
+def test_judges_compare_the_models_of_the_ablation_and_train_nothing(rooms: Path, made: tuple[dict, dict]) -> None:
+    before = runs(rooms)
+    options = ["--presets", "3dgs", "splatfacto-i", "--seen", "2", "--novel", "3", "--image-width", "100"]
+    judge = [word if word != "ablation" else "judge" for word in command(rooms, *options)]
+    done = subprocess.run(judge, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = results(done.stdout)
+    assert runs(rooms) == before
+    rows = [row for row in found["rows"] if not row["why"]]
+    assert [row["judge"] for row in rows] == ["sharpness (offline, no reference)"]
+    assert {rows[0]["a"], rows[0]["b"]} == {"3dgs", "splatfacto-i"} and rows[0]["novel_pairs"] > 0
+    images = sorted((rooms / "judge" / "images").rglob("*.png"))
+    assert len(images) == 2 * rows[0]["pairs"]
+    for path in images:
+        assert cv2.imread(str(path)).shape == (75, 100, 3)
+    stamps = {path: path.stat().st_mtime_ns for path in images}
+    assert subprocess.run(judge, capture_output=True, check=False).returncode == 0
+    assert {path: path.stat().st_mtime_ns for path in images} == stamps, "images are drawn once"
+
+
 class Killed(BaseException):
     pass
 

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline
+from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
+from nvsim.r2r.prompted.looking import Looking
 from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
@@ -36,6 +38,11 @@ class Arguments:
     """Instructions of each path, made here from turns, distances and slopes; 0 leaves them empty."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
+    asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
+    asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
+    looking: Inline[Looking] = field(default_factory=Looking)
+    prompt: Path | None = None
+    """What the model at --endpoint is told; resources/prompts/instructions.txt when left out."""
     json: bool = False
     """Print what was written as JSON."""
 
@@ -52,7 +59,11 @@ def run(arguments: Arguments) -> int:
     graphs = _graphs(a)
     told = instruct(sample_tasks(graphs, a.unseen, a.bounds, a.amounts), graphs, a.instructions, a.amounts.seed)
     dataset = told.dataset
-    about = {"each": a.instructions, "paths": told.paths, "found_again": len(told.found)}
+    about: dict[str, Any] = {"each": a.instructions, "paths": told.paths, "found_again": len(told.found)}
+    if a.asked.endpoint is not None:
+        from nvsim.cli.commands.export_tasks_asked import asked_instructions
+
+        dataset, about["endpoint"] = asked_instructions(a, dataset, graphs)
     written = export_tasks(dataset, a.out, a.bounds, a.amounts, about)
     for warning in _warnings(dataset):
         print(f"warning: {warning}", file=sys.stderr)
@@ -64,7 +75,12 @@ def run(arguments: Arguments) -> int:
     else:
         table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
         if a.instructions:
-            print(f"From the instructions alone a follower finds {_found(told)}.")
+            made = "instructions made here" if a.asked.endpoint is not None else "instructions"
+            print(f"From the {made} alone a follower finds {_found(told)}.")
+        if "endpoint" in about:
+            print(
+                f"{about['endpoint']['paths']} of {told.paths} paths have instructions of {about['endpoint']['model']}."
+            )
         print("\n".join(f"Wrote {path}" for path in written))
     return 0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from random import Random
 
 from nvsim.graph.types import NavGraph
@@ -12,9 +12,8 @@ from nvsim.r2r.instructions.following import follow
 from nvsim.r2r.instructions.ground import Ground, Leg
 from nvsim.r2r.instructions.rounding import DETAILS, Detail, rounded
 from nvsim.r2r.instructions.wording import instruction_of
-from nvsim.r2r.tasks.joining import joined_instructions
+from nvsim.r2r.tasks.retelling import retold
 from nvsim.r2r.tasks.splitting import Dataset
-from nvsim.r2r.tasks.task import JoinedTask, Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,23 +35,15 @@ def instruct(dataset: Dataset, graphs: Iterable[NavGraph], each: int, seed: int)
     heading and id, and the seed alone. Joined paths have those of their two."""
     grounds = {graph.scan: Ground(Ways.of(graph)) for graph in graphs}
     found: dict[int, Detail] = {}
-    told: dict[int, Task] = {}
+    told: dict[int, tuple[str, ...]] = {}
     for task in (task for tasks in dataset.splits.values() for task in tasks):
         ground = grounds[task.scan]
         said, detail, again = say(ground, [ground.row[id] for id in task.path], task.heading)
         if again:
             found[task.path_id] = detail
         random = Random(f"{seed} {task.scan} {task.path_id}")
-        texts = tuple(instruction_of(said, detail, random) for _ in range(each))
-        told[task.path_id] = replace(task, instructions=texts)
-    splits = {name: [told[task.path_id] for task in tasks] for name, tasks in dataset.splits.items()}
-    joined = {name: [_joined(task, told) for task in tasks] for name, tasks in dataset.joined.items()}
-    return Told(replace(dataset, splits=splits, joined=joined), found)
-
-
-def _joined(task: JoinedTask, told: Mapping[int, Task]) -> JoinedTask:
-    instructions = joined_instructions(told[task.first_path_id], told[task.second_path_id])
-    return replace(task, instructions=instructions)
+        told[task.path_id] = tuple(instruction_of(said, detail, random) for _ in range(each))
+    return Told(retold(dataset, told), found)
 
 
 def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:

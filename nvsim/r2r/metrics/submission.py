@@ -44,10 +44,15 @@ def read_submission(path: Path) -> dict[str, list[Pose]]:
         where += f" ({shown(id)})"
         if id in found:
             raise InputError(f"{where}: this instr_id was used before; give one trajectory for each.")
-        if not isinstance(poses, list) or not poses:
-            raise InputError(f"{where}: trajectory is {shown(poses)}; it must be a list that begins with the start.")
-        found[id] = [_pose(pose, f"{where}, step {k}") for k, pose in enumerate(poses)]
+        found[id] = read_poses(poses, where)
     return found
+
+
+def read_poses(poses: Any, where: str) -> list[Pose]:
+    """A trajectory out of JSON. Raises InputError where it is none; `where` it stands."""
+    if not isinstance(poses, list) or not poses:
+        raise InputError(f"{where}: trajectory is {shown(poses)}; it must be a list that begins with the start.")
+    return [_pose(pose, f"{where}, step {k}") for k, pose in enumerate(poses)]
 
 
 def check_submission(

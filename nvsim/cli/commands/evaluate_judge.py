@@ -1,0 +1,253 @@
+"""Compare images of the same views by two models or more, pair by pair: by models that see, at endpoints, in both
+orders, and by two figures that need none. Prints and writes the paper's table of judges.
+
+Compared are presets of one project (--project, trained as in the ablation where they are missing), projects of one
+capture (--projects), or folders of rendered images of the same names (--folders). Nothing is sent unless --judges names
+somebody."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from nvsim.cli.arguments import Inline
+from nvsim.endpoint.options import AskingOptions
+from nvsim.errors import InputError
+
+if TYPE_CHECKING:
+    from nvsim.endpoint.address import Endpoint
+    from nvsim.endpoint.budget import Prices
+    from nvsim.evaluation.judging.contestants import Shown
+    from nvsim.evaluation.scores import Distance
+    from nvsim.events import Listener
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: Path | None = None
+    """A project whose presets are compared."""
+    presets: tuple[str, ...] = ("splatfacto-i", "splatfacto-w", "3dgs")
+    """Which of them; those that were not trained with these steps, image size and cap are trained."""
+    projects: tuple[Path, ...] = ()
+    """In place of --project: two projects of one capture or more."""
+    folders: tuple[Path, ...] = ()
+    """In place of --project: two folders of images of the same names or more; below novel/ lie novel views."""
+    reference: Path | None = None
+    """With --folders: photographs of the same names, for LPIPS."""
+    judges: tuple[str, ...] = ()
+    """MODEL@URL of each judge, such as gpt-5@https://api.openai.com/v1 or
+    gemini-2.5-flash@https://generativelanguage.googleapis.com/v1beta/openai."""
+    key_variables: tuple[str, ...] = ()
+    """Variables of the environment that hold the keys, one for each judge; OPENAI_API_KEY or GEMINI_API_KEY at those
+    two and NVSIM_ENDPOINT_KEY elsewhere when left out."""
+    prices_in: tuple[float, ...] = ()
+    """Price of a million tokens of questions, one for each judge."""
+    prices_out: tuple[float, ...] = ()
+    """Price of a million tokens of answers, one for each judge."""
+    asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
+    prompt: Path | None = None
+    """What the judges are told; resources/prompts/judge.txt when left out."""
+    seen: int = 5
+    """Views of each submap that its models were trained on."""
+    novel: int = 20
+    """Views of each submap that nobody took an image of."""
+    submaps: tuple[int, ...] = ()
+    """Only these submaps."""
+    image_width: int = 640
+    """Longest side of the images, pixels."""
+    seed: int = 0
+    """Of the training, and of novel views that are drawn."""
+    steps: int | None = None
+    """Steps of every model of --presets; as the preset nvsim has it when left out."""
+    image_size: int | None = None
+    """Longest side of their training images, pixels; likewise."""
+    gaussian_cap: int | None = None
+    """Their most Gaussians; likewise."""
+    truth: Path | None = None
+    """Folder with novel views (holdout_frames.txt, novel/); the project's own when left out."""
+    lpips: Path | None = None
+    """An ONNX export of LPIPS; else lpips.onnx in the models folder ($NVSIM_MODELS)."""
+    lpips_range: Literal["auto", "-1..1", "0..1"] = "auto"
+    """The values that network takes; auto: as its property input_range says, else -1..1."""
+    out: Path | None = None
+    """Folder for images, answers and tables; the project's judge/ when left out."""
+    json: bool = False
+    """Print the figures as JSON."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.cli.console import listening
+    from nvsim.cli.show import as_json
+    from nvsim.evaluation.judging.contestants import STAGE
+    from nvsim.evaluation.judging.report import text_of, write_report
+    from nvsim.evaluation.judging.verdicts import table_rows
+    from nvsim.evaluation.lpips import open_lpips
+    from nvsim.events import Done
+
+    a = arguments
+    _check(a)
+    endpoints = _endpoints(a)
+    distance, why = open_lpips(a.lpips, a.lpips_range)
+    with ExitStack() as stack:
+        if a.project is not None:
+            from nvsim.cli.session import working
+
+            project, listen = stack.enter_context(working(a.project, "evaluate judge", a.json))
+            out = a.out or project.layout.root / "judge"
+            shown = _by_presets(a, project, out, listen)
+        else:
+            listen = stack.enter_context(listening(a.json))
+            assert a.out is not None
+            out = a.out
+            shown = _by_projects(a, out, listen) if a.projects else _by_folders(a)
+        judged = _judged(a, endpoints, shown, out, distance, why, listen)
+        files = write_report(judged, shown, out)
+        results: dict[str, Any] = {"rows": table_rows(judged, shown), "files": [str(f) for f in files]}
+        if a.project is not None:
+            project.set_result("judge", results)
+        listen(Done(STAGE, f"{len(judged)} judges on {len(shown)} views; {out}", results))
+    if not a.json:
+        print(text_of(judged, shown), end="", flush=True)
+    elif a.project is None:
+        print(as_json(results))
+    return 0
+
+
+def _check(a: Arguments) -> None:
+    ways = [name for name in ("project", "projects", "folders") if getattr(a, name)]
+    if len(ways) != 1:
+        raise InputError("Say what is compared: --project with --presets, --projects or --folders, one of the three.")
+    if ways[0] != "project" and a.out is None:
+        raise InputError(f"Images and tables need a folder; give --out DIR with --{ways[0]}.")
+    count = {"project": len(set(a.presets)), "projects": len(a.projects), "folders": len(a.folders)}[ways[0]]
+    if count < 2:
+        raise InputError(
+            f"A comparison needs two or more; name another of --{'presets' if ways[0] == 'project' else ways[0]}."
+        )
+    if a.reference is not None and not a.folders:
+        raise InputError("--reference belongs to --folders; projects have photographs of their own.")
+    if min(a.seen, a.novel) < 0 or a.seen + a.novel == 0 or max(a.seen, a.novel) > 10_000:
+        raise InputError(f"--seen {a.seen} and --novel {a.novel} give no views to compare; give one of them at least.")
+    if not 16 <= a.image_width <= 4096:
+        raise InputError(f"--image-width {a.image_width} is out of range; give 16 to 4096 pixels.")
+
+
+def _endpoints(a: Arguments) -> dict[str, tuple[Endpoint, Prices]]:
+    """Judge -> where it is, and what it costs."""
+    from nvsim.endpoint.address import Endpoint
+    from nvsim.endpoint.budget import Prices
+
+    for flag, given in (
+        ("--key-variables", a.key_variables),
+        ("--prices-in", a.prices_in),
+        ("--prices-out", a.prices_out),
+    ):
+        if given and len(given) != len(a.judges):
+            raise InputError(f"{flag} has {len(given)} values for {len(a.judges)} judges; give one for each.")
+    found = {}
+    for i, judge in enumerate(a.judges):
+        model, at, url = judge.rpartition("@")
+        if not at:
+            raise InputError(
+                f"--judges {judge!r} is not MODEL@URL; name both, such as gpt-5@https://api.openai.com/v1."
+            )
+        endpoint = Endpoint.of(url, model, a.key_variables[i] if a.key_variables else "")
+        prices = Prices(a.prices_in[i] if a.prices_in else None, a.prices_out[i] if a.prices_out else None)
+        name = model if model not in found else f"{model} at {endpoint.url}"
+        if name in found:
+            raise InputError(f"--judges names {judge} twice; name each judge once.")
+        found[name] = endpoint, prices
+    return found
+
+
+def _by_presets(a: Arguments, project: Any, out: Path, listen: Listener) -> list[Shown]:
+    from nvsim.evaluation.ablation import chosen_submaps
+    from nvsim.evaluation.ablation_rows import Budget, preset_rows
+    from nvsim.evaluation.judging.contestants import by_presets
+    from nvsim.evaluation.judging.views import Counts, judged_views
+    from nvsim.evaluation.truth import truth_of
+
+    submaps = chosen_submaps(project, a.submaps)
+    rows = {row.name: row for row in preset_rows(Budget(a.steps, a.image_size, a.gaussian_cap), a.presets)}
+    counts = Counts(a.seen, a.novel, a.seed, a.image_width)
+    views = judged_views(project, submaps, truth_of(project, a.truth), counts)
+    chosen = [rows[name] for name in dict.fromkeys(a.presets)]
+    return by_presets(project, chosen, submaps, a.seed, views, out, listen)
+
+
+def _by_projects(a: Arguments, out: Path, listen: Listener) -> list[Shown]:
+    from nvsim.evaluation.ablation import chosen_submaps
+    from nvsim.evaluation.judging.contestants import by_projects
+    from nvsim.evaluation.judging.views import Counts, judged_views
+    from nvsim.evaluation.truth import truth_of
+    from nvsim.project.project import Project
+
+    with ExitStack() as stack:
+        opened = {name: stack.enter_context(Project.open(path)) for name, path in _named(a.projects).items()}
+        first = next(iter(opened.values()))
+        counts = Counts(a.seen, a.novel, a.seed, a.image_width)
+        views = judged_views(first, chosen_submaps(first, a.submaps), truth_of(first, a.truth), counts)
+        return by_projects(opened, views, out, listen)
+
+
+def _by_folders(a: Arguments) -> list[Shown]:
+    from nvsim.evaluation.judging.contestants import by_folders
+
+    return by_folders(_named(a.folders), a.reference)
+
+
+def _named(paths: tuple[Path, ...]) -> dict[str, Path]:
+    """By their own names, with their parents' where two are alike. Raises InputError where one comes twice."""
+    resolved = [path.resolve() for path in paths]
+    names = [path.stem if path.suffix == ".nvsim" else path.name for path in resolved]
+    full = [name if names.count(name) == 1 else f"{path.parent.name}-{name}" for name, path in zip(names, resolved)]
+    if len(set(full)) < len(full):
+        raise InputError(
+            "Two of the things to compare have the same name; rename one, so that the table can tell them apart."
+        )
+    return dict(zip(full, paths))
+
+
+def _judged(
+    a: Arguments,
+    endpoints: dict[str, tuple[Endpoint, Prices]],
+    shown: list[Shown],
+    out: Path,
+    distance: Distance | None,
+    why: str,
+    listen: Listener,
+) -> list[Any]:
+    """The verdicts of all judges, figures first. Those of the figures are written before anybody is asked, and those of
+    every judge before the next one is."""
+    from nvsim.evaluation.judging.offline import by_lpips, by_sharpness
+    from nvsim.evaluation.judging.report import write_report
+
+    judged = [by_lpips(shown, distance, why), by_sharpness(shown)]
+    if not endpoints:
+        return judged
+    from nvsim.cli.consent import agree
+    from nvsim.endpoint.answer import Kept
+    from nvsim.endpoint.budget import Budget
+    from nvsim.endpoint.client import Client
+    from nvsim.evaluation.judging.asking import Asker, read_prompt
+
+    asker = Asker(read_prompt(a.prompt), a.image_width)
+    write_report(judged, shown, out)
+    clients = {}
+    for name, (endpoint, prices) in endpoints.items():
+        budget = Budget(prices, a.asking.budget_tokens, a.asking.budget_money)
+        clients[name] = Client(endpoint, Kept(out / "answers"), budget, a.asking, listen)
+    try:
+        asked = [(c.endpoint, asker.outlay(c, shown), c.budget.prices) for c in clients.values()]
+        notes = ["Sent are pairs of rendered images, each in both orders. Budgets are for each judge."]
+        agreed = agree(asked, notes, a.asking.yes)
+        for name, client in clients.items():
+            client.may_send = agreed
+            judged.append(asker.judge(client, name, shown, listen))
+            write_report(judged, shown, out)
+    finally:
+        for client in clients.values():
+            client.close()
+    return judged

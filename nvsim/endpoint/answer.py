@@ -1,0 +1,89 @@
+"""What a model answered, and the folder in which answers are kept, each in a file named by the hash of its question."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from nvsim.endpoint.request import Request
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.regular import is_regular, read_json
+
+_FORMAT = 1
+_LARGEST = 1 << 26  # bytes of a kept answer
+
+
+@dataclass(frozen=True)
+class Answer:
+    """text        what the model said, "" where it said nothing
+    refusal     why it would not answer, "" where it did
+    cut_off     the answer is longer than it was allowed to be
+    tokens_in, tokens_out   as the endpoint counted them
+    counted     False where the endpoint did not say, so that they are an estimate
+    """
+
+    text: str
+    refusal: str = ""
+    cut_off: bool = False
+    tokens_in: int = 0
+    tokens_out: int = 0
+    counted: bool = True
+
+
+class Kept:
+    """The answers in one folder. A file that is damaged counts as missing, and is written again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def path(self, key: str) -> Path:
+        return self.folder / key[:2] / f"{key}.json"
+
+    def get(self, key: str) -> Answer | None:
+        return _answer(_record(self.path(key)).get("answer"))
+
+    def paid(self, url: str, model: str) -> tuple[int, int]:
+        """Tokens in and out of all answers of a model."""
+        into = out = 0
+        for path in self.folder.glob("??/*.json"):
+            found = _record(path)
+            answer = _answer(found.get("answer"))
+            if answer is not None and (found.get("endpoint"), found.get("model")) == (url, model):
+                into, out = into + answer.tokens_in, out + answer.tokens_out
+        return into, out
+
+    def put(self, key: str, url: str, model: str, request: Request, answer: Answer) -> None:
+        """Writes question and answer, whole or not at all. Raises InputError when the disk refuses."""
+        kept = {
+            "format": _FORMAT,
+            "endpoint": url,
+            "model": model,
+            "messages": request.transcript(),
+            "answer": asdict(answer),
+        }
+        # What a model says may hold halves of surrogate pairs, which are no UTF-8; JSON's escapes hold them.
+        atomic.write_text(self.path(key), json.dumps(kept, indent=1) + "\n")
+
+
+def _record(path: Path) -> dict[str, Any]:
+    """What a file holds, {} where it is missing or damaged."""
+    if not is_regular(path):
+        return {}
+    try:
+        found = read_json(path, "a kept answer", "remove it", _LARGEST)
+    except InputError:
+        return {}
+    return found if isinstance(found, dict) and found.get("format") == _FORMAT else {}
+
+
+def _answer(found: Any) -> Answer | None:
+    if not isinstance(found, dict) or found.keys() != {field.name for field in fields(Answer)}:
+        return None
+    kinds = {"text": str, "refusal": str, "cut_off": bool, "tokens_in": int, "tokens_out": int, "counted": bool}
+    if any(type(found[name]) is not kind for name, kind in kinds.items()):
+        return None
+    answer = Answer(**found)
+    return answer if answer.tokens_in >= 0 and answer.tokens_out >= 0 else None

@@ -1,0 +1,286 @@
+"""An endpoint that is asked: every question once, its answer kept on disk, and again where none came.
+
+Speaks OpenAI's chat completions, which most services and servers offer, through the package `openai` (the extra
+`endpoint`), without streaming, and follows no redirects: images go where the user said and nowhere else.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import threading
+import time
+from collections.abc import Mapping
+from email.utils import parsedate_to_datetime
+from typing import Any
+
+from nvsim.endpoint.address import Endpoint
+from nvsim.endpoint.answer import Answer, Kept
+from nvsim.endpoint.budget import Budget
+from nvsim.endpoint.estimate import tokens_in
+from nvsim.endpoint.options import AskingOptions
+from nvsim.endpoint.request import Request
+from nvsim.errors import InputError
+from nvsim.events import Listener, Warning, silent
+from nvsim.files.regular import shown
+
+_LONGEST_WAIT = 60.0  # seconds that we wait by ourselves
+_LONGEST_ASKED = 600.0  # seconds that an endpoint may ask us to wait
+_MOST_RESPELLED = 4  # two options, and what other threads learn meanwhile
+_LATER = {408, 409, 425, 429}
+_FILTERED = ("content_filter", "content_policy_violation", "ResponsibleAIPolicyViolation")
+
+
+class Unreachable(InputError):
+    """The endpoint gave no answer, however often it was asked."""
+
+
+class Client:
+    """Asks one model; several threads may. Raises InputError where the package `openai` is not installed.
+
+    may_send   whether a user agreed; until then kept answers are all that it gives
+    """
+
+    def __init__(
+        self, endpoint: Endpoint, kept: Kept, budget: Budget, options: AskingOptions, listen: Listener = silent
+    ) -> None:
+        self.endpoint, self.kept, self.budget, self.options = endpoint, kept, budget, options
+        self.may_send = False
+        budget.paid_before(*kept.paid(endpoint.url, endpoint.model))
+        self._listen = listen
+        self._openai = _package()
+        self._connection: Any = None
+        self._lock = threading.Lock()
+        self._not_before = 0.0  # time.monotonic() from which any thread may ask again
+        self._spelled = {"tokens": "max_tokens", "temperature": "temperature"}
+
+    def is_kept(self, request: Request) -> bool:
+        """Whether the answer is there, so that nothing would be sent."""
+        return self.kept.get(self._key(request)) is not None
+
+    def ask(self, request: Request) -> Answer:
+        """The answer: kept, or asked for and kept. A refusal is an answer.
+
+        Raises InputError where it would be sent and nobody agreed; BudgetSpent; Unreachable after all attempts;
+        InputError where the endpoint says that it never will answer: a wrong key, no such model, no credit, a question
+        that it does not take.
+        """
+        key = self._key(request)
+        found = self.kept.get(key)
+        if found is None:
+            if not self.may_send:
+                raise InputError(
+                    "A question is left that was not asked yet; nothing was sent, so give --yes to send it."
+                )
+            with self.budget.holding(tokens_in(request), request.tokens):
+                found = self._answered(request)
+                self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)
+                self.budget.count(found, tokens_in(request))
+        else:
+            self.budget.count_again()
+        return found
+
+    def _key(self, request: Request) -> str:
+        return request.key(self.endpoint.url, self.endpoint.model)
+
+    def _answered(self, request: Request) -> Answer:
+        why = ""
+        attempt = respelled = 0
+        while attempt < self.options.attempts:
+            self._wait()
+            try:
+                return self._once(request)
+            except _Respelled:  # asked again at once, in the endpoint's own words
+                respelled += 1
+                if respelled > _MOST_RESPELLED:
+                    break
+            except _Later as later:
+                why, attempt = str(later), attempt + 1
+                if attempt < self.options.attempts:
+                    self._pause(later.seconds, attempt, why)
+        raise Unreachable(
+            f"{self.endpoint.url} gave no answer in {self.options.attempts} attempts ({why}); answers so far are kept, "
+            "so run the same command again later."
+        )
+
+    def _once(self, request: Request) -> Answer:
+        openai = self._openai
+        spelled = dict(self._spelled)
+        options: dict[str, Any] = {spelled["tokens"]: request.tokens}
+        if "temperature" in spelled:
+            options["temperature"] = 0
+        try:
+            response = self._client().chat.completions.with_raw_response.create(
+                model=self.endpoint.model, messages=request.body(), **options
+            )
+            return _read(response.http_response.content, request)
+        except openai.APIStatusError as error:
+            return self._settled(error, spelled, request)
+        except openai.APITimeoutError as error:
+            raise _Later(f"no answer within {self.options.timeout:g} seconds") from error
+        except openai.APIConnectionError as error:
+            cause = error.__cause__ or error
+            raise _Later(f"the connection failed: {shown(cause) or type(cause).__name__}") from error
+
+    def _settled(self, error: Any, spelled: Mapping[str, str], request: Request) -> Answer:
+        """The answer that an HTTP status without success amounts to: a filter's refusal. Raises what to do about any
+        other: _Later, _Respelled, or InputError."""
+        status, code = error.status_code, str(error.code or "")
+        said = _said(error)
+        who = f"{self.endpoint.url} says {status}"
+        if code == "insufficient_quota":
+            raise InputError(f"{who}: no credit is left for this key ({said}); top it up and run the command again.")
+        if status in _LATER or status >= 500:
+            raise _Later(f"status {status}: {said}", _asked_for(error.response.headers))
+        if status in (401, 403):
+            name = self.endpoint.variable
+            raise InputError(f"{who}: the key in {name} is not accepted for {self.endpoint.model} ({said}); check it.")
+        if status == 404:
+            raise InputError(
+                f"{who}: there is no model {self.endpoint.model} there ({said}); check --endpoint and --model."
+            )
+        if 300 <= status < 400:
+            to = shown(error.response.headers.get("location", "elsewhere"))
+            raise InputError(f"{who}: it is at {to} now; give that as the endpoint if you trust it.")
+        if status in (400, 422):
+            if any(word in code or word in str(error.body) for word in _FILTERED):
+                return Answer("", refusal=said or "a filter", tokens_in=tokens_in(request), counted=False)
+            if self._respell(f"{error.param or ''} {error.message}", spelled):
+                raise _Respelled
+        raise InputError(f"{who}, so it does not take this question: {said}.")
+
+    def _respell(self, complaint: str, spelled: Mapping[str, str]) -> bool:
+        """Learns which of our options the endpoint wants otherwise; whether there is something to learn. Newer models
+        of OpenAI take no max_tokens, older servers no max_completion_tokens, thinking models no temperature."""
+        with self._lock:
+            if spelled != self._spelled:
+                return True  # another thread learnt something since
+            if "temperature" in complaint and "temperature" in self._spelled:
+                del self._spelled["temperature"]
+                return True
+            if "max_tokens" in complaint and self._spelled["tokens"] == "max_tokens":
+                self._spelled["tokens"] = "max_completion_tokens"
+                return True
+            return False
+
+    def _wait(self) -> None:
+        while (left := self._not_before - time.monotonic()) > 0:
+            time.sleep(left)
+
+    def _pause(self, asked: float | None, attempt: int, why: str) -> None:
+        """Lets all threads wait: as long as the endpoint asks for, else longer each time and never quite alike."""
+        if asked is not None and asked > _LONGEST_ASKED:
+            raise Unreachable(
+                f"{self.endpoint.url} asks to wait {asked / 60:.0f} minutes ({why}); answers so far are kept, so run "
+                "the same command again then."
+            )
+        own = min(self.options.first_wait * 2 ** (attempt - 1), _LONGEST_WAIT) * random.uniform(0.75, 1.25)
+        seconds = own if asked is None else asked
+        with self._lock:
+            self._not_before = max(self._not_before, time.monotonic() + seconds)
+        if seconds >= 5:
+            self._listen(Warning(f"{self.endpoint.url} waits for {seconds:.0f} seconds ({why}).", "endpoint"))
+
+    def _client(self) -> Any:
+        with self._lock:
+            if self._connection is None:
+                openai, key = self._openai, self.endpoint.key
+                self._connection = openai.OpenAI(
+                    api_key=key or "none",
+                    base_url=self.endpoint.url,
+                    timeout=self.options.timeout,
+                    max_retries=0,
+                    http_client=openai.DefaultHttpxClient(follow_redirects=False, timeout=self.options.timeout),
+                )
+                # They come from the environment, and are nobody's business but OpenAI's.
+                self._connection.organization = self._connection.project = None
+            return self._connection
+
+    def close(self) -> None:
+        """Closes connections that are open."""
+        with self._lock:
+            if self._connection is not None:
+                self._connection.close()
+                self._connection = None
+
+
+class _Later(Exception):
+    def __init__(self, why: str, seconds: float | None = None) -> None:
+        super().__init__(why)
+        self.seconds = seconds
+
+
+class _Respelled(Exception):
+    pass
+
+
+def _package() -> Any:
+    try:
+        import openai
+    except ImportError as error:
+        raise InputError(
+            "To ask an endpoint the package openai is needed; install NVSim with its extra: "
+            "pip install 'nvsim[endpoint]'."
+        ) from error
+    return openai
+
+
+def _read(content: bytes, request: Request) -> Answer:
+    """The answer in the body of a response. Raises _Later where it is none."""
+    try:
+        found = json.loads(content)
+        choice = found["choices"][0]
+        message = choice["message"]
+        text, refusal = message.get("content"), message.get("refusal")
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise _Later(f"what came is no chat completion: {shown(content.decode(errors='replace'))!r}") from error
+    finish = choice.get("finish_reason")
+    if isinstance(text, list):  # some servers answer in parts
+        text = "".join(str(part.get("text", "")) for part in text if isinstance(part, dict))
+    if finish == "content_filter" and not refusal:
+        refusal = "a content filter"
+    text = text if isinstance(text, str) else ""
+    refusal = refusal if isinstance(refusal, str) else ""
+    if not text and not refusal and finish != "length":
+        raise _Later("the answer is empty")
+    into, out = _usage(found.get("usage"))
+    counted = into is not None and out is not None
+    return Answer(
+        text,
+        refusal,
+        finish == "length",
+        tokens_in(request) if into is None else into,
+        len(text) // 4 if out is None else out,
+        counted,
+    )
+
+
+def _usage(found: Any) -> tuple[int | None, int | None]:
+    if not isinstance(found, dict):
+        return None, None
+    counts = (found.get("prompt_tokens"), found.get("completion_tokens"))
+    into, out = (n if isinstance(n, int) and not isinstance(n, bool) and n >= 0 else None for n in counts)
+    return into, out
+
+
+def _said(error: Any) -> str:
+    """The endpoint's own words, short and in one line."""
+    body = error.body
+    text = body.get("message") if isinstance(body, dict) else None
+    words = " ".join(str(text or body or error.message).split())
+    return "".join(c if c.isprintable() else "?" for c in words[:200]).rstrip(".")
+
+
+def _asked_for(headers: Mapping[str, str]) -> float | None:
+    """Seconds that Retry-After asks for, as a number or as a date; None where it is missing or makes no sense."""
+    given = headers.get("retry-after")
+    if given is None:
+        return None
+    try:
+        seconds = float(given)
+    except ValueError:
+        try:
+            seconds = parsedate_to_datetime(given).timestamp() - time.time()
+        except (TypeError, ValueError, OverflowError):
+            return None
+    return max(seconds, 0.0) if seconds == seconds else None

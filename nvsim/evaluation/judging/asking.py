@@ -1,0 +1,147 @@
+"""Judges that are models at endpoints: each pair is shown twice, in both orders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from nvsim.capture.images import decode
+from nvsim.endpoint.asking import Senseless, Unanswered, ask_until_clear, json_object
+from nvsim.endpoint.client import Client
+from nvsim.endpoint.estimate import Outlay, outlay_of
+from nvsim.endpoint.parallel import each
+from nvsim.endpoint.prompt import FOLDER, Prompt
+from nvsim.endpoint.request import Image, Message, Part, Request
+from nvsim.errors import InputError
+from nvsim.evaluation.judging.contestants import STAGE, Shown
+from nvsim.evaluation.judging.verdicts import Judged, Preference, Reason, Verdict, consistent, pairs_of
+from nvsim.events import Listener, Progress, Warning, silent
+
+PROMPT = FOLDER / "judge.txt"
+OTHER = "other"
+"""The category of reasons that name none of the prompt's."""
+_QUALITY = 95
+_MOST_REASONS = 12
+_NEEDS = {
+    "system": ((), ("categories",)),
+    "user": (("first", "second"), ("categories",)),
+    "again": ((), ("wrong", "categories")),
+    "categories": ((), ()),
+}
+
+
+def read_prompt(path: Path | None) -> Prompt:
+    """The prompt in a file, ours where none is named. Raises InputError where it cannot be used."""
+    prompt = Prompt.read(path or PROMPT, _NEEDS)
+    if not _categories(prompt):
+        raise InputError(f"{prompt.path}: [categories] names none; write one on each line.")
+    return prompt
+
+
+@dataclass(frozen=True)
+class _Said:
+    preference: Preference
+    reasons: tuple[tuple[bool, bool, str, str], ...]  # of the first image, praised, category, words
+
+
+class Asker:
+    """Asks one judge about all pairs in all views. longest: side of the images that are sent, pixels."""
+
+    def __init__(self, prompt: Prompt, longest: int) -> None:
+        self._prompt, self._longest = prompt, longest
+        self._known = _categories(prompt)
+        self._image = lru_cache(256)(self._read)
+
+    def outlay(self, client: Client, shown: Sequence[Shown]) -> Outlay:
+        """What would be sent."""
+        requests = (
+            self._request(client, view, *order)
+            for view in shown
+            for a, b in pairs_of(list(view.images))
+            for order in ((a, b), (b, a))
+        )
+        return outlay_of((request, client.is_kept(request)) for request in requests)
+
+    def judge(self, client: Client, name: str, shown: Sequence[Shown], listen: Listener = silent) -> Judged:
+        """The verdicts. Raises InputError as `Client.ask` does."""
+        pairs = [(view, a, b) for view in shown for a, b in pairs_of(list(view.images))]
+        found: dict[tuple[str, str, str], Verdict] = {}
+        for (view, a, b), verdict in each(lambda pair: self._verdict(client, *pair), pairs, client.options.parallel):
+            found[view.name, a, b] = verdict
+            if verdict.won is None:
+                listen(Warning(f"{name} gives no verdict on {a} and {b} in {view.name}: {verdict.why}.", STAGE))
+            listen(Progress(STAGE, len(found), len(pairs), name))
+        ordered = [found[view.name, a, b] for view, a, b in pairs]
+        return Judged(name, f"{client.endpoint.model}, asked at {client.endpoint.url}", ordered)
+
+    def _verdict(self, client: Client, view: Shown, a: str, b: str) -> Verdict:
+        said: list[_Said] = []
+        for order in ((a, b), (b, a)):
+            answer = ask_until_clear(client, self._request(client, view, *order), self._understood, self._again)
+            if isinstance(answer, Unanswered):
+                return Verdict(view.name, view.kind, a, b, None, answer.why)
+            said.append(answer.value)
+        won = consistent(a, b, said[0].preference, said[1].preference)
+        reasons = [
+            Reason(order[0] if of_first else order[1], good, category, words)
+            for order, one in zip(((a, b), (b, a)), said, strict=True)
+            for of_first, good, category, words in one.reasons
+        ]
+        preferences = tuple(one.preference for one in said)
+        return Verdict(view.name, view.kind, a, b, won, "", preferences, tuple(reasons))
+
+    def _request(self, client: Client, view: Shown, first: str, second: str) -> Request:
+        values: dict[str, str | Sequence[Part]] = {
+            "categories": ", ".join(self._known),
+            "first": [self._image(view.images[first], f"{view.name}, {first}")],
+            "second": [self._image(view.images[second], f"{view.name}, {second}")],
+        }
+        system = Message("system", self._prompt.fill("system", values))
+        user = Message("user", self._prompt.fill("user", values))
+        return Request((system, user), client.options.answer_tokens, client.options.detail)
+
+    def _again(self, wrong: str) -> str:
+        return self._prompt.text("again", {"wrong": wrong, "categories": ", ".join(self._known)})
+
+    def _read(self, path: Path, name: str) -> Image:
+        """The image as JPEG without loss of colour, both alike."""
+        image = decode(path)
+        height, width = image.shape[:2]
+        scale = min(1.0, self._longest / max(width, height))
+        if scale < 1:
+            width, height = max(1, round(width * scale)), max(1, round(height * scale))
+            image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        sampling = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
+        data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY, *sampling])[1]
+        return Image(name, data.tobytes(), width, height)
+
+    def _understood(self, text: str) -> _Said:
+        said = json_object(text)
+        choice = said.get("choice")
+        preference = choice.strip().lower() if isinstance(choice, str) else ""
+        if preference not in ("first", "second", "tie"):
+            raise Senseless('"choice" must be "first", "second" or "tie"')
+        given = said.get("reasons")
+        reasons = [self._reason(one) for one in given[:_MOST_REASONS]] if isinstance(given, list) else []
+        return _Said(preference, tuple(one for one in reasons if one is not None))  # type: ignore[arg-type]
+
+    def _reason(self, given: Any) -> tuple[bool, bool, str, str] | None:
+        """None for one that makes no sense: the choice counts without it."""
+        if not isinstance(given, Mapping) or given.get("image") not in ("first", "second"):
+            return None
+        if not isinstance(given.get("good"), bool):
+            return None
+        category = str(given.get("category", "")).strip().lower()
+        words = " ".join(str(given.get("words", "")).encode("utf-8", "ignore").decode().split())[:200]
+        return given["image"] == "first", given["good"], category if category in self._known else OTHER, words
+
+
+def _categories(prompt: Prompt) -> list[str]:
+    lines = (" ".join(line.lower().split()) for line in prompt.sections["categories"].splitlines())
+    return [*dict.fromkeys(line for line in lines if line)]

@@ -1,0 +1,197 @@
+"""What is compared: images of the same views by two models or more, as files.
+
+OUT/images/NAME/KEY/VIEW-CAMERA.png   drawn once; KEY stands for the model, so that another model's are not taken for it
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from nvsim.capture.images import decode
+from nvsim.errors import InputError
+from nvsim.evaluation.ablation_rows import Row
+from nvsim.evaluation.ablation_run import Run, SharedViews, finished, run_of, within
+from nvsim.evaluation.judging.views import JudgedView, Kind
+from nvsim.evaluation.scores import Image
+from nvsim.events import Listener, Progress
+from nvsim.files import atomic
+from nvsim.files.regular import is_regular
+from nvsim.geometry.camera import Camera
+from nvsim.project.project import Project
+from nvsim.project.work import lacks
+from nvsim.render.model import render_model
+from nvsim.render.scene import render_scene
+from nvsim.splats.files import load_model
+from nvsim.submaps.types import Submap
+
+STAGE = "judge"
+_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
+Draw = Callable[[Camera], Image]
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A view with the image that every contestant has of it. photo: (H, W, 3) float32 in 0 to 1, None where there is
+    none."""
+
+    name: str
+    kind: Kind
+    group: str
+    images: Mapping[str, Path]
+    photo: Callable[[], Image] | None
+
+
+def by_presets(
+    project: Project,
+    rows: Sequence[Row],
+    submaps: Sequence[Submap],
+    seed: int,
+    views: Sequence[JudgedView],
+    out: Path,
+    listen: Listener,
+) -> list[Shown]:
+    """The presets of one project: models of the ablation, trained where they are missing."""
+    runs = {(row.name, s.index): run_of(project, s, row.config, seed) for row in rows for s in submaps}
+    todo = [run for run in {run.folder: run for run in runs.values()}.values() if not run.is_done]
+    total, before = sum(run.config.steps for run in todo), 0
+    for submap in submaps:
+        shared = SharedViews(project, submap)
+        for row in rows:
+            run = runs[row.name, submap.index]
+            if not run.is_done:
+                title = f"{row.title}, submap {submap.index}"
+                finished(project, run, shared.of(run), within(listen, STAGE, before, total, title))
+                before += run.config.steps
+    drawers = {row.name: _of_runs({str(s.index): runs[row.name, s.index] for s in submaps}) for row in rows}
+    return _drawn(drawers, views, out, listen)
+
+
+def _of_runs(runs: Mapping[str, Run]) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
+    """Views come submap by submap, so one model is held at a time."""
+    held: list[tuple[str, Draw]] = []
+
+    def draw(view: JudgedView) -> Draw:
+        if not held or held[0][0] != view.group:
+            model = load_model(runs[view.group].model_folder)
+
+            def of(camera: Camera) -> Image:
+                rgb = render_model(model, camera, frozenset({"rgb"})).rgb
+                assert rgb is not None
+                return rgb
+
+            held[:] = [(view.group, of)]
+        return held[0][1]
+
+    return (lambda view: runs[view.group].folder.name), draw
+
+
+def by_projects(
+    projects: Mapping[str, Project], views: Sequence[JudgedView], out: Path, listen: Listener
+) -> list[Shown]:
+    """Projects on the same capture. Raises InputError where one has no models, or another capture or frame."""
+    first_name, first = next(iter(projects.items()))
+    capture = first.need_capture()
+    drawers = {}
+    for name, project in projects.items():
+        other = project.need_capture()
+        same = len(other.frames) == len(capture.frames) and all(
+            a.name == b.name and np.allclose(a.camera.camera_to_world, b.camera.camera_to_world, atol=1e-4)
+            for a, b in zip(capture.frames, other.frames)
+        )
+        if not same:
+            raise InputError(
+                f"{name} and {first_name} have not the same frames in the same places, so no two of their images show "
+                "the same; compare projects of one capture, imported alike."
+            )
+        drawers[name] = _of_project(project)
+    return _drawn(drawers, views, out, listen)
+
+
+def _of_project(project: Project) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
+    scene = project.scene()
+    if scene is None:
+        raise lacks(project.layout.root, "train")
+    words = []
+    for submap in project.submaps("train"):
+        folder = project.layout.model(submap.index)
+        files = sorted(folder.iterdir()) if folder.is_dir() else []
+        words += [(submap.index, f.name, (s := os.stat(f)).st_size, s.st_mtime_ns) for f in files]
+    key = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
+
+    def draw(camera: Camera) -> Image:
+        rgb = render_scene(scene, camera, frozenset({"rgb"}))[1].rgb
+        assert rgb is not None
+        return rgb
+
+    return (lambda view: key), (lambda view: draw)
+
+
+def _drawn(
+    drawers: Mapping[str, tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]],
+    views: Sequence[JudgedView],
+    out: Path,
+    listen: Listener,
+) -> list[Shown]:
+    images: dict[str, dict[str, Path]] = {view.name: {} for view in views}
+    total = len(drawers) * len(views)
+    for done, (name, view) in enumerate((name, view) for name in drawers for view in views):
+        key, draw = drawers[name]
+        path = out / "images" / name / key(view) / f"{view.name}-{view.key}.png"
+        if not is_regular(path):
+            listen(Progress(STAGE, done, total, f"drawing {name}"))
+            rgb = (np.clip(draw(view)(view.camera), 0, 1) * 255 + 0.5).astype(np.uint8)
+            atomic.write_bytes(path, cv2.imencode(".png", rgb[..., ::-1])[1].tobytes())
+        images[view.name][name] = path
+    return [Shown(view.name, view.kind, view.group, images[view.name], view.photo) for view in views]
+
+
+def by_folders(folders: Mapping[str, Path], reference: Path | None) -> list[Shown]:
+    """Folders of rendered images that have the same names; those below a folder `novel` are novel views, all others
+    seen. reference: a folder of photographs of the same names, where there are any.
+
+    Raises InputError where a folder holds no image, or they have none in common."""
+    found = {name: _images_in(folder) for name, folder in folders.items()}
+    first, *others = found.values()
+    common = [name for name in first if all(name in other for other in others)]
+    if not common:
+        raise InputError(
+            f"{' and '.join(str(f) for f in folders.values())} have no image of the same name; render the same views "
+            "into each, under the same names."
+        )
+    photos = _images_in(reference) if reference is not None else {}
+    return [
+        Shown(
+            name,
+            "novel" if "novel" in Path(name).parts[:-1] else "seen",
+            "",
+            {who: images[name] for who, images in found.items()},
+            _photo(photos[name]) if name in photos else None,
+        )
+        for name in common
+    ]
+
+
+def _images_in(folder: Path) -> dict[str, Path]:
+    """Name below the folder, without suffix -> path."""
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder of rendered images; name one.")
+    paths = [p for p in sorted(folder.rglob("*")) if p.suffix.lower() in _SUFFIXES and is_regular(p)]
+    if not paths:
+        raise InputError(f"{folder} holds no image ({', '.join(_SUFFIXES)}); name the folder that they are in.")
+    return {p.relative_to(folder).with_suffix("").as_posix(): p for p in paths}
+
+
+def _photo(path: Path) -> Callable[[], Image]:
+    return lambda: read_shown(path)
+
+
+def read_shown(path: Path) -> Image:
+    """(H, W, 3) float32 in 0 to 1. Raises InputError when it cannot be read."""
+    return np.asarray(decode(path) / np.float32(255), np.float32)

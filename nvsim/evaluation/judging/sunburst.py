@@ -1,0 +1,126 @@
+"""Reasons as a sunburst: contestants in the middle, around them what was good and bad, around that the categories."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.evaluation.paper import FAINT, INK, Colour, Paper, blended
+
+_SIZE = (900, 620)  # pixels
+_MIDDLE = (450.0, 320.0)
+_RINGS = (48.0, 118.0, 158.0, 218.0)  # pixels from the middle: where each ring begins, and the last ends
+_LABELS = 240.0  # pixels from the middle to the categories' names
+_COLOURS: tuple[Colour, ...] = ((58, 110, 165), (196, 120, 40), (130, 90, 160), (60, 140, 150), (120, 110, 90))
+_GOOD, _BAD = (80, 150, 90), (190, 80, 70)
+_NAMED = math.radians(4)  # narrower parts have no name
+_LINE = 15.0  # pixels between names
+_ROUND = math.radians(2)  # of an arc, between two corners
+
+
+@dataclass(frozen=True)
+class _Name:
+    x: float
+    y: float
+    text: str
+    at: tuple[float, float]
+
+
+def draw_sunburst(path: Path, title: str, counts: Mapping[tuple[str, bool, str], int]) -> list[Path]:
+    """Writes `path` with the suffixes .svg and .png; returns both. counts: (contestant, whether praised, category) ->
+    how often. Raises InputError when the disk refuses."""
+    paper = Paper(*_SIZE)
+    paper.words(title, 20, 26)
+    total = sum(counts.values())
+    if not total:
+        paper.words("No reasons were given.", _MIDDLE[0], _MIDDLE[1], 0.5)
+        return paper.write(path)
+    names: list[_Name] = []
+    begin = 0.0
+    contestants = list(dict.fromkeys(who for who, _, _ in counts))
+    for i, who in enumerate(contestants):
+        colour = _COLOURS[i % len(_COLOURS)]
+        mine = {key: n for key, n in counts.items() if key[0] == who}
+        end = begin + 2 * math.pi * sum(mine.values()) / total
+        _part(paper, begin, end, _RINGS[0], _RINGS[1], colour)
+        at = begin
+        for good in (True, False):
+            sided = {key: n for key, n in mine.items() if key[1] == good}
+            stop = at + 2 * math.pi * sum(sided.values()) / total
+            if sided:
+                _part(paper, at, stop, _RINGS[1], _RINGS[2], _GOOD if good else _BAD)
+                if stop - at > _NAMED:
+                    x, y = _on(0.5 * (at + stop), 0.5 * (_RINGS[1] + _RINGS[2]))
+                    paper.words("+" if good else "-", x, y + 4, 0.5, (255, 255, 255))
+            for (_, _, category), n in sorted(sided.items(), key=lambda item: -item[1]):
+                angle = 2 * math.pi * n / total
+                _part(paper, at, at + angle, _RINGS[2], _RINGS[3], blended(_GOOD if good else _BAD, 0.45))
+                if angle > _NAMED:
+                    x, y = _on(at + angle / 2, _LABELS)
+                    names.append(_Name(x, y, f"{category} ({n})", _on(at + angle / 2, _RINGS[3])))
+                at += angle
+        begin = end
+    _write_names(paper, names)
+    paper.words(str(total), _MIDDLE[0], _MIDDLE[1], 0.5)
+    paper.words("reasons", _MIDDLE[0], _MIDDLE[1] + 14, 0.5)
+    y = _SIZE[1] - 14.0
+    x = 20.0
+    for i, who in enumerate(contestants):
+        share = 100 * sum(n for key, n in counts.items() if key[0] == who) / total
+        text = f"{who} ({share:.0f} %)"
+        paper.area(np.array([[x, y - 10], [x + 12, y - 10], [x + 12, y + 2], [x, y + 2]]), _COLOURS[i % len(_COLOURS)])
+        paper.words(text, x + 18, y)
+        x += 18 + 8.0 * len(text) + 20
+    paper.words("+ praised, - criticised", _SIZE[0] - 20, y, 1.0)
+    return paper.write(path)
+
+
+def _part(paper: Paper, begin: float, end: float, inner: float, outer: float, colour: Colour) -> None:
+    """A part of a ring, angles clockwise from the top, with a thin border."""
+    steps = max(2, math.ceil((end - begin) / _ROUND) + 1)
+    angles = np.linspace(begin, end, steps)
+    ring = np.concatenate([_points(angles, outer), _points(angles[::-1], inner)])
+    paper.area(ring, colour)
+    paper.line(np.concatenate([ring, ring[:1]]), (255, 255, 255), 1.0)
+
+
+def _points(angles: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    return np.stack([_MIDDLE[0] + radius * np.sin(angles), _MIDDLE[1] - radius * np.cos(angles)], axis=-1)
+
+
+def _on(angle: float, radius: float) -> tuple[float, float]:
+    x, y = _points(np.array([angle]), radius)[0]
+    return float(x), float(y)
+
+
+def _write_names(paper: Paper, names: list[_Name]) -> None:
+    """Beside the outer ring, those of one side below each other without touching."""
+    for right in (True, False):
+        mine = sorted((n for n in names if (n.x >= _MIDDLE[0]) == right), key=lambda n: n.y)
+        places = _apart([n.y for n in mine], 46.0, _SIZE[1] - 44.0)
+        for name, y in zip(mine, places, strict=True):
+            out = 14 if right else -14
+            # As far out as the circle of names is at that height.
+            reach = math.sqrt(max(_LABELS**2 - (y - _MIDDLE[1]) ** 2, 60.0**2))
+            x = _MIDDLE[0] + (reach if right else -reach)
+            paper.line(np.array([name.at, (x, y - 4), (x + out, y - 4)]), FAINT)
+            paper.words(name.text, x + 1.3 * out, y, 0.0 if right else 1.0, INK)
+
+
+def _apart(wanted: list[float], low: float, high: float) -> list[float]:
+    """Ascending places as near to those wanted as a line's height between them and both ends allow."""
+    found: list[float] = []
+    for y in wanted:
+        found.append(max(y, low, found[-1] + _LINE if found else low))
+    over = found[-1] - high if found else 0.0
+    for i in range(len(found) - 1, -1, -1):
+        if over <= 0:
+            break
+        most = high if i == len(found) - 1 else found[i + 1] - _LINE
+        found[i] = min(found[i], most)
+    return found

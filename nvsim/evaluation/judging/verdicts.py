@@ -1,0 +1,116 @@
+"""Verdicts on pairs of images, and the paper's points for them: 1 for a win in both orders, 0.5 for a tie."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Any, Literal
+
+import numpy as np
+
+from nvsim.evaluation.interval import wilson
+from nvsim.evaluation.judging.contestants import Shown
+
+Preference = Literal["first", "second", "tie"]
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why an image was preferred or not: of which contestant, whether it is praised, the category, in a few words."""
+
+    contestant: str
+    good: bool
+    category: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """On the images of `a` and `b` in one view. won: the contestant's name, "" for a tie, None where the judge said
+    nothing that can be used, and why. said: what it preferred in each order, for the transcript."""
+
+    view: str
+    kind: str
+    a: str
+    b: str
+    won: str | None
+    why: str = ""
+    said: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
+
+
+@dataclass(frozen=True)
+class Judged:
+    """All verdicts of one judge. what: what the judge is, in words; why: why there are none, "" where there are."""
+
+    judge: str
+    what: str
+    verdicts: Sequence[Verdict] = field(default_factory=tuple)
+    why: str = ""
+
+
+def pairs_of(contestants: Sequence[str]) -> list[tuple[str, str]]:
+    """Every two of them, in their order."""
+    return list(combinations(contestants, 2))
+
+
+def consistent(a: str, b: str, forth: Preference, back: Preference) -> str:
+    """Who won, having shown `a` first and then `b` first: "" where both orders do not agree on one."""
+    there = {"first": a, "second": b, "tie": ""}[forth]
+    again = {"first": b, "second": a, "tie": ""}[back]
+    return there if there == again else ""
+
+
+def table_rows(judged: Sequence[Judged], shown: Sequence[Shown]) -> list[dict[str, Any]]:
+    """A row for each judge and pair: judge, a, b, pairs, unanswered, points_a, points_b, share_a (of the pairs, per
+    cent) with its 95 % interval (Wilson), tie_rate, and the shares of seen and of novel views alone. a is the one
+    with more points. A judge without verdicts has one row, which says why."""
+    rows: list[dict[str, Any]] = []
+    contestants = list(shown[0].images)
+    for one in judged:
+        if one.why:
+            rows.append({"judge": one.judge, "what": one.what, "why": one.why})
+            continue
+        for a, b in pairs_of(contestants):
+            mine = [v for v in one.verdicts if (v.a, v.b) == (a, b)]
+            rows.append({"judge": one.judge, "what": one.what, "why": "", **_figures(a, b, mine)})
+    return rows
+
+
+def _figures(a: str, b: str, verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    told = [v for v in verdicts if v.won is not None]
+    points = np.array([_points(v, a) for v in told], np.float64)
+    if len(points) and points.mean() < 0.5:
+        a, b, points = b, a, 1 - points
+    found: dict[str, Any] = {"a": a, "b": b, "pairs": len(told), "unanswered": len(verdicts) - len(told)}
+    if not len(points):
+        return found
+    # Points vary less than wins and losses would, so this is wide rather than narrow where there are ties.
+    low, high = wilson(float(points.sum()), len(points))
+    found |= {
+        "points_a": float(points.sum()),
+        "points_b": float((1 - points).sum()),
+        "share_a": 100 * float(points.mean()),
+        "share_low": 100 * low,
+        "share_high": 100 * high,
+        "ties": int((points == 0.5).sum()),
+        "tie_rate": 100 * float((points == 0.5).mean()),
+    }
+    for kind in ("seen", "novel"):
+        of = points[[v.kind == kind for v in told]]
+        found[f"{kind}_pairs"], found[f"{kind}_share"] = len(of), 100 * float(of.mean()) if len(of) else None
+    return found
+
+
+def _points(verdict: Verdict, a: str) -> float:
+    return 0.5 if verdict.won == "" else float(verdict.won == a)
+
+
+def reasons_by_category(judged: Sequence[Judged]) -> Mapping[tuple[str, bool, str], int]:
+    """(contestant, whether praised, category) -> how often it was named, the most frequent first."""
+    found: dict[tuple[str, bool, str], int] = {}
+    for reason in (r for one in judged for v in one.verdicts for r in v.reasons):
+        key = reason.contestant, reason.good, reason.category
+        found[key] = found.get(key, 0) + 1
+    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))

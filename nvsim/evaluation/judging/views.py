@@ -1,0 +1,144 @@
+"""The views that contestants are compared on: of each submap some that its models were trained on, and some that nobody
+took an image of.
+
+Seen views are frames of the submap's core, evenly spaced, without those that are held out. Novel ones are those of the
+truth, where there is one that has any; else level views from viewpoints of the graph (from the trajectory where there
+is no graph), turned away by 45 to 180 degrees from where the nearest frame looks.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Capture
+from nvsim.evaluation.novel import NovelView, has_novel_views
+from nvsim.evaluation.scores import Image
+from nvsim.evaluation.views import novel_views
+from nvsim.geometry.camera import Camera, look
+from nvsim.project.config import held_out
+from nvsim.project.project import Project
+from nvsim.project.stages.imported import capture_config
+from nvsim.submaps.types import Submap, nearest_submap
+
+Kind = Literal["seen", "novel"]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedView:
+    """name: unique among views; group: submap, or "" where there is none; camera in the aligned frame; photo: reads
+    what a camera saw there, (H, W, 3) float32 in 0 to 1, None where nobody photographed it."""
+
+    name: str
+    kind: Kind
+    group: str
+    camera: Camera
+    photo: Callable[[], Image] | None
+
+    @property
+    def key(self) -> str:
+        """8 hex digits of the camera."""
+        k = self.camera.intrinsics
+        words = (k.width, k.height, *(round(v, 3) for v in (k.fx, k.fy, k.cx, k.cy)))
+        pose = np.round(self.camera.camera_to_world, 6).tolist()
+        return hashlib.sha256(repr((words, pose)).encode()).hexdigest()[:8]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Of each submap; seed draws the novel views, longest is the side of the images in pixels."""
+
+    seen: int = 5
+    novel: int = 20
+    seed: int = 0
+    longest: int = 640
+
+
+def judged_views(project: Project, submaps: Sequence[Submap], truth: Path | None, counts: Counts) -> list[JudgedView]:
+    """The views of these submaps. Raises InputError where the capture or the truth cannot be read."""
+    capture = project.need_capture()
+    kept_out = held_out(len(capture.frames), capture_config(project).hold_out)
+    everything = project.need_submaps()
+    novel: dict[int, list[NovelView]] = {s.index: [] for s in everything}
+    for view in novel_views(project, truth) if has_novel_views(truth) and counts.novel else ():
+        novel[nearest_submap(everything, view.camera.position)].append(view)
+    found = []
+    for submap in submaps:
+        trained = [i for i in submap.core if i not in kept_out]
+        found += [_seen(capture, i, submap, counts) for i in _spread(trained, counts.seen)]
+        true = _spread(novel[submap.index], counts.novel)
+        found += [_true(view, submap, counts) for view in true]
+        if not true:
+            found += _drawn(project, capture, submap, everything, counts)
+    return found
+
+
+def _seen(capture: Capture, index: int, submap: Submap, counts: Counts) -> JudgedView:
+    frame = capture.frames[index]
+    camera = _within(frame.camera, counts.longest)
+
+    def photo() -> Image:
+        return _sized(read_image(frame, frame.intrinsics) / np.float32(255), camera)
+
+    return JudgedView(f"{submap.index:03d}_seen_{index:06d}", "seen", str(submap.index), camera, photo)
+
+
+def _true(view: NovelView, submap: Submap, counts: Counts) -> JudgedView:
+    camera = _within(view.camera, counts.longest)
+
+    def photo() -> Image:
+        return _sized(view.image(), camera)
+
+    name = "".join(c if c.isalnum() or c in "-." else "_" for c in view.name)
+    return JudgedView(f"{submap.index:03d}_novel_{name}", "novel", str(submap.index), camera, photo)
+
+
+def _drawn(
+    project: Project, capture: Capture, submap: Submap, everything: Sequence[Submap], counts: Counts
+) -> list[JudgedView]:
+    graph = project.graph()
+    places = [] if graph is None else [np.array(v.position) for v in graph.viewpoints.values() if v.included]
+    mine = [p for p in places if nearest_submap(list(everything), p) == submap.index]
+    places = _spread(mine or list(submap.positions), counts.novel)
+    if not places:
+        return []
+    random = np.random.default_rng([counts.seed, submap.index])
+    intrinsics = _within(capture.frames[submap.core[0]].camera, counts.longest).intrinsics
+    found = []
+    for i in range(counts.novel):
+        place = places[i % len(places)]
+        nearest = submap.core[int(np.argmin(((submap.positions - place) ** 2).sum(axis=1)))]
+        ahead = capture.frames[nearest].camera.rotation[:, 2]
+        turn = random.uniform(math.pi / 4, math.pi) * random.choice([-1, 1])
+        camera = Camera(intrinsics, look(place, math.atan2(ahead[0], ahead[1]) + turn))
+        found.append(JudgedView(f"{submap.index:03d}_novel_{i:03d}", "novel", str(submap.index), camera, None))
+    return found
+
+
+def _spread(items: Sequence[T], count: int) -> list[T]:
+    """Up to `count` of them, evenly spaced."""
+    if count >= len(items):
+        return list(items)
+    return [items[int((k + 0.5) * len(items) / count)] for k in range(count)]
+
+
+def _within(camera: Camera, longest: int) -> Camera:
+    k = camera.intrinsics.within(longest)
+    return camera.scaled(k.width, k.height)
+
+
+def _sized(image: NDArray[np.floating], camera: Camera) -> Image:
+    k = camera.intrinsics
+    if image.shape[:2] == (k.height, k.width):
+        return np.asarray(image, np.float32)
+    return np.asarray(cv2.resize(image, (k.width, k.height), interpolation=cv2.INTER_AREA), np.float32)

@@ -1,0 +1,130 @@
+"""Instructions for paths, written by a model that is shown the views along them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.endpoint.asking import Senseless, Unanswered, ask_until_clear, json_object
+from nvsim.endpoint.client import Client
+from nvsim.endpoint.estimate import Outlay, outlay_of
+from nvsim.endpoint.parallel import each
+from nvsim.endpoint.prompt import FOLDER, Prompt
+from nvsim.endpoint.request import Detail, Message, Part, Request
+from nvsim.events import Listener, Progress, Warning, silent
+from nvsim.graph.types import NavGraph
+from nvsim.r2r.prompted.bearings import bearing, level
+from nvsim.r2r.prompted.eyes import Eyes
+from nvsim.r2r.tasks.task import Task
+
+STAGE = "instructions"
+PROMPT = FOLDER / "instructions.txt"
+_NEEDS = {
+    "system": ((), ("count",)),
+    "user": (("route",), ("count",)),
+    "again": ((), ("wrong", "count")),
+}
+_LONGEST = 2000  # letters of an instruction
+
+
+def read_prompt(path: Path | None) -> Prompt:
+    """The prompt in a file, ours where none is named. Raises InputError where it cannot be used."""
+    return Prompt.read(path or PROMPT, _NEEDS)
+
+
+@dataclass(frozen=True)
+class Written:
+    """found     path_id -> its instructions, as many as were asked for
+    lacking   path_id -> why there are none
+    """
+
+    found: Mapping[int, tuple[str, ...]]
+    lacking: Mapping[int, Unanswered]
+
+
+class Writer:
+    """Asks for `count` instructions of each path, all in one question.
+
+    graphs   scan id -> graph
+    """
+
+    def __init__(
+        self,
+        eyes: Eyes,
+        graphs: Mapping[str, NavGraph],
+        prompt: Prompt,
+        count: int,
+        tokens: int,
+        detail: Detail = "auto",
+    ) -> None:
+        self._eyes, self._graphs, self._prompt, self._count = eyes, graphs, prompt, count
+        self._tokens, self._detail = tokens, detail
+
+    def request(self, task: Task) -> Request:
+        """The question for a path. Raises InputError where a view cannot be drawn."""
+        values: dict[str, str | Sequence[Part]] = {"count": str(self._count), "route": self._route(task)}
+        system = Message("system", self._prompt.fill("system", values))
+        return Request((system, Message("user", self._prompt.fill("user", values))), self._tokens, self._detail)
+
+    def outlay(self, client: Client, tasks: Sequence[Task]) -> Outlay:
+        """What would be sent for these paths."""
+        requests = (self.request(task) for task in tasks)
+        return outlay_of((request, client.is_kept(request)) for request in requests)
+
+    def write(self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = silent) -> Written:
+        """Asks for all of them. Raises InputError as `Client.ask` does."""
+        found: dict[int, tuple[str, ...]] = {}
+        lacking: dict[int, Unanswered] = {}
+        listen(Progress(STAGE, 0, len(tasks)))
+        for task, said in each(lambda task: self._asked(client, task), tasks, at_once):
+            if isinstance(said, Unanswered):
+                lacking[task.path_id] = said
+                listen(Warning(f"path_id {task.path_id} has no instructions of the model: {said.why}.", STAGE))
+            else:
+                found[task.path_id] = said
+            listen(Progress(STAGE, len(found) + len(lacking), len(tasks)))
+        return Written(found, lacking)
+
+    def _asked(self, client: Client, task: Task) -> tuple[str, ...] | Unanswered:
+        def again(wrong: str) -> str:
+            return self._prompt.text("again", {"wrong": wrong, "count": str(self._count)})
+
+        said = ask_until_clear(client, self.request(task), self._understood, again)
+        return said if isinstance(said, Unanswered) else said.value
+
+    def _understood(self, text: str) -> tuple[str, ...]:
+        given = json_object(text).get("instructions")
+        if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
+            raise Senseless('"instructions" must be a list of texts')
+        texts = [" ".join(_whole(one).split()) for one in given]
+        if len(texts) < self._count:
+            raise Senseless(f"there were {len(texts)} instructions and not {self._count}")
+        texts = texts[: self._count]
+        if not all(len(one.split()) >= 3 and len(one) <= _LONGEST for one in texts):
+            raise Senseless(f"each instruction must have three words or more and at most {_LONGEST} letters")
+        if len({one.casefold() for one in texts}) < len(texts):
+            raise Senseless("two instructions were the same")
+        return tuple(texts)
+
+    def _route(self, task: Task) -> list[Part]:
+        """Words and views in turn: of the start as one looks there, of every step where it goes, and of the goal all
+        round."""
+        graph, facing = self._graphs[task.scan], task.heading
+        parts: list[Part] = ["At the start you look this way:", self._eyes.see(task.scan, task.path[0], facing)]
+        for i, (here, there) in enumerate(zip(task.path, task.path[1:]), 1):
+            way = bearing(graph, here, there)
+            parts.append(f"Step {i}: {way.words(facing)}. Looking that way:")
+            facing = facing if way.heading is None else way.heading
+            parts.append(self._eyes.see(task.scan, here, facing, level(way.elevation)))
+        goal = task.path[-1]
+        parts += ["This is where to stop. Looking on:", self._eyes.see(task.scan, goal, facing)]
+        for words, turn in (("To the right:", 90), ("Back:", 180), ("To the left:", 270)):
+            parts += [words, self._eyes.see(task.scan, goal, facing + math.radians(turn))]
+        return parts
+
+
+def _whole(text: str) -> str:
+    """Without halves of surrogate pairs, which no file of text can hold."""
+    return text.encode("utf-8", "ignore").decode()

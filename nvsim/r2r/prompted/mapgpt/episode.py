@@ -1,0 +1,161 @@
+"""One episode: what the model is asked at each step, what its answers mean, and where they lead."""
+
+from __future__ import annotations
+
+import re
+import string
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.endpoint.asking import Senseless, json_object
+from nvsim.endpoint.prompt import FOLDER, Prompt
+from nvsim.endpoint.request import Detail, Message, Part, Request
+from nvsim.graph.types import NavGraph
+from nvsim.r2r.metrics.submission import Pose
+from nvsim.r2r.prompted.bearings import bearing, level
+from nvsim.r2r.prompted.eyes import Eyes
+from nvsim.r2r.prompted.mapgpt.places import Places
+from nvsim.r2r.prompted.mapgpt.rules import Rules
+from nvsim.r2r.tasks.task import Task
+
+PROMPT = FOLDER / "mapgpt.txt"
+_PLACES = (
+    ("instruction", "trajectory", "actions", "images"),
+    ("history", "map", "elsewhere", "plan", "step", "most"),
+)
+_NEEDS = {"system": ((), ("instruction", "most")), "user": _PLACES, "again": ((), ("wrong",))}
+_LONGEST = 2000  # letters of a plan or a thought that are kept
+
+
+def read_prompt(path: Path | None) -> Prompt:
+    """The prompt in a file, ours where none is named. Raises InputError where it cannot be used."""
+    return Prompt.read(path or PROMPT, _NEEDS)
+
+
+@dataclass(frozen=True)
+class Option:
+    """letter, what it is called, and the viewpoint that it leads to, None for stopping."""
+
+    letter: str
+    words: str
+    to: str | None
+
+
+@dataclass(frozen=True)
+class Choice:
+    option: Option
+    thought: str
+    plan: str
+
+
+class Episode:
+    """An agent on its way. `request` and `understand` do not change it; `go` does."""
+
+    def __init__(
+        self,
+        graph: NavGraph,
+        eyes: Eyes,
+        prompt: Prompt,
+        rules: Rules,
+        task: Task,
+        instruction: str,
+        tokens: int,
+        detail: Detail = "auto",
+    ) -> None:
+        self._graph, self._eyes, self._prompt, self._rules = graph, eyes, prompt, rules
+        self._task, self._instruction, self._tokens, self._detail = task, instruction, tokens, detail
+        self.places = Places(graph, task.path[0])
+        self.facing = task.heading
+        self.trajectory: list[Pose] = [(task.path[0], round(task.heading, 6), 0.0)]
+        self._history: list[str] = []
+        self._plan = "None yet."
+
+    @property
+    def step(self) -> int:
+        """Questions answered so far."""
+        return len(self._history)
+
+    def options(self) -> list[Option]:
+        """What can be done now, the nearest to straight ahead first; stopping last. Empty where there is no way at all
+        and it is too early to stop."""
+        here = self.places.here
+        ways = {id: bearing(self._graph, here, id) for id in self.places.around(here)}
+        found: list[Option] = []
+        for id in sorted(ways, key=lambda id: (abs(round(ways[id].turn(self.facing), 6)), self.places.number[id])):
+            number = self.places.number[id]
+            known = ", where you were" if id in self.places.been else ""
+            found.append(Option(_letter(len(found)), f"{ways[id].words(self.facing)}, to place {number}{known}", id))
+        if self.step >= self._rules.stop_after or not found:
+            found.append(Option(_letter(len(found)), "stop here, because the instruction ends here", None))
+        return found
+
+    def request(self) -> Request:
+        """The question of this step. Raises InputError where a view cannot be drawn."""
+        places, options = self.places, self.options()
+        values: dict[str, str | Sequence[Part]] = {
+            "instruction": self._instruction,
+            "trajectory": places.trajectory_words(),
+            "history": "\n".join(self._history) or "None yet.",
+            "map": places.map_words(),
+            "elsewhere": places.elsewhere_words(),
+            "plan": self._plan,
+            "step": str(self.step + 1),
+            "most": str(self._rules.steps),
+            "actions": "\n".join(f"{option.letter}: {option.words}" for option in options),
+            "images": self._images(),
+        }
+        system = Message("system", self._prompt.fill("system", values))
+        return Request((system, Message("user", self._prompt.fill("user", values))), self._tokens, self._detail)
+
+    def again(self, wrong: str) -> str:
+        """The words in which the model is told that its answer cannot be used."""
+        return self._prompt.text("again", {"wrong": wrong})
+
+    def understand(self, text: str) -> Choice:
+        """What an answer chooses. Raises Senseless."""
+        said, options = json_object(text), self.options()
+        action = said.get("action")
+        found = re.match(r"[\s\"'(\[]*([A-Za-z]{1,2})\b", action) if isinstance(action, str) else None
+        chosen = next((option for option in options if found and option.letter == found[1].upper()), None)
+        if chosen is None:
+            raise Senseless(f'"action" must be one letter of {", ".join(option.letter for option in options)}')
+        return Choice(chosen, _short(said.get("thought")), _short(said.get("plan")))
+
+    def go(self, choice: Choice) -> None:
+        """Does what was chosen."""
+        to = choice.option.to
+        self._history.append(f"Step {self.step + 1}: {choice.option.words}.")
+        self._plan = choice.plan or self._plan
+        if to is None:
+            return
+        way = bearing(self._graph, self.places.here, to)
+        self.facing = self.facing if way.heading is None else way.heading
+        self.places.go(to)
+        self.trajectory.append((to, round(self.facing, 6), 0.0))
+
+    def _images(self) -> list[Part]:
+        places, here = self.places, self.places.here
+        near = places.around(here)
+        last = {id: i for i, id in enumerate(places.been)}
+        others = [id for id in places.seen_from if id not in near and id != here]
+        others.sort(key=lambda id: (-last[places.seen_from[id]], places.number[id]))
+        shown = [*near, *others][: self._rules.most_images]
+        parts: list[Part] = []
+        for id in sorted(shown, key=places.number.__getitem__):
+            stood = places.seen_from[id]
+            way = bearing(self._graph, stood, id)
+            heading = self.facing if way.heading is None else way.heading
+            parts.append(f"Place {places.number[id]}, seen from place {places.number[stood]}:")
+            parts.append(self._eyes.see(self._task.scan, stood, heading, level(way.elevation)))
+        return parts or ["None."]
+
+
+def _letter(index: int) -> str:
+    """A to Z, then AA, AB and so on."""
+    letters = string.ascii_uppercase
+    return letters[index] if index < 26 else letters[index // 26 - 1] + letters[index % 26]
+
+
+def _short(value: object) -> str:
+    return " ".join(value.encode("utf-8", "ignore").decode().split())[:_LONGEST] if isinstance(value, str) else ""

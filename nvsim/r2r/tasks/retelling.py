@@ -1,0 +1,25 @@
+"""A dataset with other instructions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from nvsim.r2r.tasks.joining import joined_instructions
+from nvsim.r2r.tasks.splitting import Dataset
+from nvsim.r2r.tasks.task import JoinedTask, Task
+
+
+def retold(dataset: Dataset, texts: Mapping[int, Sequence[str]]) -> Dataset:
+    """Gives every task the instructions of its path_id, where there are any; joined paths have those of their two."""
+    told: dict[int, Task] = {}
+    for task in (task for tasks in dataset.splits.values() for task in tasks):
+        told[task.path_id] = replace(task, instructions=tuple(texts.get(task.path_id, task.instructions)))
+    splits = {name: [told[task.path_id] for task in tasks] for name, tasks in dataset.splits.items()}
+    joined = {name: [_joined(task, told) for task in tasks] for name, tasks in dataset.joined.items()}
+    return replace(dataset, splits=splits, joined=joined)
+
+
+def _joined(task: JoinedTask, told: Mapping[int, Task]) -> JoinedTask:
+    instructions = joined_instructions(told[task.first_path_id], told[task.second_path_id])
+    return replace(task, instructions=instructions)
