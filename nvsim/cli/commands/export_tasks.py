@@ -33,7 +33,13 @@ class Arguments:
     unseen: tuple[str, ...] = ()
     """Scans that only val_unseen enters, whole; when none is named, a region of every scan."""
     instructions: int = 3
-    """Instructions of each path, made here from turns, distances and slopes; 0 leaves them empty."""
+    """Instructions of each path, made here from turns, distances, slopes and what is seen; 0 leaves them empty."""
+    landmarks: bool = True
+    """Name doorways, corridors, things and the floor too, where the scans have strips with depth."""
+    vlnce: bool = False
+    """Write the tasks as VLN-CE's episodes too, with the actions that follow the paths; needs strips with depth."""
+    streamvln: bool = False
+    """Write the tasks as StreamVLN's annotations too, with the same actions."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
     json: bool = False
@@ -41,35 +47,36 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    from nvsim.cli.console import listening
     from nvsim.cli.show import as_json, table
-    from nvsim.r2r.instructions.generating import instruct
-    from nvsim.r2r.tasks.exporting import export_tasks
-    from nvsim.r2r.tasks.splitting import sample_tasks
+    from nvsim.dataset.tasks import TaskOptions, make_tasks
+    from nvsim.events import silent
 
     a = arguments
-    if not 0 <= a.instructions <= 100:
-        raise InputError(f"{a.instructions} instructions of a path cannot be made; give --instructions from 0 to 100.")
+    options = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)
     graphs = _graphs(a)
-    told = instruct(sample_tasks(graphs, a.unseen, a.bounds, a.amounts), graphs, a.instructions, a.amounts.seed)
-    dataset = told.dataset
-    about = {"each": a.instructions, "paths": told.paths, "found_again": len(told.found)}
-    written = export_tasks(dataset, a.out, a.bounds, a.amounts, about)
-    for warning in _warnings(dataset):
+    with listening(False) as listen:
+        made = make_tasks(graphs, a.scans, a.out, options, silent if a.json else listen)
+    dataset = made.told.dataset
+    for warning in warnings_of(dataset):
         print(f"warning: {warning}", file=sys.stderr)
-    rows = _rows(dataset)
+    rows = rows_of(dataset)
     if a.json:
         unseen = {scan: len(ids) for scan, ids in dataset.unseen.items()}
-        files = [str(path) for path in written]
-        print(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": about}))
+        files = [str(path) for path in made.written]
+        beside = {"episodes": made.episodes} if made.episodes else {}
+        print(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside}))
     else:
         table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
         if a.instructions:
-            print(f"From the instructions alone a follower finds {_found(told)}.")
-        print("\n".join(f"Wrote {path}" for path in written))
+            print(f"From the instructions alone a follower finds {_found(made.told)}.")
+        if made.episodes:
+            print(f"{sum(made.episodes.values())} of {made.told.paths} paths have episodes.")
+        print("\n".join(f"Wrote {path}" for path in made.written))
     return 0
 
 
-def _rows(dataset: Dataset) -> list[dict[str, Any]]:
+def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
     named = [(name, tasks) for name, tasks in dataset.splits.items()]
     named += [(f"{name}, joined", tasks) for name, tasks in dataset.joined.items()]
     rows = []
@@ -100,7 +107,7 @@ def _text(value: object) -> str:
     return " / ".join(f"{v:g}" for v in value) if isinstance(value, list) else str(value)
 
 
-def _warnings(dataset: Dataset) -> list[str]:
+def warnings_of(dataset: Dataset) -> list[str]:
     from nvsim.r2r.observations.stub import SCAN
 
     found = [f"No path within the bounds lies in the scan {id}." for id in dataset.empty if id != SCAN]

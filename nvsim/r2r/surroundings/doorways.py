@@ -16,7 +16,8 @@ _WIDE = 1.5  # metres of a doorway, at most
 _THICK = 0.6  # metres of a lintel, at most
 _DIRECTIONS = 36  # over half a turn
 _FAR = 9.0  # metres
-_CORRIDOR, _LONG, _ROOM = 2.3, 5.5, 2.9  # metres: width of a corridor, at most; its length and a room's width, at least
+_LEAST, _CORRIDOR, _LONG = 0.8, 2.3, 5.5  # metres: width of a corridor, from, to; its length, at least
+_ROOM, _AROUND = 2.9, 0.7  # metres: width of a room, at least; how far off its middle may be
 
 
 def doorways_between(
@@ -71,23 +72,42 @@ def _runs(values: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(i, j) for i, j in runs if i > 0 and j < len(values) - 1]
 
 
-def kind_of(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating]) -> Kind:
-    """Whether a place (2,) is in a corridor, by how far the walls are to all sides; "" where that is disputable."""
+def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floating]) -> list[Kind]:
+    """Whether places (N, 2) are in a room or in a corridor, by how far the walls are; "" where that is disputable."""
+    from scipy.ndimage import distance_transform_edt, maximum_filter
+
+    clear = (distance_transform_edt(~walls) * CELL).astype(np.float32)
+    widest = 2 * layers.values_at(maximum_filter(clear, size=2 * round(_AROUND / CELL) + 1), places)
+    return [
+        "corridor" if _is_corridor(walls, layers, place) else "room" if wide >= _ROOM else ""
+        for place, wide in zip(places, widest)
+    ]
+
+
+def _is_corridor(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating]) -> bool:
+    """Whether walls run parallel on both sides, before and behind, and it is long."""
     half = np.arange(_DIRECTIONS) * math.pi / _DIRECTIONS
     ways = np.stack([np.sin(half), np.cos(half)], axis=1)
-    far = np.array([[_to_wall(walls, layers, place, sign * way) for sign in (1, -1)] for way in ways])
-    widths = far.sum(axis=1)
-    narrow = int(widths.argmin())
-    long = float(widths[(narrow + _DIRECTIONS // 2) % _DIRECTIONS])
-    width = float(widths[narrow])
-    if 0.8 < width <= _CORRIDOR and long >= max(_LONG, 2.5 * width):
-        return "corridor"
-    return "room" if width >= _ROOM and np.isfinite(width) else ""
+    widths = [_chord(walls, layers, place, way) for way in ways]
+    narrow = int(np.argmin(widths))
+    across, along = ways[narrow], ways[(narrow + _DIRECTIONS // 2) % _DIRECTIONS]
+    if not _LEAST < widths[narrow] <= _CORRIDOR or _chord(walls, layers, place, along) < _LONG:
+        return False
+    # A chord that cuts off a corner is short too; those beside it are not. At a crossing one of them may be long.
+    beside = [_chord(walls, layers, place + off * along, across) for off in (-1.2, -0.8, -0.4, 0.4, 0.8, 1.2)]
+    return sum(abs(width - widths[narrow]) < 0.5 for width in beside) >= 5
+
+
+def _chord(
+    walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]
+) -> float:
+    """Metres of the straight line through a place (2,) from wall to wall."""
+    return sum(_to_wall(walls, layers, place, sign * way) for sign in (1, -1))
 
 
 def _to_wall(
     walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]
 ) -> float:
-    reach = np.arange(0.15, _FAR, CELL / 2)
+    reach = np.arange(0.0, _FAR, CELL / 2)
     hits = np.flatnonzero(layers.values_at(walls, np.asarray(place)[:2] + reach[:, None] * way))
     return float(reach[hits[0]]) if len(hits) else _FAR

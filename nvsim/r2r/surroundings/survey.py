@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kind_of
+from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of
 from nvsim.r2r.surroundings.floor_colours import floor_along, floor_names
 from nvsim.r2r.surroundings.layers import Layers, layers_of
-from nvsim.r2r.surroundings.seen import Seen, look_around
+from nvsim.r2r.surroundings.seen import Seen
 from nvsim.r2r.surroundings.things import Thing, find_things, walls_of
 
 Side = Literal["left", "right"]
 Pair = tuple[str, str]
-STAGE = "surroundings"
 _BESIDE = 1.9  # metres from the way to a thing that one passes
 _NEAR = 2.2  # metres from a viewpoint to a thing that it stands by
 _OPEN = 0.3  # share of a thing that must be seen
@@ -45,16 +42,6 @@ class Surroundings:
     floors: Mapping[Pair, tuple[str, ...]] = field(default_factory=dict)
 
 
-def survey(root: Path, graph: NavGraph, listen: Listener = silent) -> Surroundings:
-    """Of a scan in the folder `root` of an export. Raises InputError where its strips are missing or damaged."""
-    seen = []
-    count = sum(v.included for v in graph.viewpoints.values())
-    for one in look_around(root, graph):
-        seen.append(one)
-        listen(Progress(STAGE, len(seen), count, one.viewpoint.id))
-    return surroundings_of(graph, list(layers_of(seen)))
-
-
 def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
     """From the storeys of the scan. Steps from one storey to another have none."""
     things: list[Thing] = []
@@ -70,8 +57,8 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
         walls, standing = walls_of(layers), layers.between(0.4, 1.7) >= 4
         names = floor_names(layers)
         sees = {one.viewpoint.id: _seen_by(one, here) for one in layers.seen}
+        kinds |= dict(zip(at, kinds_of(walls, layers, np.array([place[:2] for place in at.values()]))))
         for id, place in at.items():
-            kinds[id] = kind_of(walls, layers, place)
             near[id] = tuple((first + i, *where) for i, where in _near(place, here, sees[id]))
         for a, b in graph.edges:
             if a not in at or b not in at:

@@ -16,6 +16,9 @@ Shape = Literal["tall", "waist-high", "low", "sofa", "table", "platform", "objec
 _FROM = 0.11  # metres above the floor from which on a thing is no floor
 _TALL, _WAIST, _FLAT = 1.45, 0.66, 0.26  # metres of the top
 _TALLEST = 2.15
+_FURNITURE = 1.3  # metres of the longer side from which on a thing is called a piece of furniture
+_NAMED = tuple(name for name in COLOURS if name not in ("white", "grey", "black"))
+"""Colours of things: grey may be white in the shade."""
 _WALL = 3  # voxels under the ceiling that make a cell one of a wall
 _LEAST_CELLS = 32  # of a thing: 0.08 square metres
 _MOST_CELLS = 3600
@@ -76,7 +79,8 @@ def find_things(layers: Layers) -> list[Thing]:
     taken[flat] = 1
     taken = taken.reshape(layers.shape)
     found = []
-    for i, colour in enumerate(COLOURS):
+    for colour in _NAMED:
+        i = COLOURS.index(colour)
         mine = names == i
         mask = np.zeros(layers.shape[0] * layers.shape[1], np.uint8)
         mask[flat[mine]] = 1
@@ -162,7 +166,7 @@ def _shape(
     if level < _FLAT:
         alike = float((tops < _FLAT).mean())
         return "platform" if alike > 0.85 and longer * shorter > 0.8 and fill > 0.6 and longer > 1.2 else None
-    if longer < 0.9:
+    if longer < _FURNITURE or colour == "green":  # plants are none
         return "object" if top > 0.5 else None
     if top >= _TALL:
         return "tall"
@@ -173,7 +177,7 @@ def _shape(
     if 0.3 < level < 0.85 and shorter > 0.4 and flat.mean() > 0.75 and hollow.mean() > 0.8:
         return "table"
     seat, rest = (tops > 0.28) & (tops < 0.56), tops > 0.6
-    cloth = colour not in ("brown", "beige", "white", "grey", "black")
+    cloth = colour not in ("brown", "beige")
     if cloth and longer > 1.4 and shorter > 0.6 and top < 1.05 and seat.mean() > 0.3 and rest.mean() > 0.15:
         return "sofa"
     return "waist-high" if top >= _WAIST else "low"
