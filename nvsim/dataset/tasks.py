@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
@@ -51,11 +55,18 @@ class MadeTasks:
 
 
 def make_tasks(
-    graphs: Sequence[NavGraph], scans: Path | None, out: Path, options: TaskOptions, listen: Listener
+    graphs: Sequence[NavGraph],
+    scans: Path | None,
+    out: Path,
+    options: TaskOptions,
+    listen: Listener,
+    clouds: Mapping[str, NDArray[np.floating]] = MappingProxyType({}),
 ) -> MadeTasks:
     """Samples tasks of `graphs` and writes them into `out`.
 
     scans   the folder of the export in which the scans' strips lie, None where there is none
+    clouds  scan -> (N, 3) points of surfaces, metres, world, that robots must not touch, where more is known than the
+            strips show
 
     Raises InputError where no path fits, strips are damaged or missing that are needed, or the disk refuses.
     """
@@ -65,7 +76,7 @@ def make_tasks(
     dataset = sample_tasks(graphs, o.unseen, o.bounds, o.amounts)
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     used = {task.scan for task in tasks}
-    seen, scenes = _looked_at([graph for graph in graphs if graph.scan in used], scans, o, listen)
+    seen, scenes = _looked_at([graph for graph in graphs if graph.scan in used], scans, o, clouds, listen)
     told = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen)
     about: dict[str, Any] = {"each": o.instructions, "paths": told.paths, "found_again": len(told.found)}
     about["landmarks_in"] = sorted(seen)
@@ -90,7 +101,11 @@ def make_tasks(
 
 
 def _looked_at(
-    graphs: Sequence[NavGraph], scans: Path | None, options: TaskOptions, listen: Listener
+    graphs: Sequence[NavGraph],
+    scans: Path | None,
+    options: TaskOptions,
+    clouds: Mapping[str, NDArray[np.floating]],
+    listen: Listener,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """What stands around in each scan that has strips with depth, and where robots have room in it."""
     from nvsim.r2r.observations.places import ScanPlaces
@@ -123,7 +138,7 @@ def _looked_at(
         if wants_episodes:
             from nvsim.r2r.episodes.episode import Scene
 
-            scenes[graph.scan] = Scene(graph, storeys)
+            scenes[graph.scan] = Scene(graph, storeys, clouds.get(graph.scan))
     return seen, scenes
 
 

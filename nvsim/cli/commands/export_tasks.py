@@ -15,6 +15,9 @@ from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from nvsim.graph.types import NavGraph
     from nvsim.r2r.instructions.generating import Told
     from nvsim.r2r.tasks.splitting import Dataset
@@ -25,7 +28,8 @@ class Arguments:
     scans: Path | None = None
     """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
     project: Path | None = None
-    """In place of --scans a project, whose graph is one scan, under the id that `nvsim export r2r` gives it."""
+    """In place of --scans a project, whose graph is one scan, under the id that `nvsim export r2r` gives it. With both,
+    the scan that `nvsim export scan` made of the project, whose cloud then says too where a robot has room."""
     out: Path = Path("tasks")
     """The folder to write to."""
     only: tuple[str, ...] = ()
@@ -54,9 +58,9 @@ def run(arguments: Arguments) -> int:
 
     a = arguments
     options = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)
-    graphs = _graphs(a)
+    graphs, clouds = _graphs(a)
     with listening(False) as listen:
-        made = make_tasks(graphs, a.scans, a.out, options, silent if a.json else listen)
+        made = make_tasks(graphs, a.scans, a.out, options, silent if a.json else listen, clouds)
     dataset = made.told.dataset
     for warning in warnings_of(dataset):
         print(f"warning: {warning}", file=sys.stderr)
@@ -116,20 +120,28 @@ def warnings_of(dataset: Dataset) -> list[str]:
     ]
 
 
-def _graphs(arguments: Arguments) -> list[NavGraph]:
+def _graphs(arguments: Arguments) -> tuple[list[NavGraph], dict[str, NDArray[np.floating]]]:
+    """The graphs, and the clouds that are known of them."""
     from nvsim.graph.connectivity import read_connectivity, scan_files
 
-    if (arguments.scans is None) == (arguments.project is None):
-        raise InputError("Give --scans, a folder of exported scans, or --project, one of the two.")
-    if arguments.scans is not None:
-        return [read_connectivity(path) for path in scan_files(arguments.scans, arguments.only).values()]
-    if arguments.only:
+    a = arguments
+    if a.scans is None and a.project is None:
+        raise InputError("Give --scans, a folder of exported scans, or --project, or both.")
+    if a.project is None:
+        assert a.scans is not None
+        return [read_connectivity(path) for path in scan_files(a.scans, a.only).values()], {}
+    if a.only and a.scans is None:
         raise InputError("--only names scans of --scans; a project is one scan.")
     from dataclasses import replace
 
+    from nvsim.dataset.clouds import cloud_of
     from nvsim.project.project import Project
     from nvsim.project.stages.mapped import scan_name
 
-    assert arguments.project is not None
-    with Project.open(arguments.project) as project:
-        return [replace(project.need_graph(), scan=scan_name(project))]
+    with Project.open(a.project) as project:
+        if a.scans is None:
+            return [replace(project.need_graph(), scan=scan_name(project))], {}
+        names = a.only or (scan_name(project),)
+        graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
+        cloud = cloud_of(project) if a.vlnce or a.streamvln else None
+    return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}

@@ -34,11 +34,14 @@ class Episode:
 class Scene:
     """A scan in which robots walk. Paths from one storey to another have no episodes."""
 
-    def __init__(self, graph: NavGraph, storeys: Sequence[Layers]) -> None:
+    def __init__(
+        self, graph: NavGraph, storeys: Sequence[Layers], cloud: NDArray[np.floating] | None = None
+    ) -> None:
+        """`cloud` as `FreeSpace.of` takes it."""
         self._graph = graph
         self._spaces: dict[str, FreeSpace] = {}
         for layers in storeys:
-            space = FreeSpace.of(layers, graph)
+            space = FreeSpace.of(layers, graph, cloud)
             self._spaces |= {one.viewpoint.id: space for one in layers.seen}
 
     def episode(self, task: Task) -> Episode | None:

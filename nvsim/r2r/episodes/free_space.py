@@ -16,7 +16,8 @@ RADIUS = 0.25
 _MARGIN = 0.07  # metres besides, as what is seen is not exact
 _FROM, _TO = 0.1, 1.7  # metres above the floor between which things are in its way
 _LEAST = 2  # voxels of a cell that are something
-_FROM_EDGES = 0.6  # metres; farther off nobody looked whether there is floor
+_SPECK = 4  # cells of a cloud that are something together
+_FROM_EDGES = 0.45  # metres; farther off nobody looked whether there is floor
 _EASY = 0.6  # metres of room from which on more of it makes a way no better
 
 
@@ -30,11 +31,14 @@ class FreeSpace:
     layers: Layers
 
     @staticmethod
-    def of(layers: Layers, graph: NavGraph) -> FreeSpace:
+    def of(layers: Layers, graph: NavGraph, cloud: NDArray[np.floating] | None = None) -> FreeSpace:
+        """`cloud` (N, 3), metres, world, are surfaces that are known besides, such as those of a laser scan."""
         from scipy.ndimage import distance_transform_edt
 
         floor = layers.between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0
-        blocked = layers.between(_FROM, _TO) >= _LEAST
+        blocked = layers.counted(layers.firm(_FROM, _TO)) >= _LEAST
+        if cloud is not None:
+            blocked |= _scanned(layers, cloud)
         free = _closed(floor) & ~blocked
         metres = (distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] - 0.5) * CELL
         metres[_far_from_edges(layers, graph)] = 0.0
@@ -67,6 +71,21 @@ class FreeSpace:
 
     def _drawn(self, path: NDArray[np.floating]) -> NDArray[np.bool_]:
         return _lines(self.layers, list(zip(path[:-1, :2], path[1:, :2])))
+
+
+def _scanned(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """(rows, columns) where a cloud has points in the robot's way, but for specks."""
+    import cv2
+
+    above = cloud[:, 2] - layers.floor
+    cells = layers.cells_of(cloud[(above > _FROM) & (above < _TO), :2])
+    cells = cells[((cells >= 0) & (cells < layers.shape)).all(axis=1)]
+    mask = np.zeros(layers.shape, np.uint8)
+    mask[cells[:, 0], cells[:, 1]] = 1
+    _, labels, sizes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    large = sizes[:, cv2.CC_STAT_AREA] >= _SPECK
+    large[0] = False
+    return np.asarray(large[labels])
 
 
 def _closed(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -19,6 +19,8 @@ _APART = 0.8  # metres between floors of two storeys, at least
 _LEAST = 2  # points of a voxel
 _MOST = 40_000_000  # voxels
 _CEILING = (1.95, 3.2)  # metres above the floor between which a ceiling is looked for
+_NEARBY = 4.0  # metres from which voxels are told apart
+_PASSED = 1.0  # times as many may look past a voxel as see it
 _HIGH = 0.45  # metres below the ceiling that furniture leaves free
 
 
@@ -49,7 +51,28 @@ class Layers:
     def between(self, low: float, high: float) -> NDArray[np.int64]:
         """(rows, columns) how many voxels there are whose middles are so many metres above the floor."""
         above = self.above
-        inside = self.voxels[(above >= low) & (above < high)]
+        return self.counted((above >= low) & (above < high))
+
+    def firm(self, low: float, high: float) -> NDArray[np.bool_]:
+        """(n,) which voxels whose middles are so many metres above the floor are there for those who look at them from
+        nearby: not what one viewpoint alone sees and others see past."""
+        above = self.above
+        rows = np.flatnonzero((above >= low) & (above < high))
+        places = self.places_of(rows)
+        on, past = np.zeros(len(rows)), np.zeros(len(rows))
+        for one in self.seen:
+            offs = np.hypot(*(places[:, :2] - one.viewpoint.position[:2]).T)
+            near = np.flatnonzero(offs < _NEARBY)
+            there, beyond = one.lies_open(places[near])
+            on[near] += there
+            past[near] += beyond
+        found = np.zeros(len(self.voxels), bool)
+        found[rows[past <= _PASSED * on]] = True
+        return found
+
+    def counted(self, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """(rows, columns) how many of the voxels `chosen` (n,) there are."""
+        inside = self.voxels[chosen]
         flat = inside[:, 1].astype(np.int64) * self.shape[1] + inside[:, 0]
         return np.bincount(flat, minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
 
