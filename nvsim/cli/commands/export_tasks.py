@@ -53,14 +53,16 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.cli.console import listening
     from nvsim.cli.show import as_json, table
-    from nvsim.dataset.tasks import TaskOptions, make_tasks
-    from nvsim.events import silent
+    from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
+    from nvsim.events import Done, silent
 
     a = arguments
     options = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)
     graphs, clouds = _graphs(a)
     with listening(False) as listen:
         made = make_tasks(graphs, a.scans, a.out, options, silent if a.json else listen, clouds)
+        if not a.json:
+            listen(Done(STAGE, f"{made.told.paths} paths in {a.out}"))
     dataset = made.told.dataset
     for warning in warnings_of(dataset):
         print(f"warning: {warning}", file=sys.stderr)

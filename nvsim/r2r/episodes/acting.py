@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import heapq
 import math
-from itertools import count
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray

@@ -34,9 +34,7 @@ class Episode:
 class Scene:
     """A scan in which robots walk. Paths from one storey to another have no episodes."""
 
-    def __init__(
-        self, graph: NavGraph, storeys: Sequence[Layers], cloud: NDArray[np.floating] | None = None
-    ) -> None:
+    def __init__(self, graph: NavGraph, storeys: Sequence[Layers], cloud: NDArray[np.floating] | None = None) -> None:
         """`cloud` as `FreeSpace.of` takes it."""
         self._graph = graph
         self._spaces: dict[str, FreeSpace] = {}

@@ -49,8 +49,8 @@ class FreeSpace:
         return np.asarray(self.layers.values_at(self.room, places) >= 0)
 
     def to_go(self, path: NDArray[np.floating], reach: float) -> NDArray[np.float32]:
-        """(rows, columns) metres to the end of a path (N, 2 or more) for the robot, where it stays within `reach` metres
-        of the path; longer where it is tight, infinite where it cannot be."""
+        """(rows, columns) metres to the end of a path (N, 2 or more) for the robot, where it stays within `reach`
+        metres of the path; longer where it is tight, infinite where it cannot be."""
         from scipy.ndimage import distance_transform_edt
         from scipy.sparse.csgraph import dijkstra
 

@@ -1,4 +1,4 @@
-"""Words for what is seen along a leg. Each phrase stands for one fact, so that who knows the phrases can read it back."""
+"""Words for what is seen along a leg. Each phrase stands for one fact: who knows the phrases can read it back."""
 
 from __future__ import annotations
 
@@ -28,7 +28,11 @@ BY = {
     "ahead": ("until you stand before the {}", "until the {} is right in front of you", "up to the {} in front of you"),
 }
 STOP_BY = {
-    "left": ("Stop with the {} to your left.", "Wait where the {} is to your left.", "End next to the {}, on your left."),
+    "left": (
+        "Stop with the {} to your left.",
+        "Wait where the {} is to your left.",
+        "End next to the {}, on your left.",
+    ),
     "right": (
         "Stop with the {} to your right.",
         "Wait where the {} is to your right.",

@@ -1,5 +1,5 @@
-"""What is seen along a leg, as facts that can be said and checked: doorways, rooms and corridors, things beside the way,
-changes of the floor."""
+"""What is seen along a leg, as facts that can be said and checked: doorways, rooms and corridors, things beside the
+way, changes of the floor."""
 
 from __future__ import annotations
 

@@ -42,9 +42,7 @@ def doorways_between(
         if along[last] - along[first] > _THICK:
             continue
         # A jamb stands from the floor to the ceiling, in the line of the lintel, which may be oblique to the way.
-        gaps = [
-            _to_jamb(walls & standing, layers, a + middle * ahead, across, ahead, side) for side in (1, -1)
-        ]
+        gaps = [_to_jamb(walls & standing, layers, a + middle * ahead, across, ahead, side) for side in (1, -1)]
         if max(gaps) <= _JAMB and sum(gaps) <= _WIDE:
             found.append(float(middle))
     return found
@@ -98,16 +96,12 @@ def _is_corridor(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.flo
     return sum(abs(width - widths[narrow]) < 0.5 for width in beside) >= 5
 
 
-def _chord(
-    walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]
-) -> float:
+def _chord(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]) -> float:
     """Metres of the straight line through a place (2,) from wall to wall."""
     return sum(_to_wall(walls, layers, place, sign * way) for sign in (1, -1))
 
 
-def _to_wall(
-    walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]
-) -> float:
+def _to_wall(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]) -> float:
     reach = np.arange(0.0, _FAR, CELL / 2)
     hits = np.flatnonzero(layers.values_at(walls, np.asarray(place)[:2] + reach[:, None] * way))
     return float(reach[hits[0]]) if len(hits) else _FAR

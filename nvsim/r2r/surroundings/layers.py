@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.seen import Seen
 
+Scalar = TypeVar("Scalar", bound=np.generic)
 CELL = 0.05
 """Metres of a cell, and of a voxel."""
 FLOOR = 0.06
@@ -91,7 +93,7 @@ class Layers:
         xy = (v[:, :2] + 0.5) * CELL + np.array(self.low)
         return np.column_stack([xy, (v[:, 2] + 0.5) * CELL + _LOWEST + self.floor])
 
-    def values_at(self, values: NDArray[np.generic], xy: NDArray[np.floating]) -> NDArray[np.generic]:
+    def values_at(self, values: NDArray[Scalar], xy: NDArray[np.floating]) -> NDArray[Scalar]:
         """(...) of the array `values` (rows, columns) at world places; that of the nearest cell outside."""
         at = self.cells_of(xy)
         return values[at[..., 0].clip(0, self.shape[0] - 1), at[..., 1].clip(0, self.shape[1] - 1)]

@@ -72,9 +72,9 @@ def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> Seen:
     import cv2
 
     depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
-    strip = decoded(
-        read_bytes(path), path, cv2.IMREAD_COLOR, what="a strip of a skybox", then="export the scan again"
-    )[..., ::-1]
+    strip = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a strip of a skybox", then="export the scan again")[
+        ..., ::-1
+    ]
     side = min(SIDE, depth.shape[0])
     if strip.shape[:2] != depth.shape:
         raise InputError(f"{path} is not of the size of its depth strip; export the scan again.")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of
 from nvsim.r2r.surroundings.floor_colours import floor_along, floor_names
-from nvsim.r2r.surroundings.layers import Layers, layers_of
+from nvsim.r2r.surroundings.layers import Layers
 from nvsim.r2r.surroundings.seen import Seen
 from nvsim.r2r.surroundings.things import Thing, find_things, walls_of
 
@@ -85,9 +85,7 @@ def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
     return found
 
 
-def _near(
-    place: NDArray[np.float64], things: list[Thing], seen: set[int]
-) -> Iterator[tuple[int, tuple[float, float]]]:
+def _near(place: NDArray[np.float64], things: list[Thing], seen: set[int]) -> Iterator[tuple[int, tuple[float, float]]]:
     for i in sorted(seen):
         metres = float(np.hypot(*(things[i].cells - place[:2]).T).min())
         if metres <= _NEAR:

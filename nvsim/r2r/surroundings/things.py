@@ -84,8 +84,8 @@ def find_things(layers: Layers) -> list[Thing]:
         mine = names == i
         mask = np.zeros(layers.shape[0] * layers.shape[1], np.uint8)
         mask[flat[mine]] = 1
-        mask = cv2.morphologyEx(mask.reshape(layers.shape), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-        count, labels, sizes, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+        closed = cv2.morphologyEx(mask.reshape(layers.shape), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        count, labels, sizes, _ = cv2.connectedComponentsWithStats(closed, connectivity=4)
         label = labels.reshape(-1)[flat]
         for k in range(1, count):
             if not _LEAST_CELLS <= sizes[k, cv2.CC_STAT_AREA] <= _MOST_CELLS or not _stands_alone(labels == k, taken):
