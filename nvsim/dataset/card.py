@@ -1,4 +1,4 @@
-"""The card of a dataset: README.md, for whoever is given the folder."""
+"""The card of a dataset: README.md, for those who get the folder."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
 
 def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: DatasetOptions) -> dict[str, Any]:
     """JSON-able, as `nvsim export scan --dry-run` says it of a scan: scans, kinds of files, files, bytes, missing
-    (bytes, still to be written), drawn and todo (viewpoints), seconds, time (in words), free (bytes), shortage; and paths by
-    split.
+    (bytes, still to be written), drawn and todo (viewpoints), seconds, time (in words), free (bytes), shortage; and
+    paths by split.
 
     Raises InputError where no path fits into a split.
     """

@@ -16,11 +16,14 @@ Shape = Literal["tall", "waist-high", "low", "sofa", "table", "platform", "objec
 _FROM = 0.11  # metres above the floor from which on a thing is no floor
 _TALL, _WAIST, _FLAT = 1.45, 0.66, 0.26  # metres of the top
 _TALLEST = 2.15
+_LEGS = 0.12  # share of the rim of a table that legs close, at most
 _FURNITURE = 1.3  # metres of the longer side from which on a thing is called a piece of furniture
 _NAMED = tuple(name for name in COLOURS if name not in ("white", "grey", "black"))
 """Colours of things: grey may be white in the shade."""
 _WALL = 3  # voxels under the ceiling that make a cell one of a wall
-_LEAST_CELLS = 32  # of a thing: 0.08 square metres
+_LEAST_CELLS, _LEAST_OF_A_FRONT = 32, 14  # of a thing; of one higher than the eye, of which only the front is seen
+_FRONT = 1.3  # metres of its top, at least
+_WHOLE = 0.4  # share of a front that must be seen
 _MOST_CELLS = 3600
 _SHORTEST, _LONGEST = 0.4, 3.0  # metres of its longer side
 _THINNEST = 0.15  # metres of its shorter side
@@ -88,7 +91,7 @@ def find_things(layers: Layers) -> list[Thing]:
         count, labels, sizes, _ = cv2.connectedComponentsWithStats(closed, connectivity=4)
         label = labels.reshape(-1)[flat]
         for k in range(1, count):
-            if not _LEAST_CELLS <= sizes[k, cv2.CC_STAT_AREA] <= _MOST_CELLS or not _stands_alone(labels == k, taken):
+            if not _LEAST_OF_A_FRONT <= sizes[k, cv2.CC_STAT_AREA] <= _MOST_CELLS or not _stands_alone(labels == k, taken):
                 continue
             thing = _thing(layers, rows[label == k], names[label == k] == i, names[label == k], colour)
             if thing is not None:
@@ -127,19 +130,20 @@ def _thing(
     voxels = layers.voxels[rows]
     cells, back = np.unique(voxels[:, :2], axis=0, return_inverse=True)
     back = back.reshape(-1)
-    if len(cells) < _LEAST_CELLS or of_colour.sum() < _ONE_COLOUR * max(1, (names != NAMELESS).sum()):
+    if of_colour.sum() < _ONE_COLOUR * max(1, (names != NAMELESS).sum()):
         return None
     if of_colour.sum() < 0.4 * len(rows):
         return None
     (_, sides, _) = cv2.minAreaRect(cells.astype(np.float32))
     longer, shorter = (max(sides) + 1) * CELL, (min(sides) + 1) * CELL
-    if not _SHORTEST <= longer <= _LONGEST or shorter < _THINNEST:
-        return None
     heights = layers.above[rows]
     tops = np.zeros(len(cells))
     np.maximum.at(tops, back, heights)
     top = float(np.quantile(tops, 0.9))
-    shape = _shape(cells, tops, heights, back, top, longer, shorter, colour)
+    front = top >= _FRONT and len(rows) * CELL >= _WHOLE * len(cells) * (top - _FROM)
+    if not _SHORTEST <= longer <= _LONGEST or not front and (shorter < _THINNEST or len(cells) < _LEAST_CELLS):
+        return None
+    shape = _shape(cells, tops, heights, back, top, longer, shorter, colour, front)
     if shape is None:
         return None
     points = layers.places_of(rows[of_colour])
@@ -157,10 +161,12 @@ def _shape(
     longer: float,
     shorter: float,
     colour: str,
+    front: bool,
 ) -> Shape | None:
-    """What a thing is to the eye. `tops` (n,) of its `cells`; `heights` (m,) of its voxels, in the cells `back`."""
+    """What a thing is to the eye. `tops` (n,) of its `cells`; `heights` (m,) of its voxels, in the cells `back`;
+    `front` whether only that may have been seen."""
     fill = len(cells) * CELL * CELL / (longer * shorter)
-    if fill < 0.4:
+    if fill < 0.4 and not front:
         return None  # scattered, or round a corner
     level = float(np.median(tops))
     if level < _FLAT:
@@ -173,14 +179,21 @@ def _shape(
     lowest = np.full(len(cells), np.inf)
     np.minimum.at(lowest, back, heights)
     flat = np.abs(tops - level) < 0.09
-    hollow = lowest > level - 0.22
-    if 0.3 < level < 0.85 and shorter > 0.4 and flat.mean() > 0.75 and hollow.mean() > 0.8:
+    closed = (lowest < level - 0.2)[_is_rim(cells)]  # where a side of it is seen below its edge
+    if 0.3 < level < 0.85 and shorter > 0.4 and flat.mean() > 0.75 and closed.mean() < _LEGS:
         return "table"
     seat, rest = (tops > 0.28) & (tops < 0.56), tops > 0.6
     cloth = colour not in ("brown", "beige")
     if cloth and longer > 1.4 and shorter > 0.6 and top < 1.05 and seat.mean() > 0.3 and rest.mean() > 0.15:
         return "sofa"
     return "waist-high" if top >= _WAIST else "low"
+
+
+def _is_rim(cells: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(n,) which of the cells (n, 2) of a thing have a neighbour that is none."""
+    keys = cells[:, 0].astype(np.int64) << 32 | cells[:, 1]
+    around = [np.isin(keys + step, keys) for step in (1, -1, 1 << 32, -(1 << 32))]
+    return ~np.logical_and.reduce(around)
 
 
 def _is_firm(layers: Layers, points: NDArray[np.float64]) -> bool:
