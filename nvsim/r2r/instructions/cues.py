@@ -11,12 +11,12 @@ from itertools import groupby
 from typing import Literal
 
 from nvsim.r2r.surroundings.colour_names import differ
-from nvsim.r2r.surroundings.survey import Pair, Surroundings
+from nvsim.r2r.surroundings.survey import SAME_DOORWAY, Pair, Surroundings
 
 CueKind = Literal["through", "out of", "into", "along", "past", "by", "floor"]
 CueSide = Literal["", "left", "right", "ahead"]
 _STEADY = 4  # places 0.2 m apart of one floor before and after a change
-_BESIDE = (math.radians(45), math.radians(130))
+_BESIDE = (math.radians(55), math.radians(125))
 _AHEAD = math.radians(20)
 
 
@@ -43,7 +43,7 @@ def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozens
 
 
 def _doorways(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
-    doors = sum(len(seen.doors[step]) for step in steps)
+    doors = len(set(_doors_of(steps, seen)))
     first, last = (seen.kinds.get(id, "") for id in (ids[0], ids[-1]))
     if doors:
         yield Cue("through", str(doors))
@@ -54,6 +54,17 @@ def _doorways(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> 
             yield Cue("out of", first)
         if last:
             yield Cue("into", last)
+
+
+def _doors_of(steps: Sequence[Pair], seen: Surroundings) -> Iterator[float]:
+    """Metres along the leg at which it leads through doorways; those nearer than a wall is thick are one."""
+    walked, last = 0.0, -math.inf
+    for step in steps:
+        for metres in seen.doors[step]:
+            if walked + metres - last > SAME_DOORWAY:
+                last = walked + metres
+            yield last
+        walked += seen.metres[step]
 
 
 def _past(steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:

@@ -19,6 +19,8 @@ from nvsim.r2r.surroundings.things import Thing, find_things, walls_of
 
 Side = Literal["left", "right"]
 Pair = tuple[str, str]
+SAME_DOORWAY = 0.8
+"""Metres between two lintels that are one."""
 _BESIDE = 1.9  # metres from the way to a thing that one passes
 _NEAR = 2.2  # metres from a viewpoint to a thing that it stands by
 _OPEN = 0.3  # share of a thing that must be seen
@@ -30,6 +32,7 @@ class Surroundings:
     kinds    viewpoint id -> room or corridor
     near     viewpoint id -> things that stand by it in plain sight: index, radians from +y to the right, metres
     passed   (from, to) of a step -> things beside it in plain sight from its start: index and side
+    metres   (from, to) -> length of the step, seen from above
     doors    (from, to) -> metres after which it leads through a doorway
     floors   (from, to) -> names of the floor's colour along it, 0.2 m apart
     """
@@ -38,6 +41,7 @@ class Surroundings:
     kinds: Mapping[str, Kind] = field(default_factory=dict)
     near: Mapping[str, tuple[tuple[int, float, float], ...]] = field(default_factory=dict)
     passed: Mapping[Pair, tuple[tuple[int, Side], ...]] = field(default_factory=dict)
+    metres: Mapping[Pair, float] = field(default_factory=dict)
     doors: Mapping[Pair, tuple[float, ...]] = field(default_factory=dict)
     floors: Mapping[Pair, tuple[str, ...]] = field(default_factory=dict)
 
@@ -48,6 +52,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
     kinds: dict[str, Kind] = {}
     near: dict[str, tuple[tuple[int, float, float], ...]] = {}
     passed: dict[Pair, tuple[tuple[int, Side], ...]] = {}
+    lengths: dict[Pair, float] = {}
     doors: dict[Pair, tuple[float, ...]] = {}
     floors: dict[Pair, tuple[str, ...]] = {}
     for layers in storeys:
@@ -66,12 +71,13 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
             length = float(np.linalg.norm(at[b][:2] - at[a][:2]))
             through = doorways_between(walls, standing, layers, at[a][:2], at[b][:2])
             along = floor_along(names, layers, at[a][:2], at[b][:2])
+            lengths[a, b] = lengths[b, a] = length
             doors[a, b], floors[a, b] = tuple(through), along
             doors[b, a], floors[b, a] = tuple(length - m for m in reversed(through)), along[::-1]
             for pair in ((a, b), (b, a)):
                 beside = _beside(at[pair[0]], at[pair[1]], here, sees[pair[0]])
                 passed[pair] = tuple((first + i, side) for i, side in beside)
-    return Surroundings(tuple(things), kinds, near, passed, doors, floors)
+    return Surroundings(tuple(things), kinds, near, passed, lengths, doors, floors)
 
 
 def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
