@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,20 +18,21 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic
 from nvsim.files.locking import WriterLock
-from nvsim.files.regular import read_json
+from nvsim.files.regular import read_bytes, read_json
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
 from nvsim.r2r.agents.table import Name as AgentName
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.layouts import Name as LayoutName
+from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.prepared import Prepared
+from nvsim.r2r.observations.record import key_of
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.tasks.splitting import SPLITS
 from nvsim.render.backends import Backend
 
 if TYPE_CHECKING:
     from nvsim.graph.types import NavGraph
-    from nvsim.r2r.observations.places import ScanPlaces
 
 STAGE = "dataset"
 RECORD, CARD, SCANS, FEATURES, TASKS, RESULTS = "dataset.json", "README.md", "scans", "features", "tasks", "results"
@@ -97,6 +99,7 @@ def _export(
 
     # A record that is not finished says whose folder it is, should this be cut off.
     about: dict[str, Any] = {"format": FORMAT, "made_by": f"nvsim {__version__}", "finished": False}
+    about["features"] = _record(out).get("features", [])
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     o, places, clouds = options, [], {}
     for project, source in sources:
@@ -121,21 +124,46 @@ def _export(
 
 
 def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> list[dict[str, str]]:
+    """What there is of features: file, backbone, readers, and keys of what they were made from and of the file itself,
+    by which the next run knows them."""
     if not options.layouts:
         return []
     from nvsim.r2r.features.choosing import choose_backbone
     from nvsim.r2r.features.exported_scan import read_exported_scans
     from nvsim.r2r.features.extraction import extract
 
+    before = {one["layout"]: one for one in _record(out).get("features", [])}
     exported, found = read_exported_scans(out / SCANS, scans), []
+    images = {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
     for name in dict.fromkeys(options.layouts):
-        layout = LAYOUTS[name]
+        layout, file = LAYOUTS[name], out / FEATURES / LAYOUTS[name].file
         backbone, warning = choose_backbone(layout, None, 12, "auto", options.projection)
         if warning:
             listen(Warning(warning, FEATURES))
-        extract(exported, layout, backbone, out / FEATURES, listen)
-        found.append({"layout": name, "file": layout.file, "backbone": backbone.name, "read_by": layout.readers})
+        one = {"layout": str(name), "file": layout.file, "backbone": backbone.name, "read_by": layout.readers}
+        one["made_from"] = key_of(name, str(backbone.digest), images, __version__)
+        old = before.get(name, {})
+        if old.get("made_from") != one["made_from"] or not file.is_file() or _digest(file) != old.get("sha256"):
+            extract(exported, layout, backbone, out / FEATURES, listen)
+        found.append({**one, "sha256": _digest(file)})
+        about = {**_record(out), "features": [*(o for o in before.values() if o["layout"] != name), *found]}
+        atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     return found
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(read_bytes(path)).hexdigest()
+
+
+def _record(out: Path) -> dict[str, Any]:
+    """dataset.json as it is, {} where there is none. Raises InputError where it is damaged."""
+    if not os.path.lexists(out / RECORD):
+        return {}
+    data = read_json(out / RECORD, "the record of a dataset", "remove it, or choose another --out")
+    features = data.get("features", []) if isinstance(data, dict) else None
+    if not isinstance(features, list) or not all(isinstance(f, dict) and "layout" in f for f in features):
+        raise InputError(f"{out / RECORD} is damaged; remove it, or choose another --out.")
+    return dict(data)
 
 
 def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[str, dict[str, Any]]:
@@ -183,8 +211,8 @@ def _refuse_foreign(out: Path) -> None:
     if not out.is_dir():
         raise InputError(f"{out} is no folder; choose another --out.")
     if os.path.lexists(out / RECORD):
-        data = read_json(out / RECORD, "the record of a dataset", "remove it, or choose another --out")
-        if isinstance(data, dict) and data.get("format") == FORMAT and "made_by" in data:
+        data = _record(out)
+        if data.get("format") == FORMAT and "made_by" in data:
             return
     elif not any(out.iterdir()):
         return

@@ -107,7 +107,9 @@ def test_files_are_as_their_readers_want_them(tmp_path: Path) -> None:
         truth = json.load(file)
     words = data["instruction_vocab"]["word_list"]
     assert words[:2] == ["<pad>", "<unk>"] and len(set(words)) == len(words)
-    assert len({item["episode_id"] for item in data["episodes"]}) == len(data["episodes"]) == len(truth) == 3 * len(tasks)
+    assert (
+        len({item["episode_id"] for item in data["episodes"]}) == len(data["episodes"]) == len(truth) == 3 * len(tasks)
+    )
     for item in data["episodes"]:
         task, acted = tasks[item["trajectory_id"]], truth[str(item["episode_id"])]
         text, numbers = item["instruction"]["instruction_text"], item["instruction"]["instruction_tokens"]

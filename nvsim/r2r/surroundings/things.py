@@ -91,7 +91,9 @@ def find_things(layers: Layers) -> list[Thing]:
         count, labels, sizes, _ = cv2.connectedComponentsWithStats(closed, connectivity=4)
         label = labels.reshape(-1)[flat]
         for k in range(1, count):
-            if not _LEAST_OF_A_FRONT <= sizes[k, cv2.CC_STAT_AREA] <= _MOST_CELLS or not _stands_alone(labels == k, taken):
+            if not _LEAST_OF_A_FRONT <= sizes[k, cv2.CC_STAT_AREA] <= _MOST_CELLS or not _stands_alone(
+                labels == k, taken
+            ):
                 continue
             thing = _thing(layers, rows[label == k], names[label == k] == i, names[label == k], colour)
             if thing is not None:
