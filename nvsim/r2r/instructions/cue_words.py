@@ -10,7 +10,7 @@ from nvsim.r2r.instructions.cues import Cue
 
 THINGS: dict[str, tuple[str, ...]] = {
     "tall": ("tall {} piece of furniture", "tall piece of {} furniture"),
-    "waist-high": ("waist-high {} piece of furniture", "piece of {} furniture as high as your waist"),
+    "waist-high": ("waist-high {} piece of furniture", "waist-high piece of {} furniture"),
     "low": ("low {} piece of furniture", "low piece of {} furniture"),
     "sofa": ("{} sofa", "{} couch"),
     "table": ("{} table",),
