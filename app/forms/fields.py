@@ -163,7 +163,7 @@ def unit_of(name: str, help: str, kind: Kind) -> str:
     return ""
 
 
-_SHORT = ("ssim", "lpips", "csv", "sh", "mcmc", "dc")
+_SHORT = ("vlnce", "ssim", "lpips", "csv", "sh", "mcmc", "dc")
 _UNITS = (
     (r"^Metres per unit", "m per unit"),
     (r"^Metres\b|\bmetres[:;.]|in metres\b|, metres\b|of metres\b", "m"),

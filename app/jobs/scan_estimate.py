@@ -1,5 +1,5 @@
-"""What an export of a scan comes to, as `nvsim export scan --dry-run` says it: it reads the project, and splits large
-graphs."""
+"""What an export of a scan or a dataset comes to, as `nvsim export scan --dry-run` and its like say it: they read the
+project, split large graphs and sample paths."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject
 
 from app.jobs.question import Question
 
-VERB = "export scan"
+VERB, DATASET = "export scan", "export dataset"
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class ScanEstimate:
 
 
 def estimate_of(text: str) -> ScanEstimate:
-    """What `nvsim export scan --dry-run --json` printed. Raises ValueError when it is something else."""
+    """What `--dry-run --json` of the command printed. Raises ValueError when it is something else."""
     try:
         data = json.loads(text)
         kinds = tuple(Kind(str(k["what"]), int(k["files"]), int(k["bytes"])) for k in data["kinds"])
@@ -70,9 +70,10 @@ def estimate_of(text: str) -> ScanEstimate:
 class ScanQuestion(Question):
     """finished(ScanEstimate), or failed(str) with the sentence that speaks against the export; of the last `start`."""
 
-    def __init__(self, parent: QObject | None = None) -> None:
+    def __init__(self, verb: str = VERB, parent: QObject | None = None) -> None:
         super().__init__(estimate_of, "The estimate", parent)
+        self._verb = verb
 
     def start(self, project: Path, arguments: Sequence[str]) -> None:
-        """Asks what `nvsim export scan` with these arguments comes to."""
-        self.ask([*VERB.split(), "--project", str(project), *arguments, "--dry-run", "--json"])
+        """Asks what the command with these arguments comes to."""
+        self.ask([*self._verb.split(), "--project", str(project), *arguments, "--dry-run", "--json"])

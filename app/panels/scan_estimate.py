@@ -1,4 +1,4 @@
-"""Beside the options of an export of a scan: what it will write, the room on the disk and the time."""
+"""Beside the options of an export of a scan or a dataset: what it will write, the room on the disk and the time."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class ScanEstimatePanel(QFrame):
     saveWanted = Signal()
     findingsWanted = Signal()
 
-    def __init__(self, project: Path, parent: QWidget | None = None) -> None:
+    def __init__(self, project: Path, verb: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._project = project
         self._arguments: list[str] | None = None
         self.setFrameShape(QFrame.Shape.StyledPanel)
         self.setFixedWidth(WIDTH)
-        self.question = ScanQuestion(self)
+        self.question = ScanQuestion(verb, self)
         self.question.finished.connect(self.show_estimate)
         self.question.failed.connect(self._on_failed)
         self.unsaved = self._words(colors.WARNING_TEXT)

@@ -1,6 +1,6 @@
-"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, an image; and the whole scan with its images, as a
-job. What agents would choke on is refused with the finding that says why, or written all the same when a user
-insists."""
+"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, an image; and the whole scan with its images, tasks
+in it, or both as a dataset, as jobs. What agents would choke on is refused with the finding that says why, or written
+all the same when a user insists."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
 from app.forms.form import CommandForm
-from app.jobs.scan_estimate import VERB
+from app.jobs.scan_estimate import DATASET, VERB
 from app.panels.form import Form
 from app.state.graph_reasons import with_editing
 from app.state.stages import enabled
-from app.wiring.jobs import JobsPart
+from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, Workspace
 from app.wiring.scan_form import ScanForm
 from nvsim.errors import InputError
+from nvsim.files.nofollow import is_folder
 from nvsim.graph.offers import Choice
 from nvsim.graph.types import NavGraph
-from nvsim.project.work import WORK
+from nvsim.project.work import WORK, sentence
 
+TASKS = "export tasks"
 KINDS = {
     "r2r": "R2R connectivity and scans.txt, for agents",
     "graphml": "GraphML, for Gephi, yEd and networkx",
@@ -41,6 +43,10 @@ class ExportPart(Part):
                "Ctrl+E", "export", enabled=with_editing),
         Action("export_scan", f"{WORK[VERB].title}…", f"{WORK[VERB].does[0].upper()}{WORK[VERB].does[1:]}", "&File", 1,
                "Ctrl+Shift+E", enabled=enabled(VERB)),
+        Action("export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].does)[:-1], "&File", 1,
+               enabled=enabled(TASKS)),
+        Action("export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].does)[:-1], "&File", 1,
+               "Ctrl+Shift+D", enabled=enabled(DATASET)),
     )  # fmt: skip
 
     def __init__(self, workspace: Workspace) -> None:
@@ -48,7 +54,12 @@ class ExportPart(Part):
         self.form: Form | None = None
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"export_graph": self.show_form, "export_scan": self.open_scan_form}
+        return {
+            "export_graph": self.show_form,
+            "export_scan": self.open_scan_form,
+            "export_tasks": self.open_tasks_form,
+            "export_dataset": self.open_dataset_form,
+        }
 
     def restore(self, settings: QSettings) -> None:
         self.workspace.part(JobsPart).formOpened.connect(self._on_form)
@@ -59,8 +70,19 @@ class ExportPart(Part):
         """The options of the export of a scan, and what it comes to."""
         return self.workspace.part(JobsPart).open_form(VERB)
 
+    def open_tasks_form(self) -> CommandForm | None:
+        """The options of tasks of the project: in the scan that was exported beside it, where there is one."""
+        project = self.workspace.document.project
+        scans = None if project is None else project.parent / OUT[VERB]
+        there = scans is not None and is_folder(scans / "connectivity")
+        return self.workspace.part(JobsPart).open_form(TASKS, {"scans": str(scans)} if there else None)
+
+    def open_dataset_form(self) -> CommandForm | None:
+        """The options of a dataset, and what it comes to."""
+        return self.workspace.part(JobsPart).open_form(DATASET)
+
     def _on_form(self, form: CommandForm) -> None:
-        if form.verb == VERB and self.workspace.document.project is not None:
+        if form.verb in (VERB, DATASET) and self.workspace.document.project is not None:
             ScanForm(form, self.workspace)
 
     # The graph --------------------------------------------------------------------------------------------------

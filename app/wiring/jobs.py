@@ -23,7 +23,8 @@ from nvsim.project.project import Project
 from nvsim.project.restored import kept_results
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
 
-_EXPORTS = tuple(verb for verb in EXPORTS if verb != "export scan")  # that stands beside Export graph
+_BESIDE_GRAPH = ("export scan", "export tasks", "export dataset")  # stand beside Export graph
+_EXPORTS = tuple(verb for verb in EXPORTS if verb not in _BESIDE_GRAPH)
 _SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}
 
 
@@ -259,5 +260,11 @@ class JobsPart(Part):
 
 MAKERS = ("import", "demo", "run")
 """Commands that give a project its capture."""
-OUT = {"export r2r": "connectivity", "export scan": "scans", "export splats": "splats"}
+OUT = {
+    "export r2r": "connectivity",
+    "export scan": "scans",
+    "export splats": "splats",
+    "export tasks": "tasks",
+    "export dataset": "dataset",
+}
 """Where a command writes when nothing else is said: beside the project rather than where the window was started."""

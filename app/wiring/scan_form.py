@@ -1,5 +1,6 @@
-"""The form of an export of a scan with what it comes to beside its options. The estimate is that of the command itself,
-so that what it would refuse holds the form, in the same words; and of the graph, what is saved counts."""
+"""The form of an export of a scan or a dataset with what it comes to beside its options. The estimate is that of the
+command itself, so that what it would refuse holds the form, in the same words; and of the graph, what is saved
+counts."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ class ScanForm(QObject):
         self._form, self._workspace = form, workspace
         document = workspace.document
         assert document.project is not None  # or there were no form
-        self.panel = ScanEstimatePanel(document.project, form)
+        self.panel = ScanEstimatePanel(document.project, form.verb, form)
         form.stand_beside(self.panel)
         form.tried.connect(self.panel.show_arguments)
         form.finished.connect(self.panel.question.stop)

@@ -52,5 +52,7 @@ def _paths(options: Any) -> Iterator[tuple[str, Path]]:
         value = getattr(options, field.name)
         if isinstance(value, Path):
             yield field.name, value
+        elif isinstance(value, tuple):
+            yield from ((field.name, item) for item in value if isinstance(item, Path))
         elif dataclasses.is_dataclass(value):
             yield from _paths(value)

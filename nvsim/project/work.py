@@ -131,6 +131,20 @@ WORK: dict[str, Work] = {
             draws=True,
         ),
         Work(
+            "export tasks",
+            "Export tasks",
+            "sample the paths of a benchmark from exported scans, with instructions, as R2R_<split>.json",
+            "map",
+            heavy=False,
+        ),
+        Work(
+            "export dataset",
+            "Export a dataset",
+            "make a benchmark: a scan for agents, features, tasks with instructions, and the table of the baselines",
+            "map",
+            draws=True,
+        ),
+        Work(
             "export splats",
             "Export splats",
             "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF",

@@ -6,6 +6,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,9 @@ from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from nvsim.graph.types import NavGraph
     from nvsim.r2r.instructions.generating import Told
     from nvsim.r2r.tasks.splitting import Dataset
@@ -27,7 +31,8 @@ class Arguments:
     scans: Path | None = None
     """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
     project: Path | None = None
-    """In place of --scans a project, whose graph is one scan, under the id that `nvsim export r2r` gives it."""
+    """In place of --scans a project, whose graph is one scan, under the id that `nvsim export r2r` gives it. With both,
+    the scan that `nvsim export scan` made of the project, whose cloud then says too where a robot has room."""
     out: Path = Path("tasks")
     """The folder to write to."""
     only: tuple[str, ...] = ()
@@ -35,7 +40,13 @@ class Arguments:
     unseen: tuple[str, ...] = ()
     """Scans that only val_unseen enters, whole; when none is named, a region of every scan."""
     instructions: int = 3
-    """Instructions of each path, made here from turns, distances and slopes; 0 leaves them empty."""
+    """Instructions of each path, made here from turns, distances, slopes and what is seen; 0 leaves them empty."""
+    landmarks: bool = True
+    """Name doorways, corridors, things and the floor too, where the scans have strips with depth."""
+    vlnce: bool = False
+    """Write the tasks as VLN-CE's episodes too, with the actions that follow the paths; needs strips with depth."""
+    streamvln: bool = False
+    """Write the tasks as StreamVLN's annotations too, with the same actions."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
@@ -48,44 +59,45 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    from nvsim.cli.commands.export_tasks_asked import asked_instructions
+    from nvsim.cli.console import listening
     from nvsim.cli.show import as_json, table
-    from nvsim.r2r.instructions.generating import instruct
-    from nvsim.r2r.tasks.exporting import export_tasks
-    from nvsim.r2r.tasks.splitting import sample_tasks
+    from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
+    from nvsim.events import Done, silent
 
     a = arguments
-    if not 0 <= a.instructions <= 100:
-        raise InputError(f"{a.instructions} instructions of a path cannot be made; give --instructions from 0 to 100.")
-    graphs = _graphs(a)
-    told = instruct(sample_tasks(graphs, a.unseen, a.bounds, a.amounts), graphs, a.instructions, a.amounts.seed)
-    dataset = told.dataset
-    about: dict[str, Any] = {"each": a.instructions, "paths": told.paths, "found_again": len(told.found)}
-    if a.asked.endpoint is not None:
-        from nvsim.cli.commands.export_tasks_asked import asked_instructions
-
-        dataset, about["endpoint"] = asked_instructions(a, dataset, graphs)
-    written = export_tasks(dataset, a.out, a.bounds, a.amounts, about)
-    for warning in _warnings(dataset):
+    options = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)
+    graphs, clouds = _graphs(a)
+    with listening(False) as heard:
+        listen = silent if a.json else heard
+        retell = partial(asked_instructions, a, listen) if a.asked.endpoint is not None else None
+        made = make_tasks(graphs, a.scans, a.out, options, listen, clouds, retell)
+        if not a.json:
+            listen(Done(STAGE, f"{made.told.paths} paths in {a.out}"))
+    dataset = made.told.dataset
+    for warning in warnings_of(dataset):
         print(f"warning: {warning}", file=sys.stderr)
-    rows = _rows(dataset)
+    rows = rows_of(dataset)
     if a.json:
         unseen = {scan: len(ids) for scan, ids in dataset.unseen.items()}
-        files = [str(path) for path in written]
-        print(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": about}))
+        files = [str(path) for path in made.written]
+        beside = {"episodes": made.episodes} if made.episodes else {}
+        print(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside}))
     else:
         table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
         if a.instructions:
-            made = "instructions made here" if a.asked.endpoint is not None else "instructions"
-            print(f"From the {made} alone a follower finds {_found(told)}.")
-        if "endpoint" in about:
-            print(
-                f"{about['endpoint']['paths']} of {told.paths} paths have instructions of {about['endpoint']['model']}."
-            )
-        print("\n".join(f"Wrote {path}" for path in written))
+            which = "instructions made here" if "endpoint" in made.about else "instructions"
+            print(f"From the {which} alone a follower finds {_found(made.told)}.")
+        if "endpoint" in made.about:
+            asked = made.about["endpoint"]
+            print(f"{asked['paths']} of {made.told.paths} paths have instructions of {asked['model']}.")
+        if made.episodes:
+            print(f"{sum(made.episodes.values())} of {made.told.paths} paths have episodes.")
+        print("\n".join(f"Wrote {path}" for path in made.written))
     return 0
 
 
-def _rows(dataset: Dataset) -> list[dict[str, Any]]:
+def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
     named = [(name, tasks) for name, tasks in dataset.splits.items()]
     named += [(f"{name}, joined", tasks) for name, tasks in dataset.joined.items()]
     rows = []
@@ -116,7 +128,7 @@ def _text(value: object) -> str:
     return " / ".join(f"{v:g}" for v in value) if isinstance(value, list) else str(value)
 
 
-def _warnings(dataset: Dataset) -> list[str]:
+def warnings_of(dataset: Dataset) -> list[str]:
     from nvsim.r2r.observations.stub import SCAN
 
     found = [f"No path within the bounds lies in the scan {id}." for id in dataset.empty if id != SCAN]
@@ -125,20 +137,28 @@ def _warnings(dataset: Dataset) -> list[str]:
     ]
 
 
-def _graphs(arguments: Arguments) -> list[NavGraph]:
+def _graphs(arguments: Arguments) -> tuple[list[NavGraph], dict[str, NDArray[np.floating]]]:
+    """The graphs, and the clouds that are known of them."""
     from nvsim.graph.connectivity import read_connectivity, scan_files
 
-    if (arguments.scans is None) == (arguments.project is None):
-        raise InputError("Give --scans, a folder of exported scans, or --project, one of the two.")
-    if arguments.scans is not None:
-        return [read_connectivity(path) for path in scan_files(arguments.scans, arguments.only).values()]
-    if arguments.only:
+    a = arguments
+    if a.scans is None and a.project is None:
+        raise InputError("Give --scans, a folder of exported scans, or --project, or both.")
+    if a.project is None:
+        assert a.scans is not None
+        return [read_connectivity(path) for path in scan_files(a.scans, a.only).values()], {}
+    if a.only and a.scans is None:
         raise InputError("--only names scans of --scans; a project is one scan.")
     from dataclasses import replace
 
+    from nvsim.dataset.clouds import cloud_of
     from nvsim.project.project import Project
     from nvsim.project.stages.mapped import scan_name
 
-    assert arguments.project is not None
-    with Project.open(arguments.project) as project:
-        return [replace(project.need_graph(), scan=scan_name(project))]
+    with Project.open(a.project) as project:
+        if a.scans is None:
+            return [replace(project.need_graph(), scan=scan_name(project))], {}
+        names = a.only or (scan_name(project),)
+        graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
+        cloud = cloud_of(project) if a.vlnce or a.streamvln else None
+    return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}

@@ -7,20 +7,24 @@ from typing import TYPE_CHECKING, Any
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from nvsim.cli.commands.export_tasks import Arguments
+    from nvsim.events import Listener
     from nvsim.graph.types import NavGraph
     from nvsim.r2r.tasks.splitting import Dataset
 
 _ANSWERS = "answers"
 
 
-def asked_instructions(a: Arguments, dataset: Dataset, graphs: list[NavGraph]) -> tuple[Dataset, dict[str, Any]]:
+def asked_instructions(
+    a: Arguments, listen: Listener, dataset: Dataset, graphs: Sequence[NavGraph]
+) -> tuple[Dataset, dict[str, Any]]:
     """The dataset with instructions of the model, and what tasks.json says of them: who wrote them, those made here
     that they stand in for, and the paths for which the model wrote none, which keep those made here.
 
     Raises InputError where there is nothing to look at, the user does not agree, or the endpoint does not answer."""
     from nvsim.cli.consent import agree
-    from nvsim.cli.console import listening
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.client import Client
     from nvsim.r2r.prompted.eyes import Eyes
@@ -37,20 +41,19 @@ def asked_instructions(a: Arguments, dataset: Dataset, graphs: list[NavGraph]) -
     tasks = [task for split in dataset.splits.values() for task in split]
     by_scan = {graph.scan: graph for graph in graphs}
     eyes = Eyes(place, a.looking)
-    with listening(a.json) as listen:
-        kept = Kept(a.asked.answers or a.out / _ANSWERS)
-        client = Client(endpoint, kept, budget, a.asking, listen)
-        try:
-            writer = Writer(eyes, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
-            note = (
-                "Sent are views along the paths, turns and metres. An answer that makes no sense is asked for again, "
-                "twice at most."
-            )
-            client.may_send = agree([(endpoint, writer.outlay(client, tasks), budget.prices)], [note], a.asking.yes)
-            written = writer.write(client, tasks, a.asking.parallel, listen)
-        finally:
-            client.close()
-            eyes.close()
+    kept = Kept(a.asked.answers or a.out / _ANSWERS)
+    client = Client(endpoint, kept, budget, a.asking, listen)
+    try:
+        writer = Writer(eyes, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
+        note = (
+            "Sent are views along the paths, turns and metres. An answer that makes no sense is asked for again, "
+            "twice at most."
+        )
+        client.may_send = agree([(endpoint, writer.outlay(client, tasks), budget.prices)], [note], a.asking.yes)
+        written = writer.write(client, tasks, a.asking.parallel, listen)
+    finally:
+        client.close()
+        eyes.close()
     about = {
         "url": endpoint.url,
         "model": endpoint.model,

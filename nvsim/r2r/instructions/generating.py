@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 
+from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
+from nvsim.r2r.instructions.choosing import chosen_cues
 from nvsim.r2r.instructions.following import follow
 from nvsim.r2r.instructions.ground import Ground, Leg
 from nvsim.r2r.instructions.rounding import DETAILS, Detail, rounded
 from nvsim.r2r.instructions.wording import instruction_of
+from nvsim.r2r.surroundings.survey import Surroundings
 from nvsim.r2r.tasks.retelling import retold
 from nvsim.r2r.tasks.splitting import Dataset
+
+STAGE = "instructions"
+_WITHOUT = 0.6
+"""How often no metres are said of a leg whose end is seen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Told:
     """dataset   with the instructions of all tasks
-    found     path_id -> how fine its instructions had to be, of those paths that the follower finds again
+    found     path_id -> how fine its instructions had to be, of those paths that the follower finds again from each
     """
 
     dataset: Dataset
@@ -30,20 +37,60 @@ class Told:
         return sum(map(len, self.dataset.splits.values()))
 
 
-def instruct(dataset: Dataset, graphs: Iterable[NavGraph], each: int, seed: int) -> Told:
-    """Gives every task `each` instructions: the same facts in other words. They depend on the graph, the task's path,
-    heading and id, and the seed alone. Joined paths have those of their two."""
-    grounds = {graph.scan: Ground(Ways.of(graph)) for graph in graphs}
+def instruct(
+    dataset: Dataset,
+    graphs: Iterable[NavGraph],
+    each: int,
+    seed: int,
+    seen: Mapping[str, Surroundings] | None = None,
+    listen: Listener = silent,
+) -> Told:
+    """Gives every task `each` instructions: of the same path, in other words and with other things that are seen along
+    it. They depend on the graph, what stands around in it (`seen`, by scan), the task's path, heading and id, and the
+    seed alone. Joined paths have those of their two."""
+    grounds = {graph.scan: Ground(Ways.of(graph), (seen or {}).get(graph.scan)) for graph in graphs}
     found: dict[int, Detail] = {}
     told: dict[int, tuple[str, ...]] = {}
-    for task in (task for tasks in dataset.splits.values() for task in tasks):
+    tasks = [task for tasks in dataset.splits.values() for task in tasks]
+    for task in tasks:
         ground = grounds[task.scan]
-        said, detail, again = say(ground, [ground.row[id] for id in task.path], task.heading)
-        if again:
-            found[task.path_id] = detail
+        rows = [ground.row[id] for id in task.path]
         random = Random(f"{seed} {task.scan} {task.path_id}")
-        told[task.path_id] = tuple(instruction_of(said, detail, random) for _ in range(each))
+        plain = say(ground, rows, task.heading)
+        texts, details = [], []
+        for _ in range(each):
+            said, detail, again = _with_cues(ground, rows, task.heading, random) or plain
+            texts.append(instruction_of(said, detail, random))
+            details += [detail] if again else []
+        if len(details) == each and (each or plain[2]):
+            found[task.path_id] = max([*details, DETAILS[0]] if each else [plain[1]], key=DETAILS.index)
+        told[task.path_id] = tuple(texts)
+        listen(Progress(STAGE, len(told), len(tasks)))
     return Told(retold(dataset, told), found)
+
+
+def _with_cues(
+    ground: Ground, path: list[int], heading: float, random: Random
+) -> tuple[list[Leg], Detail, bool] | None:
+    """What is said of a path where some of what is seen along it is named: fewer metres where the follower needs none.
+    None where nothing is seen, or it does not help him to find the path."""
+    legs = [replace(leg, cues=chosen_cues(leg.cues, random)) for leg in ground.legs(path, heading)]
+    if not any(leg.cues for leg in legs):
+        return None
+    fewer = [replace(leg, metres=None) if _ends_by_sight(leg) and random.random() < _WITHOUT else leg for leg in legs]
+    tries: list[tuple[list[Leg], Detail]] = [(legs, detail) for detail in DETAILS]
+    if fewer != legs:
+        tries.insert(0, (fewer, "words"))
+    for some, detail in tries:
+        said = rounded(some, detail)
+        if follow(ground, path[0], heading, said) == path:
+            return said, detail, True
+    return None
+
+
+def _ends_by_sight(leg: Leg) -> bool:
+    """Whether one can know by what is said where it ends."""
+    return any(cue.kind in ("by", "into", "through") for cue in leg.cues)
 
 
 def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from nvsim.graph.ways import Ways
+from nvsim.r2r.instructions.cues import Cue, cues_along
+from nvsim.r2r.surroundings.survey import Surroundings
 
 Slope = Literal["level", "up", "down"]
 _STEEP = 0.25  # metres up per metre of way: a stair or a ramp, and no threshold
@@ -33,12 +35,14 @@ class Leg:
     """A part of a path without a turn, on the level, up or down.
 
     turn     radians from where one looks to where it begins, positive to the right, in (-pi, pi]
-    metres   of all its steps
+    metres   of all its steps; None where nothing is said of them
+    cues     what is seen along it: all of it, or what is said
     """
 
     turn: float
-    metres: float
+    metres: float | None
     slope: Slope
+    cues: frozenset[Cue] = frozenset()
 
 
 class Ground:
@@ -46,7 +50,10 @@ class Ground:
     steps   of each viewpoint, by rows
     """
 
-    def __init__(self, ways: Ways) -> None:
+    def __init__(self, ways: Ways, seen: Surroundings | None = None) -> None:
+        """With `seen`, what stands around, legs have cues."""
+        self._ids, self._seen = ways.ids, seen
+        self._cues: dict[tuple[int, ...], frozenset[Cue]] = {}
         self.row = {id: i for i, id in enumerate(ways.ids)}
         self.steps: list[list[Step]] = [[] for _ in ways.ids]
         for (a, b), metres in zip(ways.ends.tolist(), ways.length.tolist()):
@@ -59,16 +66,32 @@ class Ground:
     def legs(self, rows: Sequence[int], heading: float) -> list[Leg]:
         """The legs of a path of two viewpoints or more, for one who looks to `heading` (radians) at its start."""
         legs: list[Leg] = []
-        facing = heading
-        for start, stop in zip(rows, rows[1:]):
-            step = next(step for step in self.steps[start] if step.to == stop)
+        facing, metres, begin = heading, 0.0, 0
+        for i, (start, stop) in enumerate(zip(rows, rows[1:])):
+            step = self.step(start, stop)
             turn = turned(facing, step)
             if legs and goes_on(legs[-1].slope, turn, step):
-                legs[-1] = Leg(legs[-1].turn, legs[-1].metres + step.metres, step.slope)
+                turn, metres = legs.pop().turn, metres + step.metres
             else:
-                legs.append(Leg(turn, step.metres, step.slope))
+                metres, begin = step.metres, i
+            legs.append(Leg(turn, metres, step.slope, self.cues(rows[begin : i + 2])))
             facing = facing if step.heading is None else step.heading
         return legs
+
+    def step(self, start: int, stop: int) -> Step:
+        """The step between two rows that an edge joins."""
+        return next(step for step in self.steps[start] if step.to == stop)
+
+    def cues(self, rows: Sequence[int]) -> frozenset[Cue]:
+        """What is seen along a leg over `rows`, two or more."""
+        if self._seen is None:
+            return frozenset()
+        key = tuple(rows)
+        if key not in self._cues:
+            facing = self.step(key[-2], key[-1]).heading
+            ids = [self._ids[row] for row in key]
+            self._cues[key] = frozenset() if facing is None else cues_along(ids, facing, self._seen)
+        return self._cues[key]
 
 
 def turned(facing: float, step: Step) -> float:

@@ -43,12 +43,14 @@ def degrees_of(leg: Leg) -> int:
 
 
 def _in_words(leg: Leg) -> Leg:
-    return Leg(math.radians(_nearest(leg.turn)), float(max(1, round(leg.metres))), leg.slope)
+    metres = None if leg.metres is None else float(max(1, round(leg.metres)))
+    return Leg(math.radians(_nearest(leg.turn)), metres, leg.slope, leg.cues)
 
 
 def _in_steps(leg: Leg, degrees: int) -> Leg:
     turn = wrapped(math.radians(degrees * round(math.degrees(leg.turn) / degrees)))
-    return Leg(turn, max(0.5, round(2 * leg.metres) / 2), leg.slope)
+    metres = None if leg.metres is None else max(0.5, round(2 * leg.metres) / 2)
+    return Leg(turn, metres, leg.slope, leg.cues)
 
 
 def _nearest(turn: float) -> int:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from random import Random
 
+from nvsim.r2r.instructions.cue_words import cue_words, stop_words
 from nvsim.r2r.instructions.ground import Leg, Slope
 from nvsim.r2r.instructions.rounding import Detail, degrees_of, hour_of, turn_of
 
@@ -26,29 +28,48 @@ WALK_PHRASES: dict[Slope, tuple[str, ...]] = {
     "up": ("go up for {}", "climb for {}", "walk up for {}"),
     "down": ("go down for {}", "descend for {}", "walk down for {}"),
 }
+ON_PHRASES: dict[Slope, tuple[str, ...]] = {
+    "level": ("walk", "go", "continue", "move forward"),
+    "up": ("go up the stairs", "climb the stairs", "walk up the stairs"),
+    "down": ("go down the stairs", "descend the stairs", "walk down the stairs"),
+}
+"""The walk where no metres are said."""
 METRE_PHRASES = ("{} metres", "about {} metres", "roughly {} metres", "some {} metres")
 ONE_METRE = ("one metre", "about one metre", "a single metre")
 _LINKS = ("", "then ", "next, ", "after that, ", "now ")
 _BOTH = ("{} and {}", "{}, then {}", "{} and then {}")
-_ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the place.")
+ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the place.")
 
 
 def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     """An instruction for legs that were rounded to `detail`, in words that `random` chooses."""
     sentences: list[str] = []
     link = ""
+    by = [cue for cue in sorted(said[-1].cues) if cue.kind == "by"]
+    last = by[0] if by and said[-1].metres is not None else None
+    if last is not None:
+        *before, leg = said
+        said = [*before, replace(leg, cues=leg.cues - {last})]
     for leg in said:
         link = _of([other for other in _LINKS if other != link or not link], random) if sentences else ""
         both = _of(_BOTH[:1] if link == "then " else _BOTH, random)
         sentences.append(_sentence(link + _clause(leg, detail, both, random)))
-    return " ".join([*sentences, _of(_ENDS, random)])
+    end = _of(ENDS, random) if last is None else stop_words(last, _of, random)
+    return " ".join([*sentences, end])
 
 
 def _clause(leg: Leg, detail: Detail, both: str, random: Random) -> str:
-    """Turn and walk, joined as `both` says."""
-    walk = _of(WALK_PHRASES[leg.slope], random).format(_metres(leg.metres, random))
-    turn = _turn(leg, detail, random)
-    return both.format(turn, walk) if turn else f"{walk} {_of(AHEAD_PHRASES, random)}"
+    """Turn and walk, joined as `both` says, and what is seen on the way."""
+    turn, seen = _turn(leg, detail, random), cue_words(sorted(leg.cues), _of, random)
+    if leg.metres is None:
+        walk = _of(ON_PHRASES[leg.slope], random)
+    else:
+        walk = _of(WALK_PHRASES[leg.slope], random).format(_metres(leg.metres, random))
+    if not turn:
+        walk = f"{walk} {_of(AHEAD_PHRASES, random)}"
+    if seen:
+        walk = f"{walk} {seen}" if leg.metres is None else f"{walk}, {seen}"
+    return both.format(turn, walk) if turn else walk
 
 
 def _turn(leg: Leg, detail: Detail, random: Random) -> str:

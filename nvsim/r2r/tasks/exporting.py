@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -18,27 +18,44 @@ from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset
 from nvsim.r2r.tasks.task_files import write_tasks
 
 RECORD = "tasks.json"
+SURROUNDINGS = "surroundings.json"
 FORMAT = 1
 
 
+def vlnce_files() -> list[str]:
+    """Where VLN-CE's files lie below the folder of tasks."""
+    return [f"vlnce/{name}/{name}{end}.json.gz" for name in SPLITS for end in ("", "_gt")]
+
+
+def streamvln_files() -> list[str]:
+    """The same of StreamVLN's."""
+    return [f"streamvln/{name}/annotations.json" for name in SPLITS]
+
+
 def export_tasks(
-    dataset: Dataset, out: Path, bounds: Bounds, amounts: Amounts, instructions: Mapping[str, object]
+    dataset: Dataset,
+    out: Path,
+    bounds: Bounds,
+    amounts: Amounts,
+    instructions: Mapping[str, object],
+    others: Sequence[str] = (),
 ) -> list[Path]:
     """Writes `R2R_<split>.json`, `R4R_<split>.json` where paths were joined, and tasks.json; returns their paths. Files
-    of tasks that NVSim wrote into `out` before are replaced. `instructions` is what tasks.json says of them.
+    of tasks that NVSim wrote into `out` before are replaced. `instructions` is what tasks.json says of them, `others`
+    are files that come beside them, which the caller writes.
 
     Raises InputError where a file of tasks lies there that NVSim did not write, or the disk refuses.
     """
     files = {out / f"R2R_{name}.json": dataset.splits[name] for name in SPLITS}
     files |= {out / f"R4R_{name}.json": tasks for name, tasks in dataset.joined.items()}
     before = _written_before(out)
-    for path in files:
-        if path.name not in before and os.path.lexists(path):
+    for path in (*files, *(out / name for name in others)):
+        if path.relative_to(out).as_posix() not in before and os.path.lexists(path):
             raise InputError(f"{path} is there and NVSim did not write it; choose another --out.")
     about = {
         "format": FORMAT,
         "version": __version__,
-        "files": [path.name for path in files],
+        "files": [*(path.name for path in files), *others],
         "bounds": {name: value for name, value in asdict(bounds).items() if value != float("inf")},
         "amounts": asdict(amounts),
         "instructions": dict(instructions),
@@ -64,4 +81,5 @@ def _written_before(out: Path) -> set[str]:
     about = read_json(out / RECORD, "the record of tasks", "remove it and the tasks beside it, or choose another --out")
     listed = about.get("files") if isinstance(about, dict) else None
     names = {f"{kind}_{name}.json" for kind in ("R2R", "R4R") for name in SPLITS}
+    names |= {SURROUNDINGS, *vlnce_files(), *streamvln_files()}
     return names.intersection(name for name in listed if isinstance(name, str)) if isinstance(listed, list) else set()

@@ -1,0 +1,98 @@
+"""Make a benchmark of a project: a scan for agents, features of its views, tasks with instructions, and the table of
+the baselines, in one folder with a card. The same command goes on where one was cut off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.cli.console import listening
+from nvsim.r2r.features.layouts import Name
+from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.splitting import Amounts
+
+
+@dataclass(frozen=True)
+class Arguments(ProjectArguments):
+    out: Path = Path("dataset")
+    """The folder to write to: a new one, or one that this command wrote."""
+    also: tuple[Path, ...] = ()
+    """More projects, each a scan of the same dataset."""
+    features: tuple[Name, ...] = ("vit-b16",)
+    """Layouts of features, as `nvsim export features` knows them."""
+    projection: bool = False
+    """Features are a fixed projection of colours and edges, even where there is a network."""
+    views: bool = False
+    """Write the 36 views of every viewpoint as images too, for MapGPT."""
+    size: int = 512
+    """Pixels of a side of a face of a skybox, a multiple of 16."""
+    stub: bool = True
+    """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
+    instructions: int = 3
+    """Instructions of each path."""
+    landmarks: bool = True
+    """Name doorways, corridors, things and the floor in them."""
+    vlnce: bool = False
+    """Write the tasks as VLN-CE's episodes too."""
+    streamvln: bool = False
+    """Write the tasks as StreamVLN's annotations too."""
+    unseen: tuple[str, ...] = ()
+    """Scans that only val_unseen enters, whole; when none is named, a region of every scan."""
+    amounts: Inline[Amounts] = field(default_factory=Amounts)
+    bounds: Inline[Bounds] = field(default_factory=Bounds)
+    force: bool = False
+    """Write graphs that R2R agents would choke on as well."""
+    backend: Literal["auto", "numba", "gsplat"] = "auto"
+    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    dry_run: bool = False
+    """Say what would be written, its size and the time it takes, or what speaks against it; write nothing."""
+
+
+def run(arguments: Arguments) -> int:
+    from nvsim.dataset.building import DatasetOptions, export_dataset, prepared
+    from nvsim.dataset.estimate import estimate_dataset
+    from nvsim.dataset.tasks import TaskOptions
+    from nvsim.r2r.observations.settings import ScanSettings
+
+    a = arguments
+    tasks = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)
+    options = DatasetOptions(
+        ScanSettings(size=a.size, views=a.views), a.stub, a.features, a.projection, tasks, a.force, a.backend
+    )
+    projects = (a.project, *a.also)
+    if a.dry_run:
+        with prepared(projects, a.out, options) as sources:
+            _foretell(estimate_dataset(sources, options), a)
+        return 0
+    with listening(a.json) as listen:
+        about = export_dataset(projects, a.out, options, listen)
+    if not a.json:
+        _show(about, a.out)
+    return 0
+
+
+def _foretell(found: dict[str, Any], a: Arguments) -> None:
+    from nvsim.cli import show
+    from nvsim.r2r.observations.estimate import size_words
+
+    if a.json:
+        print(show.as_json(found))
+        return
+    rows = [(k["what"], k["folder"] or ".", k["files"], size_words(k["bytes"])) for k in found["kinds"]]
+    show.table(("files", f"in {a.out}", "how many", "about"), rows)
+    paths = ", ".join(f"{count} of {split}" for split, count in found["paths"].items())
+    print(f"{found['drawn']} viewpoints, {found['todo']} of them still to be drawn; paths: {paths}.")
+    print(f"About {size_words(found['bytes'])} in {found['files']} files; takes {found['time']}.")
+    print(found["shortage"] or f"{size_words(found['free'])} are free there.")
+
+
+def _show(about: dict[str, Any], out: Path) -> None:
+    from nvsim.evaluation.navigation import text_of
+
+    said = about["tasks"]["instructions"]
+    for split, agents in about["baselines"].items():
+        print(f"{split}\n{text_of(agents)}")
+    print(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths again.")
+    print(f"Wrote {out}; README.md is its card.")

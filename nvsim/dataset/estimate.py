@@ -1,0 +1,81 @@
+"""What a dataset comes to before it is made: the files of its scans, features and tasks, and the time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from nvsim.dataset.building import FEATURES, RESULTS, SCANS, TASKS, DatasetOptions
+from nvsim.project.project import Project
+from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.observations.estimate import shortage, time_words
+from nvsim.r2r.observations.prepared import Prepared
+from nvsim.r2r.tasks.splitting import sample_tasks
+
+# Processor seconds: of the features of a viewpoint by the trunk, and by the projection; of looking around at one, of
+# an instruction, of the episode of a path, and of a baseline's walk along it.
+_TRUNK, _PROJECTION = 1.3, 0.25
+_LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
+_INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
+
+
+def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: DatasetOptions) -> dict[str, Any]:
+    """JSON-able, as `nvsim export scan --dry-run` says it of a scan: scans, kinds of files, files, bytes, missing
+    (bytes, still to be written), drawn and todo (viewpoints), seconds, time (in words), free (bytes), shortage; and
+    paths by split.
+
+    Raises InputError where no path fits into a split.
+    """
+    o = options
+    founds = [source.estimate(o.scan, o.stub and not i, o.backend) for i, (_, source) in enumerate(sources)]
+    kinds: list[dict[str, Any]] = [
+        {"what": k.what, "folder": f"{SCANS}/{k.folder}".rstrip("/"), "files": k.files, "bytes": k.bytes}
+        for f in founds
+        for k in f.kinds
+    ]
+    drawn = sum(found.drawn for found in founds)
+    tasks = sample_tasks([source.graph for _, source in sources], o.tasks.unseen, o.tasks.bounds, o.tasks.amounts)
+    paths = {name: len(split) for name, split in tasks.splits.items()}
+    count, each = sum(paths.values()), o.tasks.instructions
+    beside: list[dict[str, Any]] = []
+    for name in dict.fromkeys(o.layouts):
+        layout = LAYOUTS[name]
+        size = drawn * 36 * 4 * (layout.width + (1000 if layout.classes else 0))
+        beside.append({"what": "features", "folder": FEATURES, "files": 1, "bytes": size})
+    # Joined paths are told in the instructions of both, so that there are as many as the square of them.
+    told = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
+    beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": told})
+    if o.tasks.vlnce or o.tasks.streamvln:
+        files = 6 * o.tasks.vlnce + 3 * o.tasks.streamvln
+        beside.append({"what": "episodes", "folder": TASKS, "files": files, "bytes": count * _EPISODE_BYTES})
+    walks = 3 * count * max(1, each)
+    beside.append(
+        {
+            "what": "baselines",
+            "folder": RESULTS,
+            "files": 3 * sum(map(bool, paths.values())),
+            "bytes": walks * _TRAJECTORY,
+        }
+    )
+    missing = sum(found.missing for found in founds) + sum(int(kind["bytes"]) for kind in beside)
+    seconds = [found.seconds for found in founds]
+    rest = drawn * len(set(o.layouts)) * (_PROJECTION if o.projection else _TRUNK)
+    rest += drawn * _LOOK * o.tasks.landmarks + count * (each * _TELL + walks / max(1, count) * _WALK)
+    rest += count * _EPISODE * (o.tasks.vlnce or o.tasks.streamvln)
+    whole = None if any(one is None for one in seconds) else rest + math.fsum(one or 0.0 for one in seconds)
+    first = sources[0][1]
+    return {
+        "scans": [source.graph.scan for _, source in sources],
+        "kinds": [*kinds, *beside],
+        "files": sum(int(kind["files"]) for kind in [*kinds, *beside]),
+        "bytes": sum(int(kind["bytes"]) for kind in [*kinds, *beside]),
+        "missing": missing,
+        "drawn": drawn,
+        "todo": sum(found.todo for found in founds),
+        "seconds": whole,
+        "time": "a time that is not known for gsplat" if whole is None else time_words(whole),
+        "free": first.free,
+        "shortage": shortage(missing, first.free, first.root),
+        "paths": paths,
+    }

@@ -1,0 +1,86 @@
+"""A task with the actions that follow its path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.events import Listener, Progress, silent
+from nvsim.graph.types import NavGraph
+from nvsim.r2r.episodes.acting import Walk, walk_along
+from nvsim.r2r.episodes.free_space import FreeSpace
+from nvsim.r2r.surroundings.layers import Layers
+from nvsim.r2r.tasks.task import Task
+
+STAGE = "episodes"
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """path     (M, 3) metres, world: the floor under the task's viewpoints
+    walk     actions, and where they lead
+    floors   (N,) world z of the floor where each action begins
+    """
+
+    task: Task
+    path: NDArray[np.float64]
+    walk: Walk
+    floors: NDArray[np.float64]
+
+
+class Scene:
+    """A scan in which robots walk. Paths from one storey to another have no episodes."""
+
+    def __init__(self, graph: NavGraph, storeys: Sequence[Layers], cloud: NDArray[np.floating] | None = None) -> None:
+        """`cloud` as `FreeSpace.of` takes it."""
+        self._graph = graph
+        self._spaces: dict[str, FreeSpace] = {}
+        for layers in storeys:
+            space = FreeSpace.of(layers, graph, cloud)
+            self._spaces |= {one.viewpoint.id: space for one in layers.seen}
+
+    def episode(self, task: Task) -> Episode | None:
+        """None where the robot has no room along the path, or would have to climb."""
+        viewpoints = [self._graph.viewpoints[id] for id in task.path]
+        spaces = {self._spaces.get(id) for id in task.path}
+        space = spaces.pop()
+        if spaces or space is None:
+            return None
+        path = np.array([(*v.position[:2], v.position[2] - v.height) for v in viewpoints], np.float64)
+        walk = walk_along(space, path, task.heading)
+        return None if walk is None else Episode(task, path, walk, _floors(path, walk.places))
+
+
+def episodes_of(
+    splits: Mapping[str, Iterable[Task]], scenes: Mapping[str, Scene], listen: Listener = silent
+) -> dict[str, list[Episode]]:
+    """Split -> the episodes of its tasks, of those that have one; `scenes` by scan."""
+    all_tasks = [(name, task) for name, tasks in splits.items() for task in tasks]
+    found: dict[str, list[Episode]] = {name: [] for name in splits}
+    for i, (name, task) in enumerate(all_tasks):
+        episode = scenes[task.scan].episode(task)
+        if episode is not None:
+            found[name].append(episode)
+        listen(Progress(STAGE, i + 1, len(all_tasks)))
+    return found
+
+
+def numbered(episodes: Sequence[Episode]) -> Iterator[tuple[int, Episode, str]]:
+    """For every instruction its number, 100 times the path_id and on, its episode and its text."""
+    for episode in episodes:
+        for k, text in enumerate(episode.task.instructions):
+            yield 100 * episode.task.path_id + k, episode, text
+
+
+def _floors(path: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) the height of the nearest place on the path, for places (N, 2)."""
+    a, b = path[:-1], path[1:]
+    along = b[:, :2] - a[:, :2]
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = np.clip(((places[:, None] - a[:, :2]) * along).sum(axis=2) / square, 0, 1)
+    off = np.linalg.norm(a[:, :2] + share[..., None] * along - places[:, None], axis=2)
+    best, rows = off.argmin(axis=1), np.arange(len(places))
+    return np.asarray(a[best, 2] + share[rows, best] * (b[best, 2] - a[best, 2]))

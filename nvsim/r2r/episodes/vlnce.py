@@ -1,0 +1,109 @@
+"""Episodes as VLN-CE reads them: `SPLIT/SPLIT.json.gz`, R2RVLN-v1, and `SPLIT/SPLIT_gt.json.gz` with the actions.
+
+Format: habitat-lab's VLN dataset and VLN-CE's R2R_VLNCE_v1-3. Their frame has y up and looks along -z where the
+rotation is none: (x, y, z) of ours is (x, z, -y) of theirs, and our heading, 0 along +y and growing to the right, is
+minus theirs. Positions are on the floor.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.files import atomic
+from nvsim.r2r.episodes.acting import FORWARD
+from nvsim.r2r.episodes.episode import Episode, numbered
+
+GOAL = 3.0
+"""Metres from the goal that count as success, as in R2R."""
+_PAD, _UNKNOWN = "<pad>", "<unk>"
+_LONGEST = 200  # tokens of an instruction; shorter ones are filled with zeros
+_RARE = 2  # times that a word must occur, or it is unknown
+
+
+def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
+    """Writes both files of every split; returns their paths. Raises InputError when the disk refuses."""
+    texts = [text for split in episodes.values() for _, _, text in numbered(split)]
+    words = vocabulary(texts)
+    files: dict[Path, dict[str, Any]] = {}
+    for name, split in episodes.items():
+        items = [_item(id, episode, text, words) for id, episode, text in numbered(split)]
+        files[folder / name / f"{name}.json.gz"] = {"episodes": items, "instruction_vocab": {"word_list": words}}
+        files[folder / name / f"{name}_gt.json.gz"] = {str(id): _truth(one) for id, one, _ in numbered(split)}
+    for path, data in files.items():
+        atomic.write_bytes(path, _zipped(data))
+    return list(files)
+
+
+def vocabulary(texts: Sequence[str]) -> list[str]:
+    """The words of all texts in alphabetical order, behind that for filling up and that for unknown ones."""
+    counts = Counter(word for text in texts for word in tokens(text))
+    return [_PAD, _UNKNOWN, *sorted(word for word, count in counts.items() if count >= _RARE)]
+
+
+def tokens(text: str) -> list[str]:
+    """Words and marks, in small letters."""
+    return re.findall(r"[a-z0-9]+(?:['.-][a-z0-9]+)*|[^\sa-z0-9]", text.lower())
+
+
+def in_habitat(places: NDArray[np.floating]) -> list[list[float]]:
+    """World places (N, 3) in VLN-CE's frame, millimetres."""
+    x, y, z = np.asarray(places, np.float64).T
+    return np.round(np.stack([x, z, -y], axis=1) + 0.0, 3).tolist()
+
+
+def rotation_of(heading: float) -> list[float]:
+    """The rotation x, y, z, w of one who looks to a heading (radians)."""
+    return [0.0, round(-math.sin(heading / 2), 6) + 0.0, 0.0, round(math.cos(heading / 2), 6)]
+
+
+def _item(id: int, episode: Episode, text: str, words: Sequence[str]) -> dict[str, Any]:
+    task, path = episode.task, in_habitat(episode.path)
+    index = {word: i for i, word in enumerate(words)}
+    numbers = [index.get(word, index[_UNKNOWN]) for word in tokens(text)][:_LONGEST]
+    return {
+        "episode_id": id,
+        "trajectory_id": task.path_id,
+        "scene_id": f"nvsim/{task.scan}/{task.scan}.glb",
+        "start_position": path[0],
+        "start_rotation": rotation_of(task.heading),
+        "info": {"geodesic_distance": round(_length(episode.path), 3)},
+        "goals": [{"position": path[-1], "radius": GOAL}],
+        "reference_path": path,
+        "instruction": {
+            "instruction_text": text,
+            "instruction_tokens": numbers + [0] * (_LONGEST - len(numbers)),
+        },
+    }
+
+
+def _truth(episode: Episode) -> dict[str, Any]:
+    walk = episode.walk
+    places = in_habitat(np.column_stack([walk.places, episode.floors]))
+    return {
+        "locations": places,
+        "forward_steps": walk.actions.count(FORWARD),
+        "actions": list(walk.actions),
+    }
+
+
+def _length(path: NDArray[np.floating]) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _zipped(data: Mapping[str, Any]) -> bytes:
+    """The same bytes at any time of day."""
+    buffer = io.BytesIO()
+    with gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as file:
+        file.write(json.dumps(data, separators=(",", ":")).encode())
+    return buffer.getvalue()

@@ -1,0 +1,31 @@
+"""Which of all that is seen along a leg is said: little, and rather what ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from random import Random
+
+from nvsim.r2r.instructions.cues import Cue
+
+_SAID = {"through": 0.9, "along": 0.6, "floor": 0.7, "past": 0.6, "by": 0.6}
+"""How often a cue of a kind is said where there is one."""
+_ROOMS = 0.6  # and what the doorway leads out of, or into
+_MOST = 2  # besides the doorway
+
+
+def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
+    """Some of the cues: of each kind one at most."""
+    some: list[Cue] = []
+    doors: list[Cue] = []
+    for kind in ("through", "floor", "along", "by", "past"):
+        named = {cue.what for cue in some}
+        of_kind = [cue for cue in sorted(cues) if cue.kind == kind and cue.what not in named]
+        if not of_kind or random.random() >= _SAID[kind]:
+            continue
+        one = of_kind[int(random.random() * len(of_kind))]
+        if kind == "through" and int(one.what) > 2:
+            continue
+        (doors if kind == "through" else some).append(one)
+    if doors:
+        doors += [cue for cue in sorted(cues) if cue.kind in ("out of", "into") and random.random() < _ROOMS]
+    return frozenset([*doors, *some[:_MOST]])

@@ -1,0 +1,98 @@
+"""Words for what is seen along a leg. Each phrase stands for one fact: who knows the phrases can read it back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from random import Random
+from typing import Protocol
+
+from nvsim.r2r.instructions.cues import Cue
+
+THINGS: dict[str, tuple[str, ...]] = {
+    "tall": ("tall {} piece of furniture", "tall piece of {} furniture"),
+    "waist-high": ("waist-high {} piece of furniture", "waist-high piece of {} furniture"),
+    "low": ("low {} piece of furniture", "low piece of {} furniture"),
+    "sofa": ("{} sofa", "{} couch"),
+    "table": ("{} table",),
+    "platform": ("low {} platform", "flat {} platform"),
+    "object": ("{} object", "{} thing"),
+}
+"""Shape -> what a thing of a colour is called."""
+PAST = {
+    "left": ("past the {} on your left", "with the {} on your left", "keeping the {} on your left"),
+    "right": ("past the {} on your right", "with the {} on your right", "keeping the {} on your right"),
+}
+BY = {
+    "left": ("until the {} is to your left", "until the {} is next to you on the left"),
+    "right": ("until the {} is to your right", "until the {} is next to you on the right"),
+    "ahead": ("until you stand before the {}", "until the {} is right in front of you", "up to the {} in front of you"),
+}
+STOP_BY = {
+    "left": (
+        "Stop with the {} to your left.",
+        "Wait where the {} is to your left.",
+        "End next to the {}, on your left.",
+    ),
+    "right": (
+        "Stop with the {} to your right.",
+        "Wait where the {} is to your right.",
+        "End next to the {}, on your right.",
+    ),
+    "ahead": ("Stop before the {}.", "Wait in front of the {}.", "End facing the {}."),
+}
+THROUGH = {
+    "1": ("through the doorway", "through the door", "through the door opening"),
+    "2": ("through two doorways", "through two doors", "through both doorways"),
+}
+OUT_OF = {"room": ("out of the room", "leaving the room"), "corridor": ("out of the corridor", "leaving the hallway")}
+INTO = {"room": ("into the next room", "entering a room"), "corridor": ("into the corridor", "entering the hallway")}
+ALONG = ("along the corridor", "down the hallway", "following the corridor")
+FLOOR = (
+    "from the {} floor onto the {} one",
+    "where the floor changes from {} to {}",
+    "to where the {} floor gives way to a {} one",
+)
+
+
+class Chooser(Protocol):
+    """Chooses one of several phrases."""
+
+    def __call__(self, phrases: Sequence[str], random: Random) -> str: ...
+
+
+def cue_words(cues: Sequence[Cue], choose: Chooser, random: Random) -> str:
+    """What is said of cues within a sentence, "" for none."""
+    said = [*_doors(cues, choose, random)]
+    for cue in sorted(cues):
+        if cue.kind == "along":
+            said.append(choose(ALONG, random))
+        elif cue.kind == "floor":
+            said.append(choose(FLOOR, random).format(*cue.what.split(" to ")))
+    said += [choose(PAST[c.side], random).format(_thing(c, choose, random)) for c in sorted(cues) if c.kind == "past"]
+    said += [choose(BY[c.side], random).format(_thing(c, choose, random)) for c in sorted(cues) if c.kind == "by"]
+    return ", ".join(said)
+
+
+def stop_words(cue: Cue, choose: Chooser, random: Random) -> str:
+    """The last sentence, where one stops by a thing."""
+    return choose(STOP_BY[cue.side], random).format(_thing(cue, choose, random))
+
+
+def _doors(cues: Sequence[Cue], choose: Chooser, random: Random) -> Sequence[str]:
+    of = {cue.kind: cue.what for cue in cues}
+    if "through" not in of:
+        return []
+    words = [choose(THROUGH[of["through"]], random)]
+    if "out of" in of:
+        phrase = choose(OUT_OF[of["out of"]], random)
+        # "leaving the room" is a clause of its own; "out of the room" goes before the doorway.
+        words = [phrase, words[0]] if phrase.startswith("leaving") else [f"{phrase} {words[0]}"]
+    if "into" in of:
+        phrase = choose(INTO[of["into"]], random)
+        words[-1] += f", {phrase}" if phrase.startswith("entering") else f" {phrase}"
+    return words
+
+
+def _thing(cue: Cue, choose: Chooser, random: Random) -> str:
+    colour, _, shape = cue.what.partition(" ")
+    return choose(THINGS[shape], random).format(colour)

@@ -1,0 +1,39 @@
+"""The colour of the floor along a way."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names_of
+from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
+
+EVERY = 0.2
+"""Metres between the places at which the floor is looked at."""
+_BLUR = 0.5  # metres over which patterns are averaged
+
+
+def floor_names(layers: Layers) -> NDArray[np.int64]:
+    """(rows, columns) index into COLOURS of the floor, NAMELESS where it has none or is not seen."""
+    import cv2
+
+    on = np.abs(layers.above) <= FLOOR + CELL / 2
+    at = layers.voxels[on]
+    lab = np.zeros((*layers.shape, 4), np.float32)
+    for i, values in enumerate([*lab_of(layers.colours[on]).T, np.ones(len(at), np.float32)]):
+        np.add.at(lab[..., i], (at[:, 1], at[:, 0]), values)
+    side = round(_BLUR / CELL) | 1
+    blurred = cv2.blur(lab, (side, side), borderType=cv2.BORDER_CONSTANT)
+    seen = lab[..., 3] > 0
+    mean = blurred[..., :3] / np.maximum(blurred[..., 3:], 1e-6)
+    return np.where(seen, names_of(mean), NAMELESS)
+
+
+def floor_along(
+    names: NDArray[np.int64], layers: Layers, a: NDArray[np.floating], b: NDArray[np.floating]
+) -> tuple[str, ...]:
+    """The names of the floor's colour at places EVERY metres apart from `a` (2,) to `b` (2,), "" where none."""
+    count = max(1, round(float(np.linalg.norm(b - a)) / EVERY))
+    shares = (np.arange(count) + 0.5) / count
+    found = layers.values_at(names, a + shares[:, None] * (b - a))
+    return tuple("" if i == NAMELESS else COLOURS[int(i)] for i in found)

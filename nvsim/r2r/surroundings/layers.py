@@ -1,0 +1,158 @@
+"""A storey from above: what its viewpoints see of it, in cells of the ground and bands of height."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.r2r.surroundings.seen import Seen
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+CELL = 0.05
+"""Metres of a cell, and of a voxel."""
+FLOOR = 0.06
+"""Metres up to which what is seen above and below the floor is the floor."""
+_LOWEST, _HIGHEST = -0.3, 3.2  # metres above the floor
+_APART = 0.8  # metres between floors of two storeys, at least
+_LEAST = 2  # points of a voxel
+_MOST = 40_000_000  # voxels
+_CEILING = (1.95, 3.2)  # metres above the floor between which a ceiling is looked for
+_NEARBY = 4.0  # metres from which voxels are told apart
+_PASSED = 1.0  # times as many may look past a voxel as see it
+_HIGH = 0.45  # metres below the ceiling that furniture leaves free
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """A storey, as the viewpoints `seen` see it.
+
+    low      (x, y) metres of the lower corner of cell [0, 0]; rows follow y, columns x
+    voxels   (n, 3) int32 column, row and level; level l is CELL * l above -0.3 m
+    colours  (n, 3) float32 mean of what was seen in each, 0 to 255
+    shape    rows, columns
+    high     metres above the floor between which nothing but walls, lintels and what hangs reaches
+    """
+
+    seen: tuple[Seen, ...]
+    floor: float
+    low: tuple[float, float]
+    voxels: NDArray[np.int32]
+    colours: NDArray[np.float32]
+    shape: tuple[int, int]
+    high: tuple[float, float]
+
+    @property
+    def above(self) -> NDArray[np.float32]:
+        """(n,) metres of the middles of the voxels above the floor."""
+        return ((self.voxels[:, 2] + 0.5) * CELL + _LOWEST).astype(np.float32)
+
+    def between(self, low: float, high: float) -> NDArray[np.int64]:
+        """(rows, columns) how many voxels there are whose middles are so many metres above the floor."""
+        above = self.above
+        return self.counted((above >= low) & (above < high))
+
+    def firm(self, low: float, high: float) -> NDArray[np.bool_]:
+        """(n,) which voxels whose middles are so many metres above the floor are there for those who look at them from
+        nearby: not what one viewpoint alone sees and others see past."""
+        above = self.above
+        rows = np.flatnonzero((above >= low) & (above < high))
+        places = self.places_of(rows)
+        on, past = np.zeros(len(rows)), np.zeros(len(rows))
+        for one in self.seen:
+            offs = np.hypot(*(places[:, :2] - one.viewpoint.position[:2]).T)
+            near = np.flatnonzero(offs < _NEARBY)
+            there, beyond = one.lies_open(places[near])
+            on[near] += there
+            past[near] += beyond
+        found = np.zeros(len(self.voxels), bool)
+        found[rows[past <= _PASSED * on]] = True
+        return found
+
+    def counted(self, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """(rows, columns) how many of the voxels `chosen` (n,) there are."""
+        inside = self.voxels[chosen]
+        flat = inside[:, 1].astype(np.int64) * self.shape[1] + inside[:, 0]
+        return np.bincount(flat, minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
+
+    def cells_of(self, xy: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(..., 2) row and column of world places (..., 2 or more); may lie outside."""
+        at = np.floor((np.asarray(xy)[..., :2] - self.low) / CELL).astype(np.int64)
+        return at[..., ::-1]
+
+    def centres_of(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
+        """(..., 2) world x, y of the middles of cells (..., 2)."""
+        return (cells[..., ::-1] + 0.5) * CELL + np.array(self.low)
+
+    def places_of(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(n, 3) the middles of voxels, metres, world."""
+        v = self.voxels[rows]
+        xy = (v[:, :2] + 0.5) * CELL + np.array(self.low)
+        return np.column_stack([xy, (v[:, 2] + 0.5) * CELL + _LOWEST + self.floor])
+
+    def values_at(self, values: NDArray[Scalar], xy: NDArray[np.floating]) -> NDArray[Scalar]:
+        """(...) of the array `values` (rows, columns) at world places; that of the nearest cell outside."""
+        at = self.cells_of(xy)
+        return values[at[..., 0].clip(0, self.shape[0] - 1), at[..., 1].clip(0, self.shape[1] - 1)]
+
+
+def layers_of(seen: Sequence[Seen]) -> Iterator[Layers]:
+    """The storeys, the lowest first: viewpoints belong to one whose floors are less than 0.8 m apart in order."""
+    order = sorted(seen, key=lambda s: s.floor)
+    groups: list[list[Seen]] = []
+    for one in order:
+        if not groups or one.floor - groups[-1][-1].floor > _APART:
+            groups.append([])
+        groups[-1].append(one)
+    return (_layers(tuple(group)) for group in groups)
+
+
+def _layers(seen: tuple[Seen, ...]) -> Layers:
+    places = np.array([s.viewpoint.position[:2] for s in seen])
+    low = np.floor((places.min(axis=0) - 8.0) / CELL) * CELL
+    columns, rows = (np.ceil((places.max(axis=0) + 8.0 - low) / CELL)).astype(int).tolist()
+    levels = round((_HIGHEST - _LOWEST) / CELL)
+    keys, sums, counts = np.zeros(0, np.int64), np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
+    for one in seen:
+        at = np.empty(one.points.shape, np.int64)
+        at[:, :2] = np.floor((one.points[:, :2] - low) / CELL)
+        at[:, 2] = np.floor((one.points[:, 2] - one.floor - _LOWEST) / CELL)
+        inside = ((at >= 0) & (at < (columns, rows, levels))).all(axis=1)
+        key = (at[inside, 2] * rows + at[inside, 1]) * columns + at[inside, 0]
+        keys, sums, counts = _summed(keys, sums, counts, key, one.colours[inside])
+    kept = counts >= _LEAST
+    keys, sums, counts = keys[kept], sums[kept], counts[kept]
+    level, cell = np.divmod(keys, rows * columns)
+    row, column = np.divmod(cell, columns)
+    voxels = np.stack([column, row, level], axis=1).astype(np.int32)
+    colours = (sums / counts[:, None]).astype(np.float32)
+    floor = float(np.median([s.floor for s in seen]))
+    where = float(low[0]), float(low[1])
+    return Layers(seen, floor, where, voxels, colours, (rows, columns), _high_of(voxels[:, 2]))
+
+
+def _summed(
+    keys: NDArray[np.int64], sums: NDArray[np.float32], counts: NDArray[np.int64],
+    key: NDArray[np.int64], colours: NDArray[np.uint8],
+) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:  # fmt: skip
+    """The voxels so far, with points more."""
+    new, back, count = np.unique(key, return_inverse=True, return_counts=True)
+    added = np.stack([np.bincount(back, colours[:, i], len(new)) for i in range(3)], axis=1)
+    both, place = np.unique(np.concatenate([keys, new]), return_inverse=True)
+    all_sums, all_counts = np.zeros((len(both), 3), np.float32), np.zeros(len(both), np.int64)
+    all_sums[place[: len(keys)]], all_counts[place[: len(keys)]] = sums, counts
+    all_sums[place[len(keys) :]] += added.astype(np.float32)
+    all_counts[place[len(keys) :]] += count
+    return both, all_sums, all_counts
+
+
+def _high_of(levels: NDArray[np.int32]) -> tuple[float, float]:
+    """The band below the ceiling, which is the level above one's head in which the most is seen."""
+    first, last = (round((z - _LOWEST) / CELL) for z in _CEILING)
+    counts = np.bincount(levels[(levels >= first) & (levels < last)], minlength=last)
+    ceiling = int(counts.argmax()) * CELL + _LOWEST if counts.any() else 2.7
+    top = ceiling - 0.1
+    return top - _HIGH, top

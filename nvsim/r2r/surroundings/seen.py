@@ -1,0 +1,96 @@
+"""What a viewpoint of an exported scan sees: colour and distance in all directions, from its strips."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files.decoding import decoded
+from nvsim.files.regular import read_bytes
+from nvsim.geometry.camera import look
+from nvsim.geometry.skybox_faces import face_rays
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.r2r.observations.line_of_sight import read_depth, strip_pixels
+from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.skybox import UNITS_A_METRE
+
+SIDE = 128
+"""Pixels of a face as it is read."""
+_REACH = 8.0  # metres; what is farther is too coarse to be told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """metres  (S, 6 S) float32 along the rays of a strip's pixels, 0 where there is nothing
+    points  (n, 3) float32, metres, world, of the pixels that are within 8 m
+    colours (n, 3) uint8, red, green, blue
+    """
+
+    viewpoint: Viewpoint
+    metres: NDArray[np.float32]
+    points: NDArray[np.float32]
+    colours: NDArray[np.uint8]
+
+    @property
+    def floor(self) -> float:
+        """World z of the floor under the viewpoint."""
+        return self.viewpoint.position[2] - self.viewpoint.height
+
+    def lies_open(self, points: NDArray[np.floating]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(N,) which of world points (N, 3) are seen, as something is as far in their direction; and (N,) where one
+        sees past them."""
+        ways = np.asarray(points, np.float64) - self.viewpoint.position
+        lengths = np.linalg.norm(ways, axis=1)
+        rows, columns = strip_pixels(ways, self.metres.shape[0])
+        metres = self.metres[rows, columns]
+        slack = 0.1 + 0.03 * lengths
+        return np.abs(metres - lengths) <= slack, (metres == 0) | (metres > lengths + 2 * slack)
+
+
+def has_depth(places: ScanPlaces, graph: NavGraph) -> bool:
+    """Whether the strips and depth strips of all included viewpoints are there."""
+    included = [v.id for v in graph.viewpoints.values() if v.included]
+    return bool(included) and all(places.strip(id).is_file() and places.depth(id).is_file() for id in included)
+
+
+def look_around(root: Path, graph: NavGraph) -> Iterator[Seen]:
+    """What each included viewpoint of the scan in the folder `root` of an export sees. Every pose faces +y, level, as
+    `nvsim export scan` writes them. Raises InputError where a strip is missing or damaged."""
+    places = ScanPlaces(root, graph.scan)
+    for viewpoint in graph.viewpoints.values():
+        if viewpoint.included:
+            yield _seen(places, viewpoint)
+
+
+def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> Seen:
+    import cv2
+
+    depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
+    strip = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a strip of a skybox", then="export the scan again")[
+        ..., ::-1
+    ]
+    side = min(SIDE, depth.shape[0])
+    if strip.shape[:2] != depth.shape:
+        raise InputError(f"{path} is not of the size of its depth strip; export the scan again.")
+    rows = (np.arange(side) * 2 + 1) * depth.shape[0] // (2 * side)
+    columns = (np.arange(6 * side) * 2 + 1) * depth.shape[1] // (12 * side)
+    # Depth is picked, for a mean of two surfaces would hang in the air; colour is averaged over the same pixels.
+    metres = (depth[rows][:, columns] / np.float32(UNITS_A_METRE)).astype(np.float32)
+    colour = cv2.resize(np.ascontiguousarray(strip), (6 * side, side), interpolation=cv2.INTER_AREA)
+    kept = (metres > 0.2) & (metres < _REACH)
+    points = np.array(viewpoint.position, np.float32) + _directions(side)[kept] * metres[kept][:, None]
+    return Seen(viewpoint, metres, points.astype(np.float32), colour[kept])
+
+
+@cache
+def _directions(side: int) -> NDArray[np.float32]:
+    """(side, 6 side, 3) unit directions of a strip's pixels, world, for a pose that faces +y."""
+    rays = face_rays(side) @ look(np.zeros(3), 0.0)[:3, :3].T
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    return np.ascontiguousarray(np.concatenate(list(rays), axis=1), np.float32)

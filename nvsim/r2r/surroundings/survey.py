@@ -1,0 +1,115 @@
+"""What stands around the viewpoints of a scan, and what of it each step passes, as a value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import NavGraph
+from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of
+from nvsim.r2r.surroundings.floor_colours import floor_along, floor_names
+from nvsim.r2r.surroundings.layers import Layers
+from nvsim.r2r.surroundings.seen import Seen
+from nvsim.r2r.surroundings.things import Thing, find_things, walls_of
+
+Side = Literal["left", "right"]
+Pair = tuple[str, str]
+SAME_DOORWAY = 0.8
+"""Metres between two lintels that are one."""
+_BESIDE = 1.9  # metres from the way to a thing that one passes
+_NEAR = 2.2  # metres from a viewpoint to a thing that it stands by
+_OPEN = 0.3  # share of a thing that must be seen
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """things   of all storeys
+    kinds    viewpoint id -> room or corridor
+    near     viewpoint id -> things that stand by it in plain sight: index, radians from +y to the right, metres
+    passed   (from, to) of a step -> things beside it in plain sight from its start: index and side
+    metres   (from, to) -> length of the step, seen from above
+    doors    (from, to) -> metres after which it leads through a doorway
+    floors   (from, to) -> names of the floor's colour along it, 0.2 m apart
+    """
+
+    things: tuple[Thing, ...] = ()
+    kinds: Mapping[str, Kind] = field(default_factory=dict)
+    near: Mapping[str, tuple[tuple[int, float, float], ...]] = field(default_factory=dict)
+    passed: Mapping[Pair, tuple[tuple[int, Side], ...]] = field(default_factory=dict)
+    metres: Mapping[Pair, float] = field(default_factory=dict)
+    doors: Mapping[Pair, tuple[float, ...]] = field(default_factory=dict)
+    floors: Mapping[Pair, tuple[str, ...]] = field(default_factory=dict)
+
+
+def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
+    """From the storeys of the scan. Steps from one storey to another have none."""
+    things: list[Thing] = []
+    kinds: dict[str, Kind] = {}
+    near: dict[str, tuple[tuple[int, float, float], ...]] = {}
+    passed: dict[Pair, tuple[tuple[int, Side], ...]] = {}
+    lengths: dict[Pair, float] = {}
+    doors: dict[Pair, tuple[float, ...]] = {}
+    floors: dict[Pair, tuple[str, ...]] = {}
+    for layers in storeys:
+        at = {one.viewpoint.id: np.array(one.viewpoint.position) for one in layers.seen}
+        first, here = len(things), find_things(layers)
+        things += here
+        walls, standing = walls_of(layers), layers.between(0.4, 1.7) >= 4
+        names = floor_names(layers)
+        sees = {one.viewpoint.id: _seen_by(one, here) for one in layers.seen}
+        kinds |= dict(zip(at, kinds_of(walls, layers, np.array([place[:2] for place in at.values()]))))
+        for id, place in at.items():
+            near[id] = tuple((first + i, *where) for i, where in _near(place, here, sees[id]))
+        for a, b in graph.edges:
+            if a not in at or b not in at:
+                continue
+            length = float(np.linalg.norm(at[b][:2] - at[a][:2]))
+            through = doorways_between(walls, standing, layers, at[a][:2], at[b][:2])
+            along = floor_along(names, layers, at[a][:2], at[b][:2])
+            lengths[a, b] = lengths[b, a] = length
+            doors[a, b], floors[a, b] = tuple(through), along
+            doors[b, a], floors[b, a] = tuple(length - m for m in reversed(through)), along[::-1]
+            for pair in ((a, b), (b, a)):
+                beside = _beside(at[pair[0]], at[pair[1]], here, sees[pair[0]])
+                passed[pair] = tuple((first + i, side) for i, side in beside)
+    return Surroundings(tuple(things), kinds, near, passed, lengths, doors, floors)
+
+
+def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
+    """Indices of those of which a viewpoint sees enough."""
+    found = set()
+    for i, thing in enumerate(things):
+        if np.hypot(*(thing.middle - one.viewpoint.position[:2])) < 6.0:
+            some = thing.points[:: max(1, len(thing.points) // 200)]
+            if one.lies_open(some)[0].mean() >= _OPEN:
+                found.add(i)
+    return found
+
+
+def _near(place: NDArray[np.float64], things: list[Thing], seen: set[int]) -> Iterator[tuple[int, tuple[float, float]]]:
+    for i in sorted(seen):
+        metres = float(np.hypot(*(things[i].cells - place[:2]).T).min())
+        if metres <= _NEAR:
+            x, y = things[i].middle - place[:2]
+            yield i, (math.atan2(x, y), metres)
+
+
+def _beside(
+    a: NDArray[np.float64], b: NDArray[np.float64], things: list[Thing], seen: set[int]
+) -> Iterator[tuple[int, Side]]:
+    """Things that the way from `a` to `b` passes on one side, so that nobody takes them for ahead or behind."""
+    length = float(np.linalg.norm(b[:2] - a[:2]))
+    if length < 0.3:
+        return
+    ahead = (b[:2] - a[:2]) / length
+    across = np.array([ahead[1], -ahead[0]])
+    for i in sorted(seen):
+        way, off = (things[i].cells - a[:2]) @ ahead, (things[i].cells - a[:2]) @ across
+        clear = off.min() > 0.2 or off.max() < -0.2
+        if clear and 0.2 < way.mean() < length + 0.2 and np.abs(off).min() < _BESIDE:
+            yield i, "right" if off.min() > 0 else "left"

@@ -1,0 +1,113 @@
+"""A benchmark by one command: it is whole, goes on where it was, and keeps its hands off what is not its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from scan_samples import scan_project
+
+from nvsim.cli.main import main
+from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.project.project import Project
+
+FEW = ["--fewest-edges", "2", "--least-metres", "2", "--train", "4", "--val-seen", "1", "--val-unseen", "0"]
+SMALL = ["--size", "64", "--projection", *FEW]
+
+
+def row() -> NavGraph:
+    """Six viewpoints in a row through the hall."""
+    ids = [f"{i:032x}" for i in range(1, 7)]
+    viewpoints = {id: Viewpoint(id, (1.6 + 1.7 * i, 3.0 + 0.1 * (i % 2), 1.5)) for i, id in enumerate(ids)}
+    return NavGraph("hall", viewpoints, {e.key: e for e in (edge(a, b) for a, b in zip(ids, ids[1:]))})
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = scan_project(tmp_path_factory.mktemp("project"))
+    with Project.open(root, writable=True) as opened:
+        opened.set_graph(row())
+    return root
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_one_command_makes_a_benchmark_and_goes_on_where_it_was(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = tmp_path / "whole"
+    command = ["export", "dataset", "--project", str(project), *SMALL, "--out", str(whole)]
+
+    # Cut off after the scan: what was drawn stays, and no card says that it is whole.
+    class Cut(BaseException):
+        pass
+
+    from nvsim.dataset import building
+
+    def off(*_: object) -> None:
+        raise Cut
+
+    with monkeypatch.context() as patch:
+        patch.setattr(building, "_features", off)
+        with pytest.raises(Cut):
+            main(command)
+    assert not json.loads((whole / "dataset.json").read_text())["finished"] and not (whole / "README.md").exists()
+    drawn = {path: path.stat().st_mtime_ns for path in whole.rglob("*_skybox_small.jpg")}
+    assert len(drawn) == 7  # the stub's too
+    assert main(command) == 0
+    assert {path: path.stat().st_mtime_ns for path in drawn} == drawn
+
+    said = capsys.readouterr().out
+    assert "SHORTEST" in said and "RANDOM-PAPER" in said and "paths again" in said
+    about = json.loads((whole / "dataset.json").read_text())
+    assert about["finished"] and about["scans"] == {"hall": {"viewpoints": 6, "edges": 5}}
+    train = about["baselines"]["train"]
+    assert train["SHORTEST"]["success"] == 1.0 and train["SHORTEST"]["ne"] == 0.0
+    assert train["RANDOM"]["instructions"] == 3 * about["tasks"]["paths"]["train"] == 12
+    card = (whole / "README.md").read_text()
+    assert "| hall | 6 | 5 |" in card and "SHORTEST" in card and "R2R_SPLIT.json" in card
+    for name in ("scans/hall/manifest.json", "tasks/R2R_train.json", "tasks/surroundings.json",
+                 "features/pth_vit_base_patch16_224_imagenet.hdf5", "results/random_train.json"):  # fmt: skip
+        assert (whole / name).is_file(), name
+    before, features = files(whole), next((whole / "features").glob("*.hdf5"))
+    made = features.stat().st_mtime_ns
+    assert main(command) == 0 and files(whole).keys() == before.keys()
+    assert [name for name, data in files(whole).items() if data != before[name]] == []
+    assert features.stat().st_mtime_ns == made
+
+
+def test_it_is_foretold_and_nothing_is_written(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    command = ["export", "dataset", "--project", str(project), "--out", str(out), *SMALL, "--vlnce", "--dry-run"]
+    assert main([*command, "--json"]) == 0 and not out.exists()
+    found = json.loads(capsys.readouterr().out)
+    assert found["scans"] == ["hall"] and found["drawn"] == found["todo"] == 6 and found["paths"]["train"] == 4
+    kinds = {kind["what"]: kind for kind in found["kinds"]}
+    assert kinds["features"]["bytes"] == 6 * 36 * 4 * 1768 and {"tasks", "episodes", "baselines"} <= kinds.keys()
+    assert main(command) == 0 and "takes" in capsys.readouterr().out
+
+
+def test_what_is_not_its_own_stays(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "README.md").write_text("my thesis")
+    command = ["export", "dataset", "--project", str(project), *SMALL, "--out"]
+    assert main([*command, str(tmp_path / "mine")]) == 2
+    assert "holds something else" in capsys.readouterr().err
+    assert files(tmp_path / "mine") == {"README.md": b"my thesis"}
+    assert main([*command, str(tmp_path / "twice"), "--also", str(project)]) == 2
+    assert "Two projects" in capsys.readouterr().err and not (tmp_path / "twice").exists()
+
+
+def test_a_job_may_only_name_places_that_its_user_chose(project: Path, tmp_path: Path) -> None:
+    from nvsim.cli.orders import check_order
+    from nvsim.errors import InputError
+
+    words = ["--project", str(project), "--out", str(project / "set"), "--also", str(tmp_path / "other.nvsim")]
+    check_order(project, "export dataset", words)
+    with pytest.raises(InputError, match="also"):
+        check_order(project, "export dataset", words, confined=True)
