@@ -311,3 +311,24 @@ def test_a_graph_alone_and_a_splat_file_say_why(tmp_path: Path, settings: QSetti
     qtbot.waitUntil(lambda: session.document.contents.outline is not None, timeout=SECONDS)
     assert not action.isEnabled() and "a splat file is open" in action.toolTip()
     session.close()
+
+
+def test_a_dataset_says_what_speaks_against_it(session: Session, qtbot: QtBot) -> None:
+    session.window.actions_table["export_dataset"].trigger()
+    form = session.window.findChild(CommandForm)
+    assert form is not None and form.verb == "export dataset"
+    form.finish_building()
+    panel = answered(form, qtbot)
+    # The room is too small for paths of four edges, and the form says so in the command's words.
+    assert panel.estimate is None and not form.start_button.isEnabled()
+    form.reject()
+
+
+def test_tasks_begin_with_the_scan_beside_the_project(session: Session, project: Path) -> None:
+    (project.parent / "scans" / "connectivity").mkdir(parents=True)
+    form = export_part(session.window).open_tasks_form()
+    assert form is not None
+    form.finish_building()
+    assert f"--scans {project.parent / 'scans'}" in form.command.text()
+    assert form.findChild(ScanEstimatePanel) is None
+    form.reject()
