@@ -100,7 +100,7 @@ class LineEditor(Editor):
         if field.default == "":
             self.line.setPlaceholderText("left out")
         if field.kind == "several":
-            self.line.setPlaceholderText("all")
+            self.line.setPlaceholderText("left out")
             self.line.setToolTip(
                 tip(f"Several of {', '.join(field.choices)}" if field.choices else "Several, with spaces")
             )
