@@ -88,6 +88,7 @@ class ActionTable(QObject):
             self.actions[entry.id] = action
         document.contentsChanged.connect(self.refresh)
         document.selectionChanged.connect(self.refresh)
+        document.pageChanged.connect(self.refresh)
         document.editing.stepsChanged.connect(self.refresh)
         self.refresh()
 

@@ -80,11 +80,15 @@ class ModeController(QObject):
         self.said.emit(mode.hint)
         self.refresh()
 
-    def cancel(self) -> None:
-        """Gives up what was begun; if nothing was, goes back to Select; if it is there, selects nothing."""
+    def give_up(self) -> bool:
+        """Gives up what was begun. Returns False when nothing was."""
         for hand in self._inputs:
             hand.give_up()
-        if self.current.cancel():
+        return self.current.cancel()
+
+    def cancel(self) -> None:
+        """Gives up what was begun; if nothing was, goes back to Select; if it is there, selects nothing."""
+        if self.give_up():
             return
         if self.current.name != "select":
             self.choose("select")
