@@ -60,18 +60,19 @@ class Places:
     @property
     def walk(self) -> Walk:
         """How one walks here."""
-        return Walk(
-            self.eye_level, lambda x, y, z: self._ground.free(x, y, floor_height(self._document, x, y, below=z))
-        )
+        return Walk(self.eye_level, self._is_free)
+
+    def _is_free(self, x: float, y: float, z: float) -> bool:
+        return self._ground.free(x, y, floor_height(self._document, x, y, below=z))
 
     @property
     def walk_start(self) -> ViewPose:
-        """Where a walk begins: under the eye where it is within a room, else on the nearest place that somebody stood on
-        to what the eye looks at, level and in the same direction."""
+        """Where a walk begins: under the eye where it is within a room, else on the place nearest to what the eye looks
+        at where somebody stood, level and in the same direction."""
         pose = self._navigation.pose
         x, y, z = pose.position
         level, known = self.eye_level(x, y, z), self._ground.places
-        if abs(z - level) < _IN_ROOM and self._ground.free(x, y, floor_height(self._document, x, y, below=z)):
+        if abs(z - level) < _IN_ROOM and self._is_free(x, y, z):
             return replace(pose, position=(x, y, level))
         ahead = pose.axes[:, 2]
         floor = floor_height(self._document, x, y, below=z)
