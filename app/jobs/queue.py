@@ -83,7 +83,9 @@ class JobHandle(QObject):
                 return lines[-1].text if lines and lines[-1].text != "Started." else "Starting…"
             return f"{progress.stage}: {progress.detail}".rstrip(": ")
         if self.state in STOPPED:
-            return status.message or (f"Stopped at {self._place}" if progress is not None else "Stopped before it began")
+            return status.message or (
+                f"Stopped at {self._place}" if progress is not None else "Stopped before it began"
+            )
         return status.message if self.state == "done" else ""
 
     @property

@@ -18,6 +18,8 @@ from app.state.graph_details import marks_of, of_edge, of_several
 from app.state.model_words import model_words
 from app.views.overlays import short_id
 
+_LONG = 24  # letters that fit beside their name in a narrow panel
+
 
 class DirectionRose(QWidget):
     """The corridors of a viewpoint as petals: green where the step is open, red where something stops it."""
@@ -169,7 +171,7 @@ class DetailsPanel(QScrollArea):
                 widget.hide()
                 widget.deleteLater()
         for row, (name, value) in enumerate(facts.items()):
-            label, text = Label(plain(name)), Value(value)
+            label, text = Label(plain(name)), _shown(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)
@@ -188,6 +190,16 @@ _ORIGINS = {
     "person": "a user",
     "file": "an imported file",
 }
+
+
+def _shown(value: str) -> QWidget:
+    """What has no blanks is copied whole from one line; words go on in the next."""
+    if len(value) < _LONG or " " not in value:
+        return Value(value)
+    words = Label(plain(value))
+    words.setWordWrap(True)
+    words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    return words
 
 
 def _plain(key: str) -> str:

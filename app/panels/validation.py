@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import SENTENCE, caption, plain, tip
+from app.look.wrapping import WrappingRow
 from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.submaps import table
 from app.state.document import Document
@@ -118,14 +119,13 @@ class ValidationPanel(QWidget):
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
         self.ignored = QCheckBox("ignored", self)
         self.ignored.setToolTip("Shows also what was ignored for good, with the reason")
-        top = QHBoxLayout()
+        top = WrappingRow()
         for box in self.boxes.values():
             box.setChecked(True)
             box.toggled.connect(self._on_filter)
             top.addWidget(box)
         self.ignored.toggled.connect(self._on_filter)
         top.addWidget(self.ignored)
-        top.addStretch(1)
         self.table = table(self.model, self)
         self.table.setWordWrap(False)  # else a line ends at the last whole word
         header = self.table.horizontalHeader()

@@ -11,6 +11,7 @@ import numpy as np
 from PySide6.QtCore import QSettings
 
 from app.actions import Action
+from app.look.front import bring_up
 from app.look.labels import Label
 from app.look.plain_text import caption, tip
 from app.panels.form import Form
@@ -124,7 +125,7 @@ class EditPart(Part):
         run = partial(self._run, name, offer)
         self.form = Form(offer.id, offer.title, offer.about, fields, run, workspace.settings, workspace.window)
         self.form.destroyed.connect(self._forget)
-        self.form.show()
+        bring_up(self.form)
 
     def _run(self, name: str, offer: Offer, values: Mapping[str, Any]) -> None:
         chosen = self._chosen()

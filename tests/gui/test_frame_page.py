@@ -584,3 +584,13 @@ def test_a_frame_is_left_by_escape_and_its_button_whatever_is_selected_and_has_t
     document.select()
     table["leave_frame"].trigger()
     assert window.centre.currentWidget() is window.scene and not table["frame_blink"].isEnabled()
+
+
+def test_no_mask_tints_a_difference(opened, qtbot: QtBot) -> None:
+    window, browser = opened
+    window.actions_table["frame_difference"].trigger()
+    box = browser.page.layers.boxes["floor"]
+    box.setChecked(True)
+    tinted = grabbed(browser)
+    box.setChecked(False)
+    assert tinted == grabbed(browser)
