@@ -173,14 +173,14 @@ class DetailsPanel(QScrollArea):
         if found is None:
             return
         self._show(f"Between {short_id(a)} and {short_id(b)}", of_pair(found), ())
-        heads = "".join(f"<th align='right' style='padding:2px 8px'>from {marked(short_id(id))}</th>" for id in (a, b))
+        heads = "".join(f"<td align='right' style='padding:2px 8px'>from {marked(short_id(id))}</td>" for id in (a, b))
         rows = "".join(
             f"<tr><td style='padding:2px 8px 2px 0'>{marked(name)}</td>{''.join(map(_verdict, cells))}</tr>"
             for name, cells in verdicts(found)
         )
-        criteria = f"<table><tr><th></th>{heads}</tr>{rows}</table>" if rows else ""
-        joins = "" if found.joined else "<p>Ctrl+J joins them.</p>"
-        self.words.setText(f"<p><b>{marked(short_ids(found.sentence))}</b></p>{criteria}{joins}")
+        criteria = f"<table><tr><td></td>{heads}</tr>{rows}</table>" if rows else ""
+        joins = "" if found.joined else "<br>Ctrl+J joins them."
+        self.words.setText(f"<b>{marked(short_ids(found.sentence))}</b><br>{criteria}{joins}")
 
     def _show(self, title: str, facts: dict[str, str], found: tuple[Direction, ...]) -> None:
         self.title.setText(plain(title))
