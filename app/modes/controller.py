@@ -39,6 +39,8 @@ class ModeController(QObject):
         super().__init__(parent)
         self._document = document
         self.canvases: list[ModeOverlay] = []
+        self.beneath: list[Layer] = []
+        """What parts draw over the graph, under the marks of what is selected."""
         self.layers: list[Layer] = []
         """What parts draw over every view, in the pixels of its surface."""
         self.context = ModeContext(document, document.editing, self.said.emit, self.refresh)
@@ -112,6 +114,8 @@ class ModeController(QObject):
             canvas.surface.widget.update()
 
     def paint(self, painter: QPainter, surface: GraphSurface, cursor: QPointF | None) -> None:
+        for layer in self.beneath:
+            layer(painter, surface)
         self._marks.paint(painter, surface)
         self._reviewed.paint(painter, surface)
         for layer in self.layers:

@@ -9,6 +9,7 @@ from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
 from app.wiring.camera_path import CameraPathPart
 from app.wiring.checking import CheckPart
+from app.wiring.coloring import ColoringPart
 from app.wiring.comparing import ComparePart
 from app.wiring.context import ContextPart
 from app.wiring.editing import EditPart
@@ -59,6 +60,7 @@ PARTS: tuple[type[Part], ...] = (
     ContextPart,
     SelectPart,
     StoreyPart,
+    ColoringPart,
     CheckPart,
     ComparePart,
     ExportPart,
