@@ -14,6 +14,7 @@ from app.wiring.comparing import ComparePart
 from app.wiring.context import ContextPart
 from app.wiring.editing import EditPart
 from app.wiring.exporting import ExportPart
+from app.wiring.feedback import FeedbackPart
 from app.wiring.files import FilePart
 from app.wiring.foreign import ForeignPart
 from app.wiring.frames import FramePart
@@ -62,6 +63,7 @@ PARTS: tuple[type[Part], ...] = (
     StoreyPart,
     ColoringPart,
     CheckPart,
+    FeedbackPart,
     ComparePart,
     ExportPart,
     ForeignPart,

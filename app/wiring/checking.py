@@ -51,6 +51,11 @@ class CheckPart(Part):
             "validation": lambda: self.workspace.window.show_dock("validation"),
         }
 
+    @property
+    def reviewing(self) -> bool:
+        """Whether the status bar tells of the edge that is looked at."""
+        return bool(self._why) and self._told is not None and self._told == self.workspace.document.editing.selection
+
     def next(self) -> None:
         """Goes to the least certain edge that was neither reviewed nor passed over since the review began."""
         editing = self.workspace.document.editing
@@ -93,8 +98,7 @@ class CheckPart(Part):
 
     def _on_edit(self, _: object) -> None:
         """How many are reviewed is said of the graph as it is."""
-        editing = self.workspace.document.editing
-        if self._why and self._told is not None and self._told == editing.selection and editing.graph is not None:
+        if self.reviewing and self.workspace.document.editing.graph is not None:
             self._say_review(self._why)
 
     def _on_selection(self) -> None:
