@@ -94,7 +94,7 @@ class CameraPart(Part):
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
-        workspace.scene.navigation.walkEnded.connect(lambda: workspace.window.actions_table["walk"].setChecked(False))
+        workspace.scene.navigation.walkEnded.connect(self._end_walk)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         scene = self.workspace.scene
@@ -115,6 +115,9 @@ class CameraPart(Part):
         frame = 0 if current is None else (current + step) % len(document.trajectory.positions)
         document.select(frame=frame)
         self.workspace.scene.snap_to_frame(frame)
+
+    def _end_walk(self) -> None:
+        self.workspace.window.actions_table["walk"].setChecked(False)
 
     def _walk(self, on: bool) -> None:
         scene = self.workspace.scene

@@ -26,9 +26,9 @@ class FeedbackPart(Part):
         self._over.timeout.connect(self._hint)
         workspace.document.editing.stepsChanged.connect(self._on_steps)
         workspace.document.projectChanged.connect(self._look)
-        workspace.document.editing.told.connect(lambda _: self._look())
+        workspace.document.editing.told.connect(self._look)
 
-    def _look(self) -> None:
+    def _look(self, _: object = None) -> None:
         """What is there now is not news."""
         history = self.workspace.document.editing.history
         self._steps, self._index = ((), 0) if history is None else (history.steps, history.index)
