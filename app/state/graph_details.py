@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from nvsim.graph.findings.stairs import slope
 from nvsim.graph.history import counted
 from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
@@ -37,11 +38,10 @@ def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, s
     """Names and values; evidence is held against the thresholds of `config`."""
     edge = graph.edges[key]
     a, b = (graph.viewpoints[end].position for end in key)
-    run, rise = math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2])
     walked = all(graph.viewpoints[end].included for end in key)
     return {
         "Length": f"{math.dist(a, b):.2f} m",
-        "Slope": f"{math.degrees(math.atan2(rise, run)):.0f}°",
+        "Slope": f"{slope(graph, key):.0f}°",
         "Evidence": _evidence(graph, key, config),
         "Comes from": _ORIGINS.get(edge.origin, edge.origin),
         "Reviewed": "yes" if edge.reviewed else "no",
