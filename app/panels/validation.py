@@ -245,7 +245,7 @@ class ValidationPanel(QWidget):
     def _parting(self, fixes: tuple[Fix, ...]) -> str:
         """What removing the edge would cost, in words that follow the finding."""
         graph = self._document.graph
-        pairs = next((fix.arguments["pairs"] for fix in fixes if fix.operation == "remove_edges"), [])
+        pairs: list[list[str]] = next((fix.arguments["pairs"] for fix in fixes if fix.operation == "remove_edges"), [])
         keys = [(str(a), str(b)) for a, b in pairs]
         if graph is None or len(keys) != 1 or keys[0] not in graph.edges:
             return ""

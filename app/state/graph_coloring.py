@@ -1,5 +1,4 @@
-"""What the colours of the graph may stand for: a group for every viewpoint and every edge, and a legend. Knows no
-Qt."""
+"""What the colours of the graph may stand for: a group for every viewpoint and every edge, and a legend."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def verdicts(found: Between) -> list[tuple[str, list[tuple[str, bool | None]]]]:
         {} if way.found is None else {m.criterion.field: m for m in way.found.measures if m.decides}
         for way in found.ways
     ]
-    rows = []
+    rows: list[tuple[str, list[tuple[str, bool | None]]]] = []
     for criterion in CRITERIA:
         measures = [each.get(criterion.field) for each in told]
         first = next((m for m in measures if m is not None), None)

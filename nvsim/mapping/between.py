@@ -120,7 +120,7 @@ def _sentence(joined: bool, ways: tuple[Way, Way], blocked: float | None, unknow
         return f"{begin}, {doubt} {where} {clause}{figures}{source}."
     if blocked is not None:
         return f"{begin}, {'although' if joined else 'and'} the map has something in the way after {blocked:.1f} m."
-    told = next((way.told for way in ways if way.told), "")
+    told: Decision = next((way.told for way in ways if way.told), "")
     if told and not joined:
         free = "the way is free, but " if told in SPARED else ""
         return f"{begin}, because {free}{DECISIONS[told].clause}."
