@@ -88,6 +88,7 @@ class ActionTable(QObject):
             self.actions[entry.id] = action
         document.contentsChanged.connect(self.refresh)
         document.selectionChanged.connect(self.refresh)
+        document.pageChanged.connect(self.refresh)
         document.editing.stepsChanged.connect(self.refresh)
         self.refresh()
 
@@ -107,6 +108,14 @@ class ActionTable(QObject):
             not_now = "" if reason is None else f"Not now: {reason_words}."
             action.setToolTip(tip(f"{entry.tip}{shortcut}\n{not_now}".rstrip()))
             action.setStatusTip(plain(f"{entry.tip}. {not_now}" if not_now else entry.tip))
+
+    def why_not(self, keys: QKeySequence) -> str:
+        """Why the command of these keys cannot run now, as a sentence; "" where there is none, or it can."""
+        for entry in self.entries:
+            reason = self._reasons.get(entry.id)
+            if reason and entry.shortcut and self.actions[entry.id].shortcut() == keys:
+                return f"{entry.text.replace('&', '').rstrip('…')}: not now, {reason}."
+        return ""
 
     def dress(self, palette: QPalette) -> None:
         """Draws the icons in the colours of `palette`."""

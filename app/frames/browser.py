@@ -40,9 +40,11 @@ _NO_MASK = sentence(f"{STAGE['floors'].lacking}; find it first (nvsim floors)")
 
 
 class FrameBrowser(QObject):
-    """opened(): the page wants to be seen; left(): it wants to be left; toolChanged(str)."""
+    """opened(): the page wants to be seen; taken(): another frame is on it; left(): it wants to be left;
+    toolChanged(str)."""
 
     opened = Signal()
+    taken = Signal()
     left = Signal()
     toolChanged = Signal(str)
 
@@ -130,6 +132,13 @@ class FrameBrowser(QObject):
         if self.index is not None and capture is not None:
             self.open((self.index + by) % len(capture.frames))
 
+    def step_out(self) -> None:
+        """Lays the tool aside; without one, leaves the page."""
+        if self.tool:
+            self.set_tool("")
+        else:
+            self.left.emit()
+
     def release(self) -> None:
         """Writes what is not written yet and ends thread and process; the page is not used afterwards."""
         self.corrector.close()
@@ -144,6 +153,7 @@ class FrameBrowser(QObject):
             return
         self.corrector.close()
         self.index, self._failure = index, ""
+        self.taken.emit()
         self.candidates.open(path, index)
         self.page.canvas.note = "Reading the image…"
         self._reader.open(layout_of(path), capture.frames[index], index)
@@ -279,7 +289,7 @@ class FrameBrowser(QObject):
 
     def _on_key(self, name: str) -> None:
         actions = {
-            "leave": lambda: self.set_tool("") if self.tool else self.left.emit(),
+            "leave": self.step_out,
             "previous": lambda: self.step(-1),
             "next": lambda: self.step(1),
             "fit": lambda: self.page.canvas.set_zoom(type(self.page.canvas.zoom)()),

@@ -41,7 +41,7 @@ class Canvas(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
-        self.setMinimumSize(320, 220)
+        self.setMinimumSize(240, 200)
         self._layers = layers
         self.tool: Tool | None = None
         self.mode = "wipe"
@@ -153,7 +153,8 @@ class Canvas(QWidget):
             painter.restore()
         else:
             self._paint_picture(painter, pane, what)
-        for layer in self._layers:
+        # In a difference colours mean how far: a tint over it would be taken for that.
+        for layer in self._layers if what != "difference" else ():
             if layer.shown and layer.painted is not None:
                 painter.setOpacity(layer.opacity)
                 painter.drawImage(pane.image_rect, layer.painted.image)

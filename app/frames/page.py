@@ -60,6 +60,7 @@ class FramePage(QWidget):
         self._back, self._modes, self._tools = (_bar(self, name) for name in ("back", "modes", "tools"))
         self._first.addWidget(self._back)
         self._first.addSpacing(10)
+        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._first.addWidget(self.title, 1)
         for words, slider in ((self._gain_words, self.gain), (self._size_words, self.brush_size)):
             self._first.addSpacing(8)

@@ -25,6 +25,7 @@ from nvsim.project.layout import Layout
 HASTY, LIVELY, CALM = 60, 250, 1000  # milliseconds between two looks: events wait, a job runs, none does
 BYTES_A_LOOK = 48 << 10  # of events; some 3 ms of parsing
 PATIENCE = 15.0  # seconds until a job that was asked to end is killed
+STOPPED: tuple[State, ...] = ("paused", "cancelled")  # by the user, on the way
 ORDERED_ELSEWHERE = "It came with the project and was not ordered here; it is not run unless you order it anew."
 
 
@@ -68,7 +69,7 @@ class JobHandle(QObject):
 
     @property
     def message(self) -> str:
-        """What went wrong and what to do, or what it is doing."""
+        """What went wrong and what to do, what it is doing, or where it stopped."""
         status, progress = self.job.status, self.history.progress
         if self.state == "foreign":
             return ORDERED_ELSEWHERE
@@ -81,7 +82,18 @@ class JobHandle(QObject):
                 lines = self.history.lines
                 return lines[-1].text if lines and lines[-1].text != "Started." else "Starting…"
             return f"{progress.stage}: {progress.detail}".rstrip(": ")
+        if self.state in STOPPED:
+            return status.message or (
+                f"Stopped at {self._place}" if progress is not None else "Stopped before it began"
+            )
         return status.message if self.state == "done" else ""
+
+    @property
+    def _place(self) -> str:
+        """How far the stage in hand is."""
+        progress = self.history.progress
+        assert progress is not None  # asked before
+        return f"{100 * self.history.share:.0f} % of {progress.stage}: {progress.detail}".rstrip(": ")
 
     @property
     def worked(self) -> float:
@@ -291,7 +303,8 @@ class JobQueue(QObject):
     def _hear(self) -> JobHandle | None:
         """Reads some of what one job has told, those that run first; says which job it was."""
         for handle in sorted(self.handles, key=lambda h: (not h.running, -h.number)):
-            if (handle.running or handle.number in self._watched) and handle.behind:
+            told = handle.running or handle.state in STOPPED or handle.number in self._watched
+            if told and handle.behind:
                 for event in handle.read_events():
                     self.heard.emit(handle, event)
                 return handle

@@ -1,4 +1,5 @@
-"""Adding edges: click one viewpoint, then the other, or drag from one to the other. Shift goes on from the second."""
+"""Adding edges: click one viewpoint, then the other, or drag from one to the other. Shift goes on from the second.
+While one points at the second, the line says what speaks for an edge and what against it."""
 
 from __future__ import annotations
 
@@ -6,11 +7,17 @@ import numpy as np
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
-from app.modes.ink import dots, label, line
+from app.layers.labels import short_ids
+from app.look import colors
+from app.modes.ink import GHOST, dots, label, line
 from app.modes.mode import Mode, Pointer
 from app.state import edit_commands
+from app.state.way_between import way_between
 from app.views.graph_surface import GraphSurface
 from nvsim.graph.selection import GraphSelection
+from nvsim.mapping.between import Between
+
+_INKS = {1: colors.OPEN, 0: GHOST, -1: colors.BLOCKED}
 
 
 class AddEdgeMode(Mode):
@@ -19,6 +26,8 @@ class AddEdgeMode(Mode):
     cursor = Qt.CursorShape.CrossCursor
     _start: str | None = None
     _now: Pointer | None = None
+    _key: tuple[object, ...] | None = None  # of what is known
+    _between: Between | None = None
 
     def enter(self) -> None:
         chosen = self.context.editing.selection.viewpoints
@@ -102,6 +111,18 @@ class AddEdgeMode(Mode):
         end = arrays.feet[arrays.index[there]] if there is not None else now.surface.floor_point(now.point)
         if end is None:
             return
-        line(painter, surface, foot, np.array(end))
+        found = None if there is None else self._found(start, there)
+        ink = GHOST if found is None else _INKS[found.speaks]
+        line(painter, surface, foot, np.array(end), ink)
         metres = float(np.linalg.norm(np.array(end) - foot))
         label(painter, QPointF(now.point), f"join, {metres:.2f} m" if there is not None else f"{metres:.2f} m")
+        if found is not None:
+            label(painter, now.point + QPointF(0, 24), short_ids(found.sentence), ink)
+
+    def _found(self, start: str, there: str) -> Between | None:
+        """What is known of the way, worked out once for each pair and graph."""
+        document = self.context.document
+        key = (document.graph, document.contents, start, there)
+        if self._key is None or any(a is not b for a, b in zip(self._key, key, strict=True)):
+            self._key, self._between = key, way_between(document, start, there)
+        return self._between

@@ -39,6 +39,8 @@ class ModeController(QObject):
         super().__init__(parent)
         self._document = document
         self.canvases: list[ModeOverlay] = []
+        self.beneath: list[Layer] = []
+        """What parts draw over the graph, under the marks of what is selected."""
         self.layers: list[Layer] = []
         """What parts draw over every view, in the pixels of its surface."""
         self.context = ModeContext(document, document.editing, self.said.emit, self.refresh)
@@ -80,11 +82,15 @@ class ModeController(QObject):
         self.said.emit(mode.hint)
         self.refresh()
 
-    def cancel(self) -> None:
-        """Gives up what was begun; if nothing was, goes back to Select; if it is there, selects nothing."""
+    def give_up(self) -> bool:
+        """Gives up what was begun. Returns False when nothing was."""
         for hand in self._inputs:
             hand.give_up()
-        if self.current.cancel():
+        return self.current.cancel()
+
+    def cancel(self) -> None:
+        """Gives up what was begun; if nothing was, goes back to Select; if it is there, selects nothing."""
+        if self.give_up():
             return
         if self.current.name != "select":
             self.choose("select")
@@ -108,6 +114,8 @@ class ModeController(QObject):
             canvas.surface.widget.update()
 
     def paint(self, painter: QPainter, surface: GraphSurface, cursor: QPointF | None) -> None:
+        for layer in self.beneath:
+            layer(painter, surface)
         self._marks.paint(painter, surface)
         self._reviewed.paint(painter, surface)
         for layer in self.layers:

@@ -7,7 +7,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QDoubleSpinBox,
     QGridLayout,
-    QHBoxLayout,
     QListWidget,
     QPushButton,
     QSpinBox,
@@ -18,6 +17,7 @@ from PySide6.QtWidgets import (
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import tip
+from app.look.wrapping import WrappingRow
 from app.painting.cameras import ViewPose, heading_degrees
 
 
@@ -100,10 +100,9 @@ class CameraPathPanel(QWidget):
         size.addWidget(self.width_box, 0, 1)
         size.addWidget(Label("×"), 0, 2)
         size.addWidget(self.height_box, 0, 3)
-        size.addWidget(self.layers, 1, 0, 1, 3)
-        size.addWidget(self.picture, 1, 3)
         size.setColumnStretch(4, 1)
         column.addLayout(size)
+        column.addLayout(_row(self.layers, self.picture))
         column.addWidget(self.keys, 1)
         column.addLayout(_row(self.add, self.remove, self.play))
         column.addLayout(_row(self.seconds, self.fps, self.video))
@@ -117,9 +116,8 @@ def _pixels(value: int) -> QSpinBox:
     return box
 
 
-def _row(*widgets: QWidget) -> QHBoxLayout:
-    row = QHBoxLayout()
+def _row(*widgets: QWidget) -> WrappingRow:
+    row = WrappingRow()
     for widget in widgets:
         row.addWidget(widget)
-    row.addStretch()
     return row

@@ -21,6 +21,7 @@ from app.layers.labels import short_ids
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import SENTENCE, plain, tip
+from app.look.wrapping import WrappingRow
 from app.panels.submaps import table
 from app.state.comparing import Compared
 from nvsim.graph.compare import Deviation
@@ -143,12 +144,11 @@ class ComparePanel(QWidget):
         self.merge.setToolTip("The chosen differences come into the graph that is edited, as one step")
         self.merge.clicked.connect(self._on_merge)
         self.model.dataChanged.connect(self._enable)
-        top, bottom = QHBoxLayout(), QHBoxLayout()
+        top, bottom = QHBoxLayout(), WrappingRow()
         for widget, stretch in ((self.open, 0), (self.steps, 1)):
             top.addWidget(widget, stretch)
         bottom.addWidget(self.all)
         bottom.addWidget(self.close_button)
-        bottom.addStretch(1)
         bottom.addWidget(self.merge)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(4, 4, 4, 4)

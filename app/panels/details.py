@@ -8,15 +8,19 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
+from app.layers.labels import short_ids
 from app.look import colors
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import marked, plain
 from app.look.value import Value
 from app.state.directions import Direction, directions
 from app.state.document import Document
-from app.state.graph_details import marks_of, of_edge, of_several
+from app.state.graph_details import marks_of, of_edge, of_pair, of_several, verdicts
 from app.state.model_words import model_words
+from app.state.way_between import way_between
 from app.views.overlays import short_id
+
+_LONG = 24  # letters that fit beside their name in a narrow panel
 
 
 class DirectionRose(QWidget):
@@ -103,7 +107,7 @@ class DetailsPanel(QScrollArea):
         self.refresh()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if parts & {"graph", "capture", "submaps"}:
+        if parts & {"graph", "capture", "submaps", "occupancy"}:
             self.refresh()
 
     def refresh(self, _: object = None) -> None:
@@ -131,6 +135,8 @@ class DetailsPanel(QScrollArea):
             (key,) = chosen.edges
             title = f"Edge {short_id(key[0])} – {short_id(key[1])}"
             self._show(title, of_edge(graph, key, contents.thresholds), ())
+        elif graph is not None and len(chosen.viewpoints) == 2 and not chosen.edges:
+            self._show_pair(*sorted(chosen.viewpoints))
         elif graph is not None and chosen:
             self._show(*of_several(graph, chosen), ())
         elif selection.frame is not None and contents.capture is not None:
@@ -161,6 +167,21 @@ class DetailsPanel(QScrollArea):
             self._show("", {}, ())
             self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
 
+    def _show_pair(self, a: str, b: str) -> None:
+        """Why there is an edge between two viewpoints, or none."""
+        found = way_between(self._document, a, b)
+        if found is None:
+            return
+        self._show(f"Between {short_id(a)} and {short_id(b)}", of_pair(found), ())
+        heads = "".join(f"<td align='right' style='padding:2px 8px'>from {marked(short_id(id))}</td>" for id in (a, b))
+        rows = "".join(
+            f"<tr><td style='padding:2px 8px 2px 0'>{marked(name)}</td>{''.join(map(_verdict, cells))}</tr>"
+            for name, cells in verdicts(found)
+        )
+        criteria = f"<table><tr><td></td>{heads}</tr>{rows}</table>" if rows else ""
+        joins = "" if found.joined else "<br>Ctrl+J joins them."
+        self.words.setText(f"<b>{marked(short_ids(found.sentence))}</b><br>{criteria}{joins}")
+
     def _show(self, title: str, facts: dict[str, str], found: tuple[Direction, ...]) -> None:
         self.title.setText(plain(title))
         self.title.setVisible(bool(title))
@@ -169,7 +190,7 @@ class DetailsPanel(QScrollArea):
                 widget.hide()
                 widget.deleteLater()
         for row, (name, value) in enumerate(facts.items()):
-            label, text = Label(plain(name)), Value(value)
+            label, text = Label(plain(name)), _shown(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)
@@ -188,6 +209,24 @@ _ORIGINS = {
     "person": "a user",
     "file": "an imported file",
 }
+
+
+def _verdict(cell: tuple[str, bool | None]) -> str:
+    words, passes = cell
+    if passes is None:
+        return f"<td align='right' style='padding:2px 8px'>{marked(words)}</td>"
+    ink, sign = (colors.OPEN_TEXT, "✓") if passes else (colors.BLOCKED_TEXT, "✗")
+    return f"<td align='right' style='padding:2px 8px; color:{ink}'>{marked(words)} {sign}</td>"
+
+
+def _shown(value: str) -> QWidget:
+    """What has no blanks is copied whole from one line; words go on in the next."""
+    if len(value) < _LONG or " " not in value:
+        return Value(value)
+    words = Label(plain(value))
+    words.setWordWrap(True)
+    words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    return words
 
 
 def _plain(key: str) -> str:

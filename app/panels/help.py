@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.front import bring_up
 from app.look.help_pages import DOCS, Section, find, pages
 
 _SECTION = Qt.ItemDataRole.UserRole
@@ -157,5 +158,5 @@ def open_help(page: str, parent: QWidget) -> HelpWindow:
             window.activateWindow()
             return window
     window = HelpWindow(page, parent)
-    window.show()
+    bring_up(window)
     return window

@@ -14,6 +14,7 @@ from app.jobs.queue import JobHandle, JobQueue
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
+from app.look.wrapping import WrappingRow
 from app.panels.foreign_job import ForeignJob
 from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
@@ -138,8 +139,8 @@ class JobPanel(QWidget):
         self.table.setWordWrap(False)
         self.table.setMinimumWidth(260)
 
-    def _buttons(self) -> QHBoxLayout:
-        row = QHBoxLayout()
+    def _buttons(self) -> WrappingRow:
+        row = WrappingRow()
         row.setContentsMargins(4, 3, 4, 3)
         self.pause = self._button("Pause", self._on_pause)
         self.go_on = self._button("Go on", self._on_go_on)
@@ -152,7 +153,6 @@ class JobPanel(QWidget):
         left, right = (self.pause, self.go_on, self.cancel, self.look), (self.again, self.remove, self.copy)
         for button in (*left, self.show_folder, *right):
             row.addWidget(button)
-        row.addStretch(1)
         return row
 
     def _button(self, text: str, handler: object) -> QPushButton:

@@ -25,10 +25,13 @@ from PySide6.QtWidgets import (
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import SENTENCE, caption, plain, tip
+from app.look.wrapping import WrappingRow
 from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.submaps import table
 from app.state.document import Document
+from nvsim.graph.components import parted_by
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
+from nvsim.graph.history import counted
 from nvsim.graph.selection import GraphSelection
 
 _Index = QModelIndex | QPersistentModelIndex
@@ -64,7 +67,7 @@ class FindingModel(QAbstractTableModel):
             f
             for f in editing.findings.values()
             if f.severity in self.severities
-            and (self.with_ignored or not ignored or f.key not in ignored)
+            and (self.with_ignored or not ignored or not f.ignored_by(ignored))
             and (not wanted or wanted in f"{f.message} {f.kind}".casefold())
         ]
         # By two keys one after the other: a pair for each of thousands would wake Python's collector.
@@ -88,7 +91,8 @@ class FindingModel(QAbstractTableModel):
             return None
         finding = self.rows[index.row()]
         graph = self._document.graph
-        reason = None if graph is None else graph.ignored.get(finding.key)
+        by = None if graph is None else finding.ignored_by(graph.ignored)
+        reason = None if graph is None or by is None else graph.ignored[by]
         if role == Qt.ItemDataRole.ForegroundRole:
             if reason is not None:
                 return QColor(colors.QUIET_TEXT)
@@ -118,14 +122,13 @@ class ValidationPanel(QWidget):
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
         self.ignored = QCheckBox("ignored", self)
         self.ignored.setToolTip("Shows also what was ignored for good, with the reason")
-        top = QHBoxLayout()
+        top = WrappingRow()
         for box in self.boxes.values():
             box.setChecked(True)
             box.toggled.connect(self._on_filter)
             top.addWidget(box)
         self.ignored.toggled.connect(self._on_filter)
         top.addWidget(self.ignored)
-        top.addStretch(1)
         self.table = table(self.model, self)
         self.table.setWordWrap(False)  # else a line ends at the last whole word
         header = self.table.horizontalHeader()
@@ -154,6 +157,9 @@ class ValidationPanel(QWidget):
         bottom = QHBoxLayout()
         bottom.addWidget(self.reason, 1)
         bottom.addWidget(self.ignore_button)
+        self.kind_button = QPushButton("All like it", self)
+        self.kind_button.clicked.connect(self.ignore_kind)
+        bottom.addWidget(self.kind_button)
         self.clean = Label("Nothing wrong was found.", self)
         self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
@@ -184,7 +190,7 @@ class ValidationPanel(QWidget):
         kept = self.current
         found = list(self._document.editing.findings.values())
         ignored = {} if self._document.graph is None else self._document.graph.ignored
-        counts = Counter(f.severity for f in found if not ignored or f.key not in ignored)
+        counts = Counter(f.severity for f in found if not ignored or not f.ignored_by(ignored))
         for severity, box in self.boxes.items():
             count = counts[severity]
             box.setText(f"{count:,} {severity}{'' if count == 1 else 's'}")
@@ -219,14 +225,32 @@ class ValidationPanel(QWidget):
         finding, graph = self.current, self._document.graph
         if finding is None or graph is None:
             return
-        if finding.key in graph.ignored:
-            self._document.editing.heed_finding(finding)
+        by = finding.ignored_by(graph.ignored)
+        if by is not None:
+            self._document.editing.heed(by)
         elif self.reason.text().strip():
             self._document.editing.ignore_finding(finding, self.reason.text().strip())
             self.reason.clear()
 
+    def ignore_kind(self) -> None:
+        """Ignores every finding of the current one's kind in this graph, for the reason that is given."""
+        finding, reason = self.current, self.reason.text().strip()
+        if finding is not None and reason:
+            self._document.editing.ignore(finding.kind_key, reason)
+            self.reason.clear()
+
     def _apply(self, fix: Fix) -> None:
         self._document.editing.run(fix.operation, fix.arguments)
+
+    def _parting(self, fixes: tuple[Fix, ...]) -> str:
+        """What removing the edge would cost, in words that follow the finding."""
+        graph = self._document.graph
+        pairs: list[list[str]] = next((fix.arguments["pairs"] for fix in fixes if fix.operation == "remove_edges"), [])
+        keys = [(str(a), str(b)) for a, b in pairs]
+        if graph is None or len(keys) != 1 or keys[0] not in graph.edges:
+            return ""
+        lost = parted_by(graph, keys[0])
+        return f" Removing it parts {counted(lost, 'viewpoint')} from the others." if lost else ""
 
     def _on_filter(self) -> None:
         self.model.severities = frozenset(s for s, box in self.boxes.items() if box.isChecked())
@@ -247,9 +271,9 @@ class ValidationPanel(QWidget):
     def _enable(self, _: str = "") -> None:
         finding, graph, editing = self.current, self._document.graph, self._document.editing
         fixes = () if finding is None else finding.fixes
-        self.sentence.setText("" if finding is None else finding.message)
+        self.sentence.setText("" if finding is None else f"{finding.message}{self._parting(fixes)}")
         self.sentence.setVisible(finding is not None)
-        ignored = finding is not None and graph is not None and finding.key in graph.ignored
+        ignored = finding is not None and graph is not None and bool(finding.ignored_by(graph.ignored))
         self.fix.setEnabled(bool(fixes) and editing.writable)
         self.fix.setText(caption(f"Fix: {fixes[0].text}") if fixes else "Fix")
         nothing = "Choose a finding" if finding is None else "No fix can be made without you: look at the place"
@@ -266,6 +290,9 @@ class ValidationPanel(QWidget):
         self.ignore_button.setEnabled(
             finding is not None and editing.writable and (ignored or bool(self.reason.text().strip()))
         )
+        self.kind_button.setEnabled(self.ignore_button.isEnabled() and not ignored)
+        kind = "" if finding is None else f" of the kind “{finding.kind}”"
+        self.kind_button.setToolTip(tip(f"Ignores every finding{kind} in this graph, for the reason that is given"))
         self.ignore_button.setToolTip(
             "Shows it among the findings again"
             if ignored

@@ -42,13 +42,14 @@ class Document(QObject):
     """projectLeft() while everything of the project that goes is still there; projectChanged() when another project
     takes the place of this one, before its parts are announced; contentsChanged(frozenset of names from loading.PARTS),
     "graph" among them when another graph was opened; graphChanged(Difference) after an edit, an undo or a redo;
-    selectionChanged()."""
+    selectionChanged(); pageChanged() when another frame, or none, stands in place of the 3D view."""
 
     projectLeft = Signal()
     projectChanged = Signal()
     contentsChanged = Signal(object)
     graphChanged = Signal(object)
     selectionChanged = Signal()
+    pageChanged = Signal()
 
     def __init__(self, path: Path | None = None, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -56,6 +57,7 @@ class Document(QObject):
         self._selection = Selection()
         self.jobs: JobQueue | None = None  # of the open project, where a window shows it
         self.views: ViewStates | None = None  # to go back to, where a window shows it
+        self._page_frame: int | None = None
         self.graph_arrays = GraphArrays()
         self.graph_changes = GraphChanges()
         self.storeys = Storeys(self)
@@ -144,6 +146,22 @@ class Document(QObject):
         elif wanted == self._selection and self.editing.selection:
             self._lead_editing()
             self.selectionChanged.emit()
+
+    @property
+    def page_frame(self) -> int | None:
+        """Index of the frame that stands in place of the 3D view, None where the 3D view does."""
+        return self._page_frame
+
+    def set_page_frame(self, index: int | None) -> None:
+        """Says which frame stands in place of the 3D view; what can be done with frames depends on it."""
+        if index != self._page_frame:
+            self._page_frame = index
+            self.pageChanged.emit()
+
+    @property
+    def frame_at_hand(self) -> int | None:
+        """The frame that commands on frames mean: the selected one, else the one on the page."""
+        return self._selection.frame if self._selection.frame is not None else self._page_frame
 
     def _lead_editing(self) -> None:
         """What is selected in the graph becomes what was selected here."""

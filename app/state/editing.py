@@ -238,11 +238,19 @@ class Editing(QObject):
 
     def ignore_finding(self, finding: Finding, reason: str) -> None:
         """It is not shown again."""
-        self.run("ignore_finding", {"key": finding.key, "reason": reason})
+        self.ignore(finding.key, reason)
 
     def heed_finding(self, finding: Finding) -> None:
         """It is shown again."""
-        self.run("heed_finding", {"key": finding.key})
+        self.heed(finding.key)
+
+    def ignore(self, key: str, reason: str) -> None:
+        """The findings of this key, of one or of a kind, are not shown again."""
+        self.run("ignore_finding", {"key": key, "reason": reason})
+
+    def heed(self, key: str) -> None:
+        """They are shown again."""
+        self.run("heed_finding", {"key": key})
 
     # What follows from a step --------------------------------------------------------------------------------------
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 
+from nvsim.graph.findings.stairs import slope
 from nvsim.graph.history import counted
 from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
+from nvsim.mapping.between import Between, Way
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.criteria import CRITERIA
 from nvsim.mapping.edge_doubts import against, margin
 
 MOST = 500  # things that are counted through; of more only the number is said
@@ -35,11 +38,10 @@ def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, s
     """Names and values; evidence is held against the thresholds of `config`."""
     edge = graph.edges[key]
     a, b = (graph.viewpoints[end].position for end in key)
-    run, rise = math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2])
     walked = all(graph.viewpoints[end].included for end in key)
     return {
         "Length": f"{math.dist(a, b):.2f} m",
-        "Slope": f"{math.degrees(math.atan2(rise, run)):.0f}°",
+        "Slope": f"{slope(graph, key):.0f}°",
         "Evidence": _evidence(graph, key, config),
         "Comes from": _ORIGINS.get(edge.origin, edge.origin),
         "Reviewed": "yes" if edge.reviewed else "no",
@@ -57,6 +59,46 @@ def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
     if slack >= 0:
         return f"speaks for it, by {distance(slack)}"
     return f"speaks against it, by {distance(slack)}: {against(config)(graph, key)}".rstrip(": ")
+
+
+def of_pair(found: Between) -> dict[str, str]:
+    """What is known of the way between two viewpoints, as names and values; the criteria are in `verdicts`."""
+    a, b = (way.start[:6] for way in found.ways)
+    facts = {
+        "Edge": "yes" if found.joined else "no",
+        "Distance": f"{found.metres:.2f} m" + (f", {found.rise:+.2f} m up" if abs(found.rise) >= 0.05 else ""),
+        f"From {a}": _source(found.ways[0]),
+        f"From {b}": _source(found.ways[1]),
+    }
+    if found.unknown is not None:
+        unknown = f", {100 * found.unknown:.0f} % not known" if found.unknown else ""
+        stops = "free" if found.blocked is None else f"something is in the way after {found.blocked:.1f} m"
+        facts["On the map"] = f"{stops}{unknown}"
+    return facts
+
+
+def _source(way: Way) -> str:
+    if way.source == "measured":
+        return "measured along it"
+    return f"others cover {100 * way.covered:.0f} % of it" if way.source else "nothing is known"
+
+
+def verdicts(found: Between) -> list[tuple[str, list[tuple[str, bool | None]]]]:
+    """Of every criterion that decides: its name with the limit, and for each way what was found, in words, and whether
+    it passes; None where nothing was found."""
+    told = [
+        {} if way.found is None else {m.criterion.field: m for m in way.found.measures if m.decides}
+        for way in found.ways
+    ]
+    rows: list[tuple[str, list[tuple[str, bool | None]]]] = []
+    for criterion in CRITERIA:
+        measures = [each.get(criterion.field) for each in told]
+        first = next((m for m in measures if m is not None), None)
+        if first is None:
+            continue
+        name = f"{criterion.name} {criterion.relation(True)} {first.limit:.2f}"
+        rows.append((name, [("–", None) if m is None else (f"{m.value:.2f}", m.passes) for m in measures]))
+    return rows
 
 
 def of_several(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, str]]:

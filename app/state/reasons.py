@@ -66,12 +66,16 @@ def with_earlier(document: Document) -> Reason:
 
 
 def with_frame(document: Document) -> Reason:
-    return None if document.selection.frame is not None else "no frame is selected"
+    return None if document.frame_at_hand is not None else "no frame is selected"
+
+
+def with_page(document: Document) -> Reason:
+    return None if document.page_frame is not None else "the 3D view is shown already"
 
 
 def with_masks(document: Document) -> Reason:
     """Also a folder that may be written, as a correction is a file there."""
-    if document.selection.frame is None or document.path is None:
+    if document.frame_at_hand is None or document.path is None:
         return "no frame is selected"
     if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
         return STAGE["floors"].lacking

@@ -50,6 +50,15 @@ class GraphSurface(Protocol):
         """The place (x, y, z) on the floor under a pixel, metres, world; None where there is none."""
         ...
 
+    @property
+    def shows_graph(self) -> bool:
+        """Whether the graph is drawn in it."""
+        ...
+
+    def disc_radii(self) -> NDArray[np.float64]:
+        """(N, 2) pixels across and down of the discs of the viewpoints that are shown."""
+        ...
+
     def pick_viewpoint(self, point: QPointF) -> str | None: ...
     def pick_edge(self, point: QPointF) -> tuple[str, str] | None: ...
     def pick_frame(self, point: QPointF) -> int | None: ...
@@ -129,6 +138,13 @@ class MapSurface(_Surface):
         index = np.flatnonzero(seen)
         return lines[index], index, 1e4 - np.maximum(a[index, 2], b[index, 2])
 
+    @property
+    def shows_graph(self) -> bool:
+        return True
+
+    def disc_radii(self) -> NDArray[np.float64]:
+        return np.full((len(self._document.shown_arrays.ids), 2), self._view.graph.radius)
+
     def floor_point(self, point: QPointF) -> Place | None:
         x, y = self._view.to_world(point)
         return x, y, floor_height(self._document, x, y)
@@ -152,6 +168,13 @@ class SceneSurface(_Surface):
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         return projected_segments(self._view.overlay_camera, a, b)
+
+    @property
+    def shows_graph(self) -> bool:
+        return bool(self._view.overlays["graph"].shown)
+
+    def disc_radii(self) -> NDArray[np.float64]:
+        return self._view.overlays.graph.seen(self._view.overlay_camera).radii
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
         return super().pick_viewpoint(point) if self._view.overlays["graph"].shown else None

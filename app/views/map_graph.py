@@ -37,6 +37,7 @@ class GraphItem(pg.GraphicsObject):
         self._bounds = QRectF()
         self._spacing = 1.0  # metres from a viewpoint to the next, about
         self.hovered: str | None = None
+        self.radius = _RADIUS  # pixels of a disc, as drawn last
         self.setZValue(20)
 
     def refresh(self) -> None:
@@ -65,7 +66,7 @@ class GraphItem(pg.GraphicsObject):
         origin, axes = self._transform(painter)
         pixels = arrays.positions[:, :2] @ axes + origin
         scale = float(np.linalg.norm(axes[0]))  # pixels per metre
-        radius = float(np.clip(0.3 * self._spacing * scale, _LEAST, _RADIUS))
+        radius = self.radius = float(np.clip(0.3 * self._spacing * scale, _LEAST, _RADIUS))
         width, height = widget.width(), widget.height()
         painter.save()
         painter.resetTransform()

@@ -6,7 +6,7 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QMouseEvent, QPainter
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QResizeEvent
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QVBoxLayout, QWidget
 
 from app.look import colors
@@ -16,8 +16,9 @@ from app.painting.cameras import ViewPose
 from app.state.document import Document
 from app.state.loading import CONTENT_PARTS
 from app.views.map_camera import CameraMarker
+from app.views.map_frame import MapFrame
 from app.views.map_graph import GraphItem
-from nvsim.occupancy.types import FREE, OCCUPIED
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 
 PICK_PIXELS = 10
 PACE = 50  # milliseconds between two places of a flying camera: the 3D view shows no more images than that
@@ -62,6 +63,7 @@ class MapView(QWidget):
         self._scale.setParentItem(self.plot.getViewBox())
         self._scale.anchor((1, 1), (1, 1), offset=(-10, -8))
         self.hint = Hint(self.plot, self._missing)
+        self.frame = MapFrame(self)
         self.camera.hide()
         self._scale.hide()
         self.camera.dragged.connect(self.cameraDragged)
@@ -83,13 +85,16 @@ class MapView(QWidget):
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.MouseMove and isinstance(event, QMouseEvent) and not event.buttons():
+            self.frame.say(self.to_world(event.position()) if self._framed else None)
             hovered = self._under(event.position())
             if hovered != self.graph.hovered:
                 self.show_hovered(hovered)
                 self.hovered.emit(hovered)
-        elif event.type() == QEvent.Type.Leave and self.graph.hovered is not None:
-            self.show_hovered(None)
-            self.hovered.emit(None)
+        elif event.type() == QEvent.Type.Leave:
+            self.frame.say(None)
+            if self.graph.hovered is not None:
+                self.show_hovered(None)
+                self.hovered.emit(None)
         return super().eventFilter(watched, event)
 
     def _under(self, point: QPointF) -> str | None:
@@ -137,6 +142,19 @@ class MapView(QWidget):
             low, high = extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5
             self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
 
+    def show_whole(self) -> None:
+        """Zooms so that everything is in view: trajectory, graph, and what the occupancy map knows."""
+        points, occupancy = [self._document.extent[:, :2]], self._document.contents.occupancy
+        if occupancy is not None:
+            known = np.argwhere(occupancy.cells != UNKNOWN)
+            if len(known):
+                ends = np.array([known.min(axis=0), known.max(axis=0) + 1])[:, ::-1]
+                points.append(occupancy.origin + ends * occupancy.resolution)
+        places = np.concatenate(points)
+        if len(places):
+            low, high = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
+            self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
+
     @property
     def seen(self) -> tuple[float, float, float, float] | None:
         """x, y, width, height of what was asked to be seen, metres; None before there is anything."""
@@ -150,6 +168,7 @@ class MapView(QWidget):
         if width > 0 and height > 0:
             self._framed = True
             self._scale.show()
+            self.frame.show(True)
             self.plot.setRange(QRectF(x, y, width, height), padding=0)
 
     def centre_on(self, x: float, y: float, size: float) -> None:
@@ -165,6 +184,7 @@ class MapView(QWidget):
     def _on_project(self) -> None:
         self._framed, self._pose = False, None
         self._scale.hide()
+        self.frame.show(False)
         self.camera.hide()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
@@ -177,6 +197,7 @@ class MapView(QWidget):
         if not self._framed and len(self._document.extent):
             self._framed = True
             self._scale.show()
+            self.frame.show(True)
             self.frame_everything()
         self.hint.refresh()
 
@@ -243,6 +264,10 @@ class MapView(QWidget):
             return
         self._document.select(frame=_nearest(self._document.trajectory.positions, place, reach))
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.frame.place()
+
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:
             self._dress()
@@ -260,8 +285,12 @@ class MapView(QWidget):
             self._draw_occupancy()
 
 
+_SIZES = tuple(float(f"{digit}e{power}") for power in range(-2, 4) for digit in (1, 2, 5))
+_LONGEST = 110  # pixels of the scale bar
+
+
 class _Scale(pg.ScaleBar):
-    """On a ground of its own, so that it is read over walls and lines too."""
+    """So many metres as fit. On a ground of its own, so that it is read over walls and lines too."""
 
     def __init__(self, size: float, width: float, suffix: str) -> None:
         super().__init__(size=size, width=width, suffix=suffix)
@@ -270,6 +299,11 @@ class _Scale(pg.ScaleBar):
 
     def updateBar(self) -> None:
         self.prepareGeometryChange()
+        view = self.parentItem()
+        if view is not None:
+            metre = 1.0 / max(view.viewPixelSize()[0], 1e-9)  # pixels
+            self.size = max((size for size in _SIZES if size * metre <= _LONGEST), default=_SIZES[0])
+            self.text.setText(f"{self.size:g} m")
         super().updateBar()
 
     def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:

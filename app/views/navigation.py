@@ -1,12 +1,14 @@
 """Hands on the camera: left drag orbits, middle or Shift+left drag pans, right drag looks around, WASDQE fly, the
-wheel comes nearer. While walking, the eye stays at its height above the floor, whatever moves it. Turns input events
-into poses and nothing else."""
+wheel comes nearer. While walking the eye stays at its height above the floor and out of the walls: left drag looks
+around too, the wheel walks; whatever else moves the eye ends the walk. Turns input events into poses and nothing
+else."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import ceil, hypot
 
 from PySide6.QtCore import QObject, QPointF, Qt, QTimer, Signal
 from PySide6.QtGui import QGuiApplication, QKeyEvent, QMouseEvent, QWheelEvent
@@ -25,24 +27,34 @@ _KEYS = {
     Qt.Key.Key_Q: (0, 0, -1),
 }
 _TICK = 15  # milliseconds
+_NOTCH = 0.3  # metres that a notch of the wheel walks
+_PIECE = 0.1  # metres of a step at most between two looks at the floor
 _SETTLE = 0.12  # seconds in which a walking eye makes good most of a step in the floor
 
 
-EyeLevel = Callable[[float, float, float], float]
+@dataclass(frozen=True)
+class Walk:
+    """eye_level  world z of the eye at x, y, seen from z
+    free       whether one may stand at x, y with the eye at z
+    """
+
+    eye_level: Callable[[float, float, float], float]
+    free: Callable[[float, float, float], bool] = lambda x, y, z: True
 
 
 class Navigation(QObject):
-    """moved() after every change of `pose`."""
+    """moved() after every change of `pose`; walkEnded() where something else than a step moved the eye."""
 
     moved = Signal()
+    walkEnded = Signal()
 
     def __init__(self, view: QWidget) -> None:
         super().__init__(view)
         self._view = view
         self.pose = ViewPose((0.0, 0.0, 1.6))
         self.speed = 2.0  # metres per second
-        self.eye_level: EyeLevel | None = None
-        """While walking: world z of the eye at x, y, seen from z; None while flying."""
+        self.walking: Walk | None = None
+        """None while flying."""
         self._held: set[int] = set()
         self._last: QPointF | None = None
         self._pressed_at: QPointF | None = None
@@ -64,24 +76,36 @@ class Navigation(QObject):
         """Where a flight leads to; where the eye is, without one."""
         return self.pose if self._flight is None else self._flight[1]
 
-    def walk(self, eye_level: EyeLevel | None) -> None:
-        """Stays at this height above the floor from now on; None flies again."""
-        self.eye_level = eye_level
-        if eye_level is not None:
-            x, y, z = self.pose.position
-            self.go_to(replace(self.pose, position=(x, y, eye_level(x, y, z))))
+    def walk(self, walk: Walk | None, start: ViewPose | None = None) -> None:
+        """Stays on the floor from now on, and begins at `start`; None flies again."""
+        self.walking = walk
+        if walk is not None:
+            self._fly(self.pose if start is None else start)
 
     def set_pose(self, pose: ViewPose) -> None:
         """At once."""
+        self._end_walk()
+        self._set(pose)
+
+    def go_to(self, pose: ViewPose, seconds: float = 0.35) -> None:
+        """Moves there smoothly, so that the user sees where the camera goes."""
+        self._end_walk()
+        self._fly(pose, seconds)
+
+    def _set(self, pose: ViewPose) -> None:
         self._flight = None
         if pose != self.pose:
             self.pose = pose
             self.moved.emit()
 
-    def go_to(self, pose: ViewPose, seconds: float = 0.35) -> None:
-        """Moves there smoothly, so that the user sees where the camera goes."""
+    def _fly(self, pose: ViewPose, seconds: float = 0.35) -> None:
         self._flight = (self.pose, pose, time.monotonic(), seconds)
         self._start()
+
+    def _end_walk(self) -> None:
+        if self.walking is not None:
+            self.walking = None
+            self.walkEnded.emit()
 
     def press(self, event: QMouseEvent) -> None:
         self._flight = None
@@ -99,9 +123,9 @@ class Navigation(QObject):
         self._last = event.position()
         dx, dy, buttons = step.x(), step.y(), event.buttons()
         shift = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
-        if buttons & Qt.MouseButton.RightButton:
+        if buttons & Qt.MouseButton.RightButton or (self.walking is not None and buttons & Qt.MouseButton.LeftButton):
             angle = cameras.RADIANS_PER_PIXEL * 0.8
-            self.set_pose(cameras.turned(self.pose, dx * angle, -dy * angle))
+            self._set(cameras.turned(self.pose, dx * angle, -dy * angle))
         elif buttons & Qt.MouseButton.MiddleButton or (buttons & Qt.MouseButton.LeftButton and shift):
             self.set_pose(cameras.panned(self.pose, dx, dy, max(1, self._view.height())))
         elif buttons & Qt.MouseButton.LeftButton:
@@ -119,6 +143,9 @@ class Navigation(QObject):
         notches = event.angleDelta().y() / 120
         if event.buttons() & Qt.MouseButton.RightButton:
             self.speed = min(max(self.speed * 1.25**notches, 0.1), 50.0)
+            return
+        if self.walking is not None:
+            self._set(self._stepped(self.pose, _NOTCH * notches, 0.0))
             return
         camera = self.pose.camera(max(1, self._view.width()), max(1, self._view.height()))
         k, at = camera.intrinsics, event.position()
@@ -161,20 +188,34 @@ class Navigation(QObject):
             if share >= 1:
                 self._flight = None
             self.moved.emit()
-        if self._held:
+        if self._held and (self.walking is None or self._flight is None):  # a walk begins once one is there
             fast = QGuiApplication.keyboardModifiers() & Qt.KeyboardModifier.ShiftModifier
             metres = self.speed * elapsed * (3.0 if fast else 1.0)
             forward, right, up = (metres * sum(_KEYS[Qt.Key(k)][i] for k in self._held) for i in range(3))
-            if self.eye_level is None:
+            if self.walking is None:
                 self.set_pose(cameras.flown(self.pose, forward, right, up))
             else:
-                self.set_pose(self._walked(cameras.walked(self.pose, forward, right), elapsed))
+                self._set(self._settled(self._stepped(self.pose, forward, right), elapsed))
         if not self._held and self._flight is None:
             self._timer.stop()
 
-    def _walked(self, pose: ViewPose, elapsed: float) -> ViewPose:
+    def _stepped(self, pose: ViewPose, forward: float, right: float) -> ViewPose:
+        """A step on level ground, as far as nothing is in the way: what is left of it slides along a wall."""
+        assert self.walking is not None
+        x, y, z = pose.position
+        goal = cameras.walked(pose, forward, right).position
+        pieces = max(1, ceil(hypot(goal[0] - x, goal[1] - y) / _PIECE))
+        dx, dy = (goal[0] - x) / pieces, (goal[1] - y) / pieces
+        for _ in range(pieces):
+            for there in ((x + dx, y + dy), (x + dx, y), (x, y + dy)):
+                if self.walking.free(*there, z):
+                    x, y = there
+                    break
+        return replace(pose, position=(x, y, z))
+
+    def _settled(self, pose: ViewPose, elapsed: float) -> ViewPose:
         """`pose` on its way to the height of the eye: a step of the floor is climbed, not jumped."""
-        assert self.eye_level is not None
+        assert self.walking is not None
         x, y, z = pose.position
         share = min(1.0, elapsed / _SETTLE)
-        return replace(pose, position=(x, y, z + share * (self.eye_level(x, y, z) - z)))
+        return replace(pose, position=(x, y, z + share * (self.walking.eye_level(x, y, z) - z)))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from app.painting import cameras
 from app.painting.cameras import ViewPose
 from app.state.document import Document
+from app.state.ground import Ground
 from app.state.on_floor import floor_height
-from app.views.navigation import Navigation
+from app.views.navigation import Navigation, Walk
 
 EYE = 1.5  # metres above the floor, where no viewpoint says otherwise
+_IN_ROOM = 1.0  # metres from the height of a walking eye, within which one is in the room already
 
 
 class Places:
@@ -20,6 +23,7 @@ class Places:
 
     def __init__(self, document: Document, navigation: Navigation, aspect: Callable[[], float]) -> None:
         self._document, self._navigation, self._aspect = document, navigation, aspect
+        self._ground = Ground(document)
 
     @property
     def first(self) -> ViewPose:
@@ -52,6 +56,32 @@ class Places:
         capture = self._document.contents.capture
         if capture is not None and 0 <= index < len(capture.frames):
             self._navigation.go_to(cameras.seen_from_frame(capture.frames[index].camera))
+
+    @property
+    def walk(self) -> Walk:
+        """How one walks here."""
+        return Walk(self.eye_level, self._is_free)
+
+    def _is_free(self, x: float, y: float, z: float) -> bool:
+        return self._ground.free(x, y, floor_height(self._document, x, y, below=z))
+
+    @property
+    def walk_start(self) -> ViewPose:
+        """Where a walk begins: under the eye where it is within a room, else on the place nearest to what the eye looks
+        at where somebody stood, level and in the same direction."""
+        pose = self._navigation.pose
+        x, y, z = pose.position
+        level, known = self.eye_level(x, y, z), self._ground.places
+        if abs(z - level) < _IN_ROOM and self._is_free(x, y, z):
+            return replace(pose, position=(x, y, level))
+        ahead = pose.axes[:, 2]
+        floor = floor_height(self._document, x, y, below=z)
+        seen = np.asarray(pose.position) + ahead * (floor - z) / ahead[2] if ahead[2] < -0.1 else pose.pivot
+        if not len(known):
+            return replace(pose, position=(x, y, level))
+        place = known[np.argmin(((known - seen) ** 2).sum(axis=1))]
+        at = float(place[0]), float(place[1])
+        return ViewPose((*at, self.eye_level(*at, float(place[2]) + EYE)), pose.heading)
 
     def eye_level(self, x: float, y: float, z: float) -> float:
         """World z of a walking eye at x, y: as high above the local floor, of the storey beneath z, as the trajectory's

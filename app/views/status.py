@@ -3,10 +3,11 @@ ground without an image."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QPoint, QPointF, QRect, QSize
+from PySide6.QtCore import QPoint, QPointF, QRect, QSize, Qt
 from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPalette
 
 from app.drawing.render_child import WHOLE, Picture
+from app.look.plain_text import plain
 from app.painting.cameras import ViewPose, heading_degrees
 from app.painting.primitives import chip
 
@@ -34,5 +35,11 @@ def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Pictur
         facts += [f"{picture.renderer} {picture.milliseconds:.0f} ms"]
     chip(painter, QPointF(10, size.height() - 10), "   ".join(facts), ink, fill)
     if words:
-        width = painter.fontMetrics().horizontalAdvance(words) + 12
-        chip(painter, QPointF((size.width() - width) / 2, 10 + painter.fontMetrics().height()), words, ink, fill)
+        box = QRect(QPoint(0, 0), size).adjusted(16, 8, -16, -8)
+        flags = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop | Qt.TextFlag.TextWordWrap
+        needed = painter.boundingRect(box, flags, plain(words))
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(fill)
+        painter.drawRoundedRect(needed.adjusted(-6, -2, 6, 2), 4, 4)
+        painter.setPen(ink)
+        painter.drawText(needed, flags, plain(words))

@@ -9,10 +9,12 @@ from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
 from app.wiring.camera_path import CameraPathPart
 from app.wiring.checking import CheckPart
+from app.wiring.coloring import ColoringPart
 from app.wiring.comparing import ComparePart
 from app.wiring.context import ContextPart
 from app.wiring.editing import EditPart
 from app.wiring.exporting import ExportPart
+from app.wiring.feedback import FeedbackPart
 from app.wiring.files import FilePart
 from app.wiring.foreign import ForeignPart
 from app.wiring.frames import FramePart
@@ -59,7 +61,9 @@ PARTS: tuple[type[Part], ...] = (
     ContextPart,
     SelectPart,
     StoreyPart,
+    ColoringPart,
     CheckPart,
+    FeedbackPart,
     ComparePart,
     ExportPart,
     ForeignPart,

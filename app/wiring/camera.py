@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from app.actions import Action
 from app.state.reasons import with_positions, with_selection, with_splat_file, with_trajectory
-from app.wiring.part import Part
+from app.wiring.part import Part, Workspace
 
 
 class CameraPart(Part):
@@ -62,7 +62,7 @@ class CameraPart(Part):
         Action(
             "walk",
             "&Walk",
-            "Stay at eye height above the floor: W, A, S and D walk, they do not fly",
+            "Walk from the place one looks at: W, A, S, D and the wheel walk, walls stop, any other move ends it",
             "&Camera",
             shortcut="Ctrl+K",
             icon="walk",
@@ -92,6 +92,10 @@ class CameraPart(Part):
         ),
     )
 
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        workspace.scene.navigation.walkEnded.connect(self._end_walk)
+
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         scene = self.workspace.scene
         return {
@@ -112,6 +116,12 @@ class CameraPart(Part):
         document.select(frame=frame)
         self.workspace.scene.snap_to_frame(frame)
 
+    def _end_walk(self) -> None:
+        self.workspace.window.actions_table["walk"].setChecked(False)
+
     def _walk(self, on: bool) -> None:
         scene = self.workspace.scene
-        scene.navigation.walk(scene.places.eye_level if on else None)
+        if not on:
+            scene.navigation.walk(None)
+        elif scene.navigation.walking is None:
+            scene.navigation.walk(scene.places.walk, scene.places.walk_start)

@@ -35,8 +35,10 @@ class CheckPart(Part):
         self.panel.activated.connect(self._show)
         self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this review
         self._told: GraphSelection | None = None  # what the status bar speaks of
+        self._why = ""  # why it is to be reviewed, where it is
         workspace.document.projectChanged.connect(self._passed.clear)
         workspace.document.editing.selectionChanged.connect(self._on_selection)
+        workspace.document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("validation", "Validation", self.panel, "right", "details"),)
@@ -48,6 +50,11 @@ class CheckPart(Part):
             "next_finding": self.next_finding,
             "validation": lambda: self.workspace.window.show_dock("validation"),
         }
+
+    @property
+    def reviewing(self) -> bool:
+        """Whether the status bar tells of the edge that is looked at."""
+        return bool(self._why) and self._told is not None and self._told == self.workspace.document.editing.selection
 
     def next(self) -> None:
         """Goes to the least certain edge that was neither reviewed nor passed over since the review began."""
@@ -65,8 +72,13 @@ class CheckPart(Part):
             left = waiting
         self._show(GraphSelection(frozenset(), frozenset({left[0].edge})))
         self._told = editing.selection
-        done = len(editing.graph.edges) - len(waiting)
-        why = left[0].why
+        self._say_review(left[0].why)
+
+    def _say_review(self, why: str) -> None:
+        editing = self.workspace.document.editing
+        assert editing.graph is not None  # asked before
+        self._why = why
+        done = sum(edge.reviewed for edge in editing.graph.edges.values())
         self.workspace.modes.said.emit(
             f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
             "Y it is right · Shift+N right, go on · Del remove it"
@@ -80,9 +92,14 @@ class CheckPart(Part):
             self.workspace.notices.info("Nothing wrong was found.")
         else:
             self._show(selection_of(found))
-            self._told = selection_of(found)
+            self._told, self._why = selection_of(found), ""
             fix = f" · Fix: {found.fixes[0].text}" if found.fixes else ""
             self.workspace.modes.said.emit(f"{short_ids(found.message)} F8 next{fix}")
+
+    def _on_edit(self, _: object) -> None:
+        """How many are reviewed is said of the graph as it is."""
+        if self.reviewing and self.workspace.document.editing.graph is not None:
+            self._say_review(self._why)
 
     def _on_selection(self) -> None:
         """What was said of something is said no more when something else is selected."""

@@ -11,8 +11,10 @@ import numpy as np
 from PySide6.QtCore import QSettings
 
 from app.actions import Action
+from app.layers.labels import short_ids
+from app.look.front import bring_up
 from app.look.labels import Label
-from app.look.plain_text import caption, tip
+from app.look.plain_text import caption, plain, tip
 from app.panels.form import Form
 from app.state import edit_commands
 from app.state.graph_reasons import can_redo, can_save, can_undo, with_chosen
@@ -86,7 +88,13 @@ class EditPart(Part):
         back, forth = (None, None) if history is None else (history.undo_text, history.redo_text)
         actions["undo"].setText(f"&Undo {caption(_lower(back))}".rstrip())
         actions["redo"].setText(f"&Redo {caption(_lower(forth))}".rstrip())
+        for id, step, words in (("undo", back, "Take back"), ("redo", forth, "Do again")):
+            tip_of_it = f"{words}: {short_ids(_lower(step))} ({actions[id].shortcut().toString()})"
+            if step and actions[id].isEnabled():
+                actions[id].setToolTip(tip(tip_of_it))
+                actions[id].setStatusTip(plain(tip_of_it))
         self.workspace.window.setWindowModified(self._editing.dirty)
+        self.workspace.window.show_title()
         self.looking.setToolTip(tip(self._editing.locked))
         self.looking.setVisible(bool(self._editing.locked))
 
@@ -124,7 +132,7 @@ class EditPart(Part):
         run = partial(self._run, name, offer)
         self.form = Form(offer.id, offer.title, offer.about, fields, run, workspace.settings, workspace.window)
         self.form.destroyed.connect(self._forget)
-        self.form.show()
+        bring_up(self.form)
 
     def _run(self, name: str, offer: Offer, values: Mapping[str, Any]) -> None:
         chosen = self._chosen()

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QFileDialog
 from app.actions import Action
 from app.forms.form import CommandForm
 from app.jobs.scan_estimate import DATASET, VERB
+from app.look.front import bring_up
 from app.panels.form import Form
 from app.state.graph_reasons import with_editing
 from app.state.stages import enabled
@@ -105,7 +106,7 @@ class ExportPart(Part):
             "Choose where…",
         )
         self.form.destroyed.connect(self._forget)
-        self.form.show()
+        bring_up(self.form)
 
     def _forget(self) -> None:
         self.form = None

@@ -15,7 +15,7 @@ from app.frames.state import FrameState
 from app.painting.tones import CHANNELS
 from app.panels.frames import FramePanel
 from app.panels.help import open_help
-from app.state.reasons import with_frame, with_masks
+from app.state.reasons import with_frame, with_masks, with_page
 from app.state.view_states import PageState
 from app.wiring.part import Dock, Part, Workspace
 
@@ -53,7 +53,7 @@ class FramePart(Part):
             toolbar=True,
             enabled=with_frame,
         ),
-        Action("leave_frame", "Back to the &3D view", "Leave the frame; Esc does it too", _MENU, enabled=with_frame),
+        Action("leave_frame", "Back to the &3D view", "Leave the frame; Esc does it too", _MENU, enabled=with_page),
         *(
             Action(
                 f"frame_{mode}",
@@ -135,6 +135,8 @@ class FramePart(Part):
         workspace.window.centre.addWidget(self.browser.page)
         self.browser.opened.connect(lambda: workspace.window.show_page(self.browser.page))
         self.browser.left.connect(self._leave)
+        self.browser.taken.connect(self._tell_page)
+        workspace.window.centre.currentChanged.connect(self._tell_page)
         self.browser.toolChanged.connect(self._show_tool)
 
     def docks(self) -> tuple[Dock, ...]:
@@ -209,9 +211,13 @@ class FramePart(Part):
             self._leave()
 
     def _open(self) -> None:
-        frame = self.workspace.document.selection.frame
+        frame = self.workspace.document.frame_at_hand
         if frame is not None:
             self.browser.open(frame)
+
+    def _tell_page(self, _: int = 0) -> None:
+        is_open = self.workspace.window.centre.currentWidget() is self.browser.page
+        self.workspace.document.set_page_frame(self.browser.index if is_open else None)
 
     def _leave(self) -> None:
         self.browser.corrector.flush()

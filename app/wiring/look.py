@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QApplication
 
 from app.actions import Action
 from app.look import theme
+from app.look.front import bring_up
 from app.panels.about import AboutWindow
 from app.panels.help import open_help
 from app.wiring.part import Part
@@ -60,7 +61,7 @@ class LookPart(Part):
         dark.blockSignals(False)
 
     def _show_about(self) -> None:
-        AboutWindow(self.workspace.document.path, self.workspace.window).show()
+        bring_up(AboutWindow(self.workspace.document.path, self.workspace.window))
 
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from PySide6.QtCore import QSettings
 
 from app.actions import Action
+from app.look.front import bring_up
 from app.panels.models import ModelsWindow
 from app.state.installed_models import InstalledModels
 from app.wiring.part import Dock, Part
@@ -40,8 +41,7 @@ class ModelsPart(Part):
             self.page = ModelsWindow(self.models, self.workspace.window)
             self.page.destroyed.connect(self._forget)
         self.models.list()
-        self.page.show()
-        self.page.raise_()
+        bring_up(self.page)
         return self.page
 
     def _forget(self) -> None:

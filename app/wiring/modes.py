@@ -9,7 +9,9 @@ from PySide6.QtCore import QSettings
 from app.actions import Action
 from app.look.plain_text import plain
 from app.state.graph_reasons import with_editing, writable
+from app.state.reasons import with_page
 from app.views.graph_surface import MapSurface
+from app.wiring.frames import FramePart
 from app.wiring.panels import MapPart
 from app.wiring.part import Part, Workspace
 
@@ -43,11 +45,11 @@ class ModePart(Part):
         Action(
             "cancel",
             "Cancel",
-            "Give up what was begun, then go back to Select, then select nothing",
+            "Give up what was begun, then go back to the 3D view and to Select, then select nothing",
             "&Graph",
             _SECTION,
             "Esc",
-            enabled=with_editing,
+            enabled=lambda document: with_page(document) and with_editing(document),
         ),
     )
 
@@ -59,7 +61,7 @@ class ModePart(Part):
         workspace.document.graphChanged.connect(self._leave_when_locked)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        handlers: dict[str, Callable[..., object]] = {"cancel": self.stage.cancel}
+        handlers: dict[str, Callable[..., object]] = {"cancel": self._cancel}
         for name in self.stage.modes:
             handlers[f"mode_{name}"] = lambda _=False, n=name: self.stage.choose(n)
         return handlers
@@ -71,6 +73,13 @@ class ModePart(Part):
         plan = workspace.part(MapPart).view
         self.stage.attach(MapSurface(plan, workspace.document))
         self.stage.listen(plan.plot)  # it has the keys, and in it a widget has the mouse
+
+    def _cancel(self) -> None:
+        """A frame in place of the 3D view is left before anything is deselected."""
+        if self.workspace.document.page_frame is None:
+            self.stage.cancel()
+        elif not self.stage.give_up():
+            self.workspace.part(FramePart).browser.step_out()
 
     def _show(self, name: str) -> None:
         self.workspace.window.actions_table[f"mode_{name}"].setChecked(True)

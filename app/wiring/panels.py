@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,11 +10,13 @@ import numpy as np
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QWidget
 
+from app.actions import Action
 from app.look.notices import Notice
 from app.panels.details import DetailsPanel
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapPanel
 from app.state.document import Document
+from app.state.reasons import with_positions
 from app.views.map_view import MapView
 from app.wiring.part import Dock, Part, Workspace
 
@@ -29,6 +31,11 @@ class SubmapPart(Part):
 class MapPart(Part):
     """The map and the 3D view move each other's camera."""
 
+    ACTIONS = (
+        Action("whole_map", "&Whole map", "Bring trajectory, graph and occupancy map into view on the map", "&View", 7,
+               "Shift+O", "overview", enabled=with_positions),
+    )  # fmt: skip
+
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self.view = MapView(workspace.document)
@@ -41,6 +48,12 @@ class MapPart(Part):
         view.cameraDragged.connect(self._drag_camera)
         view.cameraPlaced.connect(self._place_camera)
         return (Dock("map", "Map", view, "right", width=380, height=380),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"whole_map": self.view.show_whole}
+
+    def restore(self, settings: QSettings) -> None:
+        self.view.frame.take(self.workspace.window.actions_table["whole_map"])
 
     def _drag_camera(self, x: float, y: float) -> None:
         scene = self.workspace.scene

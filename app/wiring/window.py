@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QStackedWidget, QTabBar, QTabWidget, QToolBar, QWidget
 
 from app.actions import ActionTable
@@ -15,7 +15,7 @@ from app.drawing.render_child import RenderSource, Trouble
 from app.jobs.queue import JobQueue
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
-from app.look.plain_text import title
+from app.look.plain_text import plain, title
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
 from app.state.document import Document
@@ -25,6 +25,7 @@ from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, Workspace
 
 LAYOUT_VERSION = 3  # raised when docks or toolbars change, so that an old stored layout is not forced on them
+_REASON = 6000  # milliseconds for which the status bar says why a key did nothing
 _AREAS = {
     "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
     "left": Qt.DockWidgetArea.LeftDockWidgetArea,
@@ -146,6 +147,7 @@ class MainWindow(QMainWindow):
         self.scene.remarked.connect(self._on_remark)
         self.document.contentsChanged.connect(self._on_contents)
         self.document.graphChanged.connect(self._summarise)
+        self.document.selectionChanged.connect(self._summarise)
         self.jobs.changed.connect(self.actions_table.refresh)
 
     # Following the document ------------------------------------------------------------------------------------
@@ -167,14 +169,23 @@ class MainWindow(QMainWindow):
             self.centre.setCurrentWidget(self.empty if nothing else self.scene)
         if missing is not None:
             self.empty.say(*missing, contents.missing_verb, contents.path is not None)
-        name = contents.path.name if contents.path else ""
-        self.setWindowTitle(f"{title(name)}[*] – NVSim" if name else "NVSim")  # Qt puts * there while edits are unsaved
+        self.show_title()
         self._summarise()
+
+    def show_title(self) -> None:
+        """Names what is open, and says where it can only be looked at."""
+        path = self.document.contents.path
+        only = " [read-only]" if self.document.editing.locked else ""
+        # Qt puts * there while edits are unsaved.
+        self.setWindowTitle(f"{title(path.name)}[*]{only} – NVSim" if path is not None else "NVSim")
 
     def _summarise(self, _: object = None) -> None:
         contents, graph = self.document.contents, self.document.graph
-        capture = contents.capture
+        capture, chosen = contents.capture, self.document.editing.selection
+        parts = [(len(chosen.viewpoints), "viewpoint"), (len(chosen.edges), "edge")]
+        selected = " and ".join(_count(number, thing) for number, thing in parts if number)
         words = [
+            f"{selected} selected" if selected else "",
             _count(len(capture.frames), "frame") if capture else "",
             _count(len(contents.submaps), "submap") if contents.submaps else "",
             f"{_count(len(graph.viewpoints), 'viewpoint')}, {_count(len(graph.edges), 'edge')}" if graph else "",
@@ -245,6 +256,13 @@ class MainWindow(QMainWindow):
             self.restoreState(state, LAYOUT_VERSION)
         for part in self.parts:
             part.restore(self.settings)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """A key that nobody took: of a command that cannot run, which says why."""
+        reason = self.actions_table.why_not(QKeySequence(event.keyCombination()))
+        if reason:
+            self.statusBar().showMessage(plain(reason), _REASON)
+        super().keyPressEvent(event)
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "actions_table"):

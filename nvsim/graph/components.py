@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import EdgeKey, NavGraph
 
 
 def components(graph: NavGraph) -> list[list[str]]:
@@ -25,3 +25,23 @@ def components(graph: NavGraph) -> list[list[str]]:
                     front.append(id)
         groups.append(sorted(group, key=order.__getitem__))
     return sorted(groups, key=lambda g: (-len(g), order[g[0]]))
+
+
+def parted_by(graph: NavGraph, key: EdgeKey) -> int:
+    """How many included viewpoints lose their way to the others when the edge goes: those of the smaller side; 0 where
+    there is another way, or an end is excluded."""
+    if not all(graph.viewpoints[end].included for end in key):
+        return 0
+    sides = []
+    for start, other in (key, key[::-1]):
+        seen, front = {start}, [start]
+        while front:
+            here = front.pop()
+            for id in graph.neighbours(here):
+                if {here, id} != {start, other} and id not in seen and graph.viewpoints[id].included:
+                    seen.add(id)
+                    front.append(id)
+        if other in seen:
+            return 0
+        sides.append(len(seen))
+    return min(sides)

@@ -130,8 +130,10 @@ def _length(graph: NavGraph, known: Known) -> Values:
 
 
 def _slope(graph: NavGraph, known: Known) -> Values:
-    """Degrees between the edge and the horizontal."""
-    ends = places_of(graph)[ends_of(graph)]
+    """Degrees between the horizontal and the way from floor to floor."""
+    feet = places_of(graph)
+    feet[:, 2] -= [v.height for v in graph.viewpoints.values()]
+    ends = feet[ends_of(graph)]
     along = ends[:, 1] - ends[:, 0]
     return np.degrees(np.arctan2(np.abs(along[:, 2]), np.hypot(along[:, 0], along[:, 1])))
 

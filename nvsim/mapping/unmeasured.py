@@ -25,16 +25,16 @@ def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
     False where nothing is known. Stale evidence says nothing."""
 
     def is_closed(graph: NavGraph, key: EdgeKey) -> bool:
-        laid = (_laid_over(graph, here, there) for here, there in (key, key[::-1]))
-        told = evidence_along(graph, key) or [found for found in laid if found is not None]
+        laid = (laid_over(graph, here, there) for here, there in (key, key[::-1]))
+        told = evidence_along(graph, key) or [found[0] for found in laid if found is not None]
         return any(decide(e, config) != OPEN for e in told if not lacking(e, config))
 
     return is_closed
 
 
-def _laid_over(graph: NavGraph, here: str, there: str) -> Evidence | None:
-    """The corridor from one viewpoint to the other, read from those that were measured from the first; its cells that
-    none covers are empty floor. None where no corridor lies near."""
+def laid_over(graph: NavGraph, here: str, there: str) -> tuple[Evidence, float] | None:
+    """The corridor from one viewpoint to the other, read from those that were measured from the first, and how much of
+    it they cover, 0 to 1; its cells that none covers are empty floor. None where no corridor lies near."""
     xy = np.array([graph.viewpoints[id].position[:2] for id in (here, there)])
     corridor = Corridor((float(xy[0, 0]), float(xy[0, 1])), (float(xy[1, 0]), float(xy[1, 1])))
     measured = [graph.evidence[k] for k in graph.evidence_of.get(here, ()) if k[0] == here]
@@ -49,15 +49,17 @@ def _laid_over(graph: NavGraph, here: str, there: str) -> Evidence | None:
         for plane, free in _FREE.items()
         if all(getattr(e, plane) is not None for e in near)
     }
+    known = np.zeros(cells.shape[:2], bool)
     for e in near:
         forward = np.array([math.sin(e.heading), math.cos(e.heading)])
         row = np.floor((cells @ forward - e.near) / e.depth).astype(np.int64)
         across = cells @ np.array([forward[1], -forward[0]]) / e.width + 0.5
         column = np.floor(across * e.alpha.shape[1]).astype(np.int64)
         inside = (row >= 0) & (row < e.alpha.shape[0]) & (column >= 0) & (column < e.alpha.shape[1])
+        known |= inside
         for plane, values in planes.items():
             values[inside] = getattr(e, plane)[row[inside], column[inside]]
-    return Evidence(
+    evidence = Evidence(
         here,
         near[-1].direction,
         corridor.heading,
@@ -70,6 +72,7 @@ def _laid_over(graph: NavGraph, here: str, there: str) -> Evidence | None:
         joins=there,
         **planes,
     )
+    return evidence, float(known.mean())
 
 
 def _turn(a: float, b: float) -> float:

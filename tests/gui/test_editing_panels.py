@@ -69,6 +69,26 @@ def test_a_finding_is_selected_fixed_and_taken_back(validation: ValidationPanel,
     assert [f for f in validation.model.rows if f.kind == "isolated"]
 
 
+def test_all_of_a_kind_are_ignored_with_one_reason_and_shown_again(
+    validation: ValidationPanel, document: Document
+) -> None:
+    cut_off(document)
+    validation.renew()
+    kind = "isolated"
+    validation.table.selectRow(next(i for i, f in enumerate(validation.model.rows) if f.kind == kind))
+    validation.ignore_kind()
+    assert not document.graph.ignored, "without a reason nothing happens"
+    validation.reason.setText("it is so here")
+    validation.ignore_kind()
+    validation.renew()
+    assert document.graph.ignored == {f"{kind}/*": "it is so here"}
+    assert all(finding.kind != kind for finding in validation.model.rows)
+    validation.ignored.setChecked(True)
+    validation.table.selectRow(next(i for i, f in enumerate(validation.model.rows) if f.kind == kind))
+    validation.ignore()
+    assert not document.graph.ignored
+
+
 def test_a_finding_is_ignored_for_good_with_a_reason(validation: ValidationPanel, document: Document) -> None:
     cut_off(document)
     validation.renew()

@@ -563,3 +563,34 @@ def test_what_is_compared_and_how_comes_back_with_the_next_window(opened, make_w
     before = again.page.layers.state
     again.page.layers.remember("machine:x:1 nothing:1:1 :: floor")
     assert again.page.layers.state == before
+
+
+def test_a_frame_is_left_by_escape_and_its_button_whatever_is_selected_and_has_the_focus(opened) -> None:
+    window, browser = opened
+    table, document = window.actions_table, window.document
+    window.panels["frames"].setFocus()
+    document.select()
+    assert table["leave_frame"].isEnabled() and table["frame_blink"].isEnabled() and table["mask_brush"].isEnabled()
+    table["frame_blink"].trigger()
+    assert browser.page.canvas.mode == "blink" and browser.index == 2
+    table["mask_brush"].trigger()
+    table["cancel"].trigger()
+    assert browser.is_open and browser.tool == "", "the tool is laid aside first"
+    assert table["cancel"].isEnabled()
+    table["cancel"].trigger()
+    assert window.centre.currentWidget() is window.scene and not table["leave_frame"].isEnabled()
+    document.select(frame=2)
+    table["open_frame"].trigger()
+    document.select()
+    table["leave_frame"].trigger()
+    assert window.centre.currentWidget() is window.scene and not table["frame_blink"].isEnabled()
+
+
+def test_no_mask_tints_a_difference(opened, qtbot: QtBot) -> None:
+    window, browser = opened
+    window.actions_table["frame_difference"].trigger()
+    box = browser.page.layers.boxes["floor"]
+    box.setChecked(True)
+    tinted = grabbed(browser)
+    box.setChecked(False)
+    assert tinted == grabbed(browser)

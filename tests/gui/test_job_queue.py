@@ -13,9 +13,12 @@ from pytestqt.qtbot import QtBot
 
 from app.jobs.history import MOST_POINTS, JobReport, Series
 from app.jobs.queue import JobHandle, JobQueue
+from app.panels.jobs import JobPanel
+from app.state.document import Document
 from nvsim.events import Failed, Log, Metric, Progress
 from nvsim.project import ledger
-from nvsim.project.joblist import JobList
+from nvsim.project.job_events import event_line
+from nvsim.project.joblist import JobList, Wish
 from nvsim.project.project import Project
 from nvsim.project.worker_lock import is_held
 
@@ -106,6 +109,25 @@ def test_a_cancelled_job_leaves_no_process(qtbot: QtBot, queue: JobQueue, projec
     until(qtbot, handle, "cancelled", "failed")
     qtbot.waitUntil(lambda: not is_held(handle.job.folder), timeout=SECONDS)
     qtbot.waitUntil(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == "zombie", timeout=SECONDS)
+
+
+@pytest.mark.parametrize("wish", ["pause", "cancel"])
+def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, project: Path, wish: Wish) -> None:
+    jobs = JobList(project)
+    job = jobs.add("train", ["--project", str(project)], "Train")
+    steps = Progress("train", 300, 1200, "submap 0, step 300")
+    job.events.write_text(event_line(Log("Started."), 0.0) + event_line(steps, 1.0))
+    jobs.ask(job.number, wish)
+    document = Document()
+    panel = JobPanel(document, queue := JobQueue())
+    qtbot.addWidget(panel)
+    queue.follow(project)
+    qtbot.waitUntil(lambda: panel.model.rows[0].share == 0.25, timeout=SECONDS)
+    row = panel.model.rows[0]
+    assert row.note == "Stopped at 25 % of train: submap 0, step 300"
+    usable = {b.text() for b in (panel.pause, panel.go_on, panel.cancel, panel.again, panel.remove) if b.isEnabled()}
+    assert usable == {"Go on", "Settings…", "Remove"} | ({"Cancel"} if wish == "pause" else set())
+    queue.follow(None)
 
 
 def test_what_waits_for_a_person_is_found_when_the_project_opens(qtbot: QtBot, project: Path) -> None:

@@ -35,8 +35,8 @@ def run(arguments: Arguments) -> int:
     report: list[dict[str, Any]] = []
     for source in sources(arguments.graph, arguments.limits, arguments.occupancy, arguments.heights):
         found = check_graph(source.graph, source.context)
-        hidden = [f for f in found if f.key in source.graph.ignored]
-        shown = found if arguments.ignored else [f for f in found if f.key not in source.graph.ignored]
+        hidden = [f for f in found if f.ignored_by(source.graph.ignored)]
+        shown = found if arguments.ignored else [f for f in found if not f.ignored_by(source.graph.ignored)]
         counts = {s: sum(f.severity == s for f in found if f not in hidden) for s in ("error", "warning", "notice")}
         report.append(
             {
@@ -51,7 +51,7 @@ def run(arguments: Arguments) -> int:
                         "message": f.message,
                         "viewpoints": f.viewpoints,
                         "edges": f.edges,
-                        "ignored": source.graph.ignored.get(f.key),
+                        "ignored": source.graph.ignored.get(f.ignored_by(source.graph.ignored) or ""),
                         "fixes": [{"text": x.text, "edit": x.operation, **x.arguments} for x in f.fixes],
                     }
                     for f in shown

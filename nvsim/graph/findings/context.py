@@ -25,7 +25,9 @@ class Limits:
     long: float = 5.0
     short: float = 0.25
     steep: float = 35.0
-    """Degrees between an edge and the horizontal; stairs have about 32."""
+    """Degrees between an edge and the horizontal, beyond which it must be part of stairs; these have about 32 and, over
+    several edges, not more than"""
+    stairs: float = 45.0
     off_floor: float = 0.3
     """How far a viewpoint may be from its height above the floor."""
     moved: float = 0.05

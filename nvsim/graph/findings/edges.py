@@ -1,13 +1,20 @@
-"""Findings about one edge: they depend on it, its ends, the evidence between them and the context alone."""
+"""Findings about one edge: they depend on it, its ends, the evidence between them and the context alone; of a steep one
+on the edges at its ends as well."""
 
 from __future__ import annotations
 
 import math
 
 from nvsim.graph.findings.context import Context
+from nvsim.graph.findings.stairs import flight_slope, slope
 from nvsim.graph.findings.types import Finding, Fix, Severity
 from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import EdgeKey, NavGraph
+
+
+def is_steep(graph: NavGraph, key: EdgeKey, context: Context) -> bool:
+    """Whether the finding about it depends on the edges that climb on from its ends."""
+    return slope(graph, key) > context.limits.steep
 
 
 def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
@@ -38,12 +45,11 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
     if length > limits.long:
         split = Fix("Put a viewpoint in its middle", "split_edge", {"edge": list(key), "share": 0.5})
         add("long", "warning", f"is {length:.1f} m long", split, remove)
-    elif length < limits.short:
+    elif limits.near <= length < limits.short:  # nearer ones are a pair that is one place
         merge = Fix("Make them one", "merge_viewpoints", {"ids": list(key)})
         add("short", "warning", f"is {length:.2f} m long", merge, remove)
-    rise = abs(a.position[2] - a.height - b.position[2] + b.height)
-    run = math.hypot(a.position[0] - b.position[0], a.position[1] - b.position[1])
-    slope = math.degrees(math.atan2(rise, run))
-    if length > 0 and slope > limits.steep:
-        add("steep", "warning", f"rises by {slope:.0f}°", remove)
+    if length > 0 and is_steep(graph, key, context) and (rises := flight_slope(graph, key)) > limits.stairs:
+        alone = slope(graph, key)
+        whole = "" if round(rises) == round(alone) else f", {rises:.0f}° with the edges that climb on from it"
+        add("steep", "warning", f"rises by {alone:.0f}°{whole}: no stairs are so steep", remove)
     return found

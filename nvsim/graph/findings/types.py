@@ -51,3 +51,12 @@ class Finding:
         """A key that stays the same while the finding does, by which ignored findings are remembered."""
         names = self.viewpoints[:1] if self.kind == "island" else self.viewpoints
         return "/".join((self.kind, *names))
+
+    @property
+    def kind_key(self) -> str:
+        """The key by which all findings of its kind are ignored in a graph."""
+        return f"{self.kind}/*"
+
+    def ignored_by(self, ignored: Mapping[str, str]) -> str | None:
+        """The key among those of a graph's `ignored` by which it, or its kind, is let be; None where it is not."""
+        return next((key for key in (self.key, self.kind_key) if key in ignored), None)

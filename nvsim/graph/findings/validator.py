@@ -11,7 +11,7 @@ from nvsim.graph.difference import Difference, difference
 from nvsim.graph.findings.check import about_graph
 from nvsim.graph.findings.context import Context
 from nvsim.graph.findings.detours import Detours, widest
-from nvsim.graph.findings.edges import about_edge
+from nvsim.graph.findings.edges import about_edge, is_steep
 from nvsim.graph.findings.groups import Groups
 from nvsim.graph.findings.pairs import Neighbourhood, about_pair
 from nvsim.graph.findings.types import Finding
@@ -84,6 +84,11 @@ class Validator:
             beside.update(graph.neighbours(id))
         for id in viewpoints | measured:
             edges.update((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+        # Whether an edge is steep is asked of the edges at its ends too.
+        for id in beside:
+            if id in graph.viewpoints:
+                keys = ((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+                edges.update(key for key in keys if is_steep(graph, key, self._context))
         around = self._places.around(viewpoints)
         for id in viewpoints:
             if id in graph.viewpoints:
@@ -115,6 +120,8 @@ class Validator:
         seen: tuple[object, ...] = (found, graph.viewpoints[key[0]], graph.viewpoints[key[1]])
         if self._context.against is not None:
             seen += tuple(graph.evidence[k] for id in key for k in graph.evidence_of.get(id, ()))
+        if is_steep(graph, key, self._context):
+            seen += tuple(graph.viewpoints[other] for id in key for other in graph.neighbours(id))
         known = self._along.get(key)
         # An undo brings the very same values back.
         if known is None or len(known[0]) != len(seen) or any(map(is_not, known[0], seen)):

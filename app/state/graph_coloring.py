@@ -1,0 +1,100 @@
+"""What the colours of the graph may stand for: a group for every viewpoint and every edge, and a legend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.look import colors
+from app.state.document import Document
+from nvsim.graph.quantities import Known, quantity
+from nvsim.mapping.edge_doubts import margin
+
+MOST_MARGINS = 2000  # edges whose criteria are all asked at once; of more the worst row of alpha alone
+_NONE = "#8d99a6"
+_STEPS = ("#e05d5d", "#f28e2b", "#edc948", "#59a14f")  # from bad to good, apart in brightness as well
+_DEGREES = ("#e05d5d", "#f28e2b", "#edc948", "#59a14f", "#4e79a7", "#b07aa1")
+
+
+@dataclass(frozen=True)
+class Group:
+    """What one colour says. `dashed` edges are told apart without colour."""
+
+    color: str
+    words: str
+    dashed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Coloring:
+    """title       of the legend
+    groups      of which `viewpoints`, id -> index, and `edges`, key -> index, name one each; those left out keep their
+                colour
+    """
+
+    title: str
+    groups: tuple[Group, ...]
+    viewpoints: Mapping[str, int]
+    edges: Mapping[tuple[str, str], int]
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """(G,) viewpoints of each group; edges where it has no viewpoints."""
+        found = [np.bincount(list(of.values()), minlength=len(self.groups)) for of in (self.viewpoints, self.edges)]
+        return np.asarray(np.where(found[0] > 0, found[0], found[1]), np.int64)
+
+
+_Bins = Callable[[NDArray[np.float64]], NDArray[np.int64]]
+
+
+def coloring(document: Document, by: str) -> Coloring | None:
+    """None where there is no graph. Raises EditError where what is wanted needs a map and there is none."""
+    graph = document.graph
+    if graph is None:
+        return None
+    config, few = document.contents.thresholds, len(graph.edges) <= MOST_MARGINS
+    slack = margin(config) if few else lambda g, key: config.row_alpha - 1.0 + document.evidence.at(g, key)
+    known = Known(document.contents.occupancy, slack)
+
+    def of(kind: str, bins: _Bins) -> dict[object, int]:
+        names, values = quantity(graph, by, known, kind)  # type: ignore[arg-type]
+        return dict(zip(names, bins(values.astype(np.float64)).tolist(), strict=True))
+
+    if by == "degree":
+        groups = [Group(c, w) for c, w in zip(_DEGREES, ("none", "1", "2", "3", "4 or 5", "6 or more"), strict=True)]
+        return _made(
+            "Neighbours", groups, of("viewpoints", lambda v: np.searchsorted([0.5, 1.5, 2.5, 3.5, 5.5], v)), {}
+        )
+    if by == "evidence":
+        words = ("against", "for, by < 0.05", "for, by < 0.20", "for, by more")
+        groups = [*(Group(c, w, w == "against") for c, w in zip(_STEPS, words, strict=True)), Group(_NONE, "none")]
+
+        def bins(values: NDArray[np.float64]) -> NDArray[np.int64]:
+            return np.where(np.isnan(values), 4, np.searchsorted([0.0, 0.05, 0.2], values, side="right"))
+
+        title = "Evidence" if few else "Evidence (worst row of alpha)"
+        return _made(title, groups, of("viewpoints", bins), of("edges", bins))
+    if by in ("reviewed", "validity"):
+        yes, no = ("reviewed", "not yet") if by == "reviewed" else ("free on the map", "not free on the map")
+        groups = [Group(_NONE if by == "reviewed" else _STEPS[0], no, True), Group(_STEPS[3], yes)]
+        title = "Reviewed" if by == "reviewed" else "Validity"
+        return _made(title, groups, of("viewpoints", _whole), of("edges", _whole))
+    found = of("viewpoints", _whole), of("edges", _whole)
+    numbers = sorted({*found[0].values(), *found[1].values()})
+    row = {number: i for i, number in enumerate(numbers)}
+    title, noun = {"storey": ("Storeys", "storey"), "component": ("Components", "component")}.get(
+        by, ("Submaps", "submap")
+    )
+    groups = [Group(colors.submap_color(n), f"{noun} {n}" if n >= 0 else "none") for n in numbers]
+    return _made(title, groups, *({name: row[n] for name, n in each.items()} for each in found))
+
+
+def _whole(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    return values.astype(np.int64)
+
+
+def _made(title: str, groups: list[Group], viewpoints: Mapping[object, int], edges: Mapping[object, int]) -> Coloring:
+    return Coloring(title, tuple(groups), viewpoints, edges)  # type: ignore[arg-type]

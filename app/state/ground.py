@@ -1,0 +1,91 @@
+"""Where one who walks may stand: what the occupancy map, the evidence and the known places say of the floor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.state.document import Document
+from app.state.on_floor import trajectory_on_floor
+from nvsim.graph.types import Evidence
+from nvsim.occupancy.types import FREE, OCCUPIED
+
+SHOULDER = 0.15  # metres around the eye that must not be in a wall
+AROUND = 1.5  # metres from where somebody stood or an edge leads; beyond, unknown floor is not walked
+_REACH = 4.0  # metres; evidence of viewpoints farther away does not cover the place
+_STOREY = 1.0  # metres between floors of one storey
+
+
+class Ground:
+    """Asked at every step of a walk, so that an answer costs less than a millisecond."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """(N, 3) metres, world, on the floor, where somebody stood: viewpoints and frames."""
+        return np.concatenate([self._document.shown_arrays.feet, trajectory_on_floor(self._document)])
+
+    def free(self, x: float, y: float, floor: float) -> bool:
+        """Whether one may stand at x, y on the floor at z = `floor`. The map is asked first, then the evidence measured
+        around, then how near somebody stood."""
+        told = self._on_map(x, y)
+        if told is None:
+            told = self._by_evidence(x, y, floor)
+        return self._near(x, y, floor) if told is None else told
+
+    def _on_map(self, x: float, y: float) -> bool | None:
+        """None without a map, where it does not know the place, and in a building of several storeys, of which it shows
+        one."""
+        occupancy = self._document.contents.occupancy
+        if occupancy is None or len(self._document.storeys.found) > 1:
+            return None
+        found = occupancy.at(SHOULDER * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]) + (x, y))
+        if (found == OCCUPIED).any():
+            return False
+        return True if found[0] == FREE else None
+
+    def _by_evidence(self, x: float, y: float, floor: float) -> bool | None:
+        """Free where one corridor shows the floor, though others may have had something before it; None where none was
+        measured."""
+        graph, arrays = self._document.graph, self._document.graph_arrays
+        if graph is None or not graph.evidence:
+            return None
+        limit = 255 * self._document.contents.thresholds.cell_alpha
+        way = arrays.feet - (x, y, floor)
+        near = (np.hypot(way[:, 0], way[:, 1]) < _REACH) & (np.abs(way[:, 2]) < _STOREY)
+        told = None
+        for row in np.flatnonzero(near):
+            id, (east, north, _) = arrays.ids[row], -way[row]
+            for key in graph.evidence_of.get(id, ()):
+                evidence = graph.evidence[key]
+                alpha = _cell(evidence, east, north) if evidence.viewpoint == id and not evidence.stale else None
+                if alpha is not None and alpha < limit:
+                    return True
+                told = told if alpha is None else False
+        return told
+
+    def _near(self, x: float, y: float, floor: float) -> bool:
+        arrays = self._document.graph_arrays
+        way = self.places - (x, y, floor)
+        near = (np.hypot(way[:, 0], way[:, 1]) < AROUND) & (np.abs(way[:, 2]) < _STOREY)
+        if near.any() or not len(arrays.edges):
+            return bool(near.any()) or not len(way)
+        a, b = (arrays.feet[arrays.edges[:, end]] for end in (0, 1))
+        along = b - a
+        length = np.maximum((along[:, :2] ** 2).sum(axis=1), 1e-9)
+        share = np.clip(((np.array([x, y]) - a[:, :2]) * along[:, :2]).sum(axis=1) / length, 0, 1)
+        off = a + share[:, None] * along - (x, y, floor)
+        return bool(((np.hypot(off[:, 0], off[:, 1]) < AROUND) & (np.abs(off[:, 2]) < _STOREY)).any())
+
+
+def _cell(evidence: Evidence, east: float, north: float) -> int | None:
+    """Alpha, of 255, of the cell that lies so many metres from the viewpoint; None outside the corridor."""
+    ahead = (math.sin(evidence.heading), math.cos(evidence.heading))
+    row = math.floor((east * ahead[0] + north * ahead[1] - evidence.near) / evidence.depth)
+    column = math.floor(((east * ahead[1] - north * ahead[0]) / evidence.width + 0.5) * evidence.alpha.shape[1])
+    inside = 0 <= row < evidence.alpha.shape[0] and 0 <= column < evidence.alpha.shape[1]
+    return int(evidence.alpha[row, column]) if inside else None

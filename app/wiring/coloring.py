@@ -1,0 +1,145 @@
+"""Colours of the graph that say something of every viewpoint and edge, with a legend, in both views."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, QSettings, Qt
+from PySide6.QtGui import QColor, QPainter, QPen
+
+from app.actions import Action
+from app.painting.picking import NEAR
+from app.painting.primitives import Primitives, disc
+from app.state.document import Document
+from app.state.graph_arrays import GraphArrays
+from app.state.graph_coloring import Coloring, coloring
+from app.state.reasons import Reason, with_graph, with_occupancy
+from app.views.graph_surface import GraphSurface
+from app.wiring.part import Part, Workspace
+from nvsim.graph.edits import EditError
+
+MOST_ROWS = 9  # of the legend
+_WAYS = {
+    "": ("One colo&ur", "Draw the graph in one colour"),
+    "storey": ("Colour by s&torey", "One colour for each floor"),
+    "component": ("Colour by com&ponent", "One colour for each part that hangs together"),
+    "degree": ("Colour by nei&ghbours", "How many neighbours each viewpoint has"),
+    "evidence": ("Colour by &evidence", "How far the evidence of each edge is from the thresholds that decide"),
+    "reviewed": ("Colour by re&view", "What somebody looked at and found right"),
+    "validity": ("Colour by &validity", "What stands and runs over free cells of the occupancy map"),
+    "origin_submap": ("Colour by subm&ap", "Which submap's model renders each viewpoint"),
+}
+
+
+def _enabled(by: str) -> Callable[[Document], Reason]:
+    if by == "validity":
+        return lambda document: with_graph(document) or with_occupancy(document)
+    return with_graph
+
+
+class ColoringPart(Part):
+    ACTIONS = tuple(
+        Action(f"color_{by or 'plain'}", text, tip, "&View", 6, check="off" if by else "on", group="coloring",
+               enabled=_enabled(by))
+        for by, (text, tip) in _WAYS.items()
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.by = ""
+        self._of: tuple[object, ...] = ()
+        self._coloring: Coloring | None = None
+        self._rows: tuple[GraphArrays, Coloring, NDArray[np.int64], NDArray[np.int64]] | None = None
+        self._primitives = Primitives()
+        self._discs: dict[str, object] = {}
+        workspace.modes.beneath.append(self.paint)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {f"color_{by or 'plain'}": partial(self._choose, by) for by in _WAYS}
+
+    def restore(self, settings: QSettings) -> None:
+        by = str(settings.value("graph_colors", ""))
+        if by in _WAYS:
+            self.workspace.window.actions_table[f"color_{by or 'plain'}"].setChecked(True)
+            self.by = by
+
+    def _choose(self, by: str, _: bool = False) -> None:
+        self.by = by
+        self.workspace.settings.setValue("graph_colors", by)
+        self.workspace.modes.refresh()
+
+    @property
+    def coloring(self) -> Coloring | None:
+        """What the colours stand for now; None for one colour. Worked out once for each graph."""
+        document = self.workspace.document
+        if not self.by:
+            return None
+        key = self.by, document.graph, document.contents.occupancy, document.contents.thresholds
+        if len(self._of) != len(key) or any(a is not b for a, b in zip(self._of, key, strict=True)):
+            self._of = key
+            try:
+                self._coloring = coloring(document, self.by.removeprefix("origin_"))
+            except EditError:
+                self._coloring = None  # a map is needed, and the open project has none
+        return self._coloring
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        found, arrays = self.coloring, self.workspace.document.shown_arrays
+        if found is None or not arrays.ids or not surface.shows_graph:
+            return
+        if self._rows is None or self._rows[0] is not arrays or self._rows[1] is not found:
+            self._rows = arrays, found, *_groups(arrays, found)
+        _, _, viewpoints, edges = self._rows
+        ends = arrays.feet[arrays.edges]
+        lines, index, _ = surface.segments(ends[:, 0], ends[:, 1])
+        pixels, depths = surface.project(arrays.feet)
+        radii = surface.disc_radii()
+        seen = depths > NEAR
+        for number, group in enumerate(found.groups):
+            pen = QPen(QColor(group.color), 2.4, Qt.PenStyle.DashLine if group.dashed else Qt.PenStyle.SolidLine)
+            painter.setPen(pen)
+            self._primitives.draw_lines(painter, lines[edges[index] == number])
+        for number, group in enumerate(found.groups):
+            rows = np.flatnonzero((viewpoints == number) & seen)
+            rows = rows[np.argsort(-depths[rows], kind="stable")]
+            if group.color not in self._discs:
+                self._discs[group.color] = disc(group.color, "#11151a")
+            self._primitives.draw_sprites(painter, pixels[rows], radii[rows] / 12, self._discs[group.color])  # type: ignore[arg-type]
+        _paint_legend(painter, found)
+
+
+def _groups(arrays: GraphArrays, found: Coloring) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(N,) and (M,) the group of each viewpoint and edge, -1 for none."""
+    viewpoints = np.array([found.viewpoints.get(id, -1) for id in arrays.ids], np.int64)
+    keys = (arrays.edge_key(row) for row in range(len(arrays.edges)))
+    edges = np.array([found.edges.get((min(key), max(key)), -1) for key in keys], np.int64)
+    return viewpoints, edges
+
+
+def _paint_legend(painter: QPainter, found: Coloring) -> None:
+    """Below on the left, with how many there are of each."""
+    rows = [(g, int(n)) for g, n in zip(found.groups, found.counts, strict=True) if n]
+    more = len(rows) - MOST_ROWS
+    lines = [f"{group.words}  ({count:,})" for group, count in rows[:MOST_ROWS]]
+    lines += [f"and {more} more"] if more > 0 else []
+    metrics, view = painter.fontMetrics(), painter.viewport()
+    step = metrics.height() + 2
+    width = max(metrics.horizontalAdvance(line) for line in [found.title, *lines]) + 34
+    height = step * (len(lines) + 1) + 10
+    box = QRectF(8, view.height() - height - 34, width, height)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(QColor(16, 20, 26, 205))
+    painter.drawRoundedRect(box, 5, 5)
+    painter.setPen(QColor("#f2f5f8"))
+    painter.drawText(QPointF(box.left() + 8, box.top() + step - 2), found.title)
+    for number, line in enumerate(lines, 1):
+        y = box.top() + step * (number + 1) - 2
+        if number <= len(rows[:MOST_ROWS]):
+            group = rows[number - 1][0]
+            painter.setPen(QPen(QColor(group.color), 3, Qt.PenStyle.DotLine if group.dashed else Qt.PenStyle.SolidLine))
+            painter.drawLine(QPointF(box.left() + 8, y - 4), QPointF(box.left() + 22, y - 4))
+        painter.setPen(QColor("#f2f5f8"))
+        painter.drawText(QPointF(box.left() + 28, y), line)

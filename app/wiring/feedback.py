@@ -1,0 +1,65 @@
+"""What was just done, in the status bar, with the key that takes it back; and why a key did nothing."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QTimer
+
+from app.layers.labels import short_ids
+from app.look.plain_text import plain
+from app.state.step_words import past
+from app.wiring.checking import CheckPart
+from app.wiring.part import Part, Workspace
+from nvsim.graph.history import Step
+
+SHOWN = 8000  # milliseconds until the status bar says again what the mouse does
+
+
+class FeedbackPart(Part):
+    """Speaks of edits alone; selecting speaks for itself."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self._steps: tuple[Step, ...] = ()
+        self._index = 0
+        self._told = ""
+        self._over = QTimer(self, singleShot=True, interval=SHOWN)
+        self._over.timeout.connect(self._hint)
+        workspace.document.editing.stepsChanged.connect(self._on_steps)
+        workspace.document.projectChanged.connect(self._look)
+        workspace.document.editing.told.connect(self._look)
+
+    def _look(self, _: object = None) -> None:
+        """What is there now is not news."""
+        history = self.workspace.document.editing.history
+        self._steps, self._index = ((), 0) if history is None else (history.steps, history.index)
+
+    def _on_steps(self) -> None:
+        steps, index = self._steps, self._index
+        self._look()
+        if not self._steps or not steps or self._steps[0] is not steps[0]:
+            return  # another graph
+        words = ""
+        if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
+            words = _said("Done again", self._steps[index + 1 : self._index + 1], "Ctrl+Z undoes")
+        elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
+            words = _said("", self._steps[self._index : self._index + 1], "Ctrl+Z undoes")
+        elif index > self._index:
+            words = _said("Undone", steps[self._index + 1 : index + 1], "Ctrl+Shift+Z does it again")
+        if words and not self.workspace.part(CheckPart).reviewing:
+            self._told = words
+            self.workspace.modes.said.emit(words)
+            self._over.start()
+
+    def _hint(self) -> None:
+        if self.workspace.window.statusBar().currentMessage() == plain(self._told):
+            self.workspace.modes.said.emit(self.workspace.modes.current.hint)
+
+
+def _said(what: str, steps: tuple[Step, ...], key: str) -> str:
+    """One sentence on the edits among these steps, "" where there are none."""
+    edits = [short_ids(step.text) for step in steps if step.edit]
+    if not edits:
+        return ""
+    more = f" and {len(edits) - 1} more" if len(edits) > 1 else ""
+    text = f"{what}: {edits[-1][0].lower()}{edits[-1][1:]}" if what else past(edits[-1])
+    return f"{text}{more} · {key}"

@@ -1,0 +1,62 @@
+"""Two viewpoints selected, or the second pointed at while an edge is drawn: what speaks for an edge between them."""
+
+from __future__ import annotations
+
+import demo_room
+import numpy as np
+import pytest
+from editing_room import Hand
+from PySide6.QtCore import Qt
+
+from app.modes.add_edge import AddEdgeMode
+from app.panels.details import DetailsPanel
+from app.state.document import Document
+from app.state.way_between import way_between
+from app.wiring.window import MainWindow
+from nvsim.graph.selection import GraphSelection
+
+
+def across_the_shelf(document: Document) -> tuple[str, str]:
+    """Two viewpoints with the shelf between them."""
+    arrays = document.graph_arrays
+    low, high, _ = demo_room.FURNITURE[1]
+    x, y = arrays.feet[:, 0], arrays.feet[:, 1]
+    beside = abs(y - (low[1] + high[1]) / 2) < 1.4
+    west = max(np.flatnonzero(beside & (x < low[0])), key=lambda i: x[i])
+    east = min(np.flatnonzero((abs(y - y[west]) < 0.1) & (x > high[0])), key=lambda i: x[i])
+    return arrays.ids[west], arrays.ids[east]
+
+
+def test_two_selected_viewpoints_tell_why_there_is_no_edge(window: MainWindow, document: Document) -> None:
+    a, b = across_the_shelf(document)
+    document.editing.select(GraphSelection(frozenset({a, b})))
+    panel = window.panels["details"]
+    assert isinstance(panel, DetailsPanel)
+    words = panel.words.text()
+    assert "There is no edge" in words and "something stands in the corridor" in words and "✗" in words
+    assert panel.words.textFormat() == Qt.TextFormat.RichText
+    assert panel.title.text().startswith("Between ")
+    document.editing.run("add_edges", {"pairs": [[a, b]]})
+    document.editing.select(GraphSelection(frozenset({a, b})))
+    assert "There is an edge, although" in panel.words.text()
+
+
+def test_the_line_that_is_drawn_says_it_as_well(
+    window: MainWindow, document: Document, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    a, b = across_the_shelf(document)
+    document.editing.select(GraphSelection(frozenset({a})))
+    mode = window.modes.modes["add_edge"]
+    assert isinstance(mode, AddEdgeMode)
+    window.actions_table["mode_add_edge"].trigger()
+    hand = Hand(window, window.modes.canvases[1].surface)
+    said: list[str] = []
+    monkeypatch.setattr("app.modes.add_edge.label", lambda painter, point, text, ink="": said.append(text))
+    hand.hover(hand.foot(document.graph_arrays.index[b]))
+    window.modes.canvases[1].grab()
+    found = way_between(document, a, b)
+    assert found is not None and any(found.sentence[:40] in text for text in said)
+    free = document.graph.neighbours(a)[0]
+    hand.hover(hand.foot(document.graph_arrays.index[free]))
+    hand.key(Qt.Key.Key_Shift)
+    assert way_between(document, a, free).speaks == 1

@@ -1,0 +1,62 @@
+"""Colours of the graph that stand for something, and their legend."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtGui import QColor
+
+from app.state.document import Document
+from app.state.graph_coloring import coloring
+from app.wiring.coloring import ColoringPart
+from app.wiring.window import MainWindow
+from nvsim.graph import edits
+from nvsim.graph.components import components
+from nvsim.graph.edits import EditError
+
+
+def test_the_groups_are_those_of_the_quantities(document: Document) -> None:
+    graph = document.graph
+    assert graph is not None
+    degrees = coloring(document, "degree")
+    lonely = next(iter(graph.viewpoints))
+    words = {id: degrees.groups[group].words for id, group in degrees.viewpoints.items()}
+    for id in graph.viewpoints:
+        count = len(graph.neighbours(id))
+        assert words[id] == ("none", "1", "2", "3", "4 or 5", "4 or 5", "6 or more")[min(count, 6)]
+    cut = edits.remove_edges(graph, [key for key in graph.edges if lonely in key])
+    document.set_contents(replace(document.contents, graph=cut))
+    parts = coloring(document, "component")
+    assert len(parts.groups) == len(components(document.graph)) >= 2
+    assert parts.counts.sum() == len(graph.viewpoints)
+    evidence = coloring(document, "evidence")
+    assert {evidence.groups[g].words for g in evidence.edges.values()} <= {g.words for g in evidence.groups}
+    assert set(evidence.edges) == set(document.graph.edges)
+
+
+def test_validity_needs_a_map(document: Document) -> None:
+    on_map = coloring(document, "validity")
+    assert set(on_map.viewpoints.values()) == {1}, "every viewpoint of the room stands on free floor"
+    document.set_contents(replace(document.contents, occupancy=None))
+    with pytest.raises(EditError, match="occupancy map"):
+        coloring(document, "validity")
+
+
+def test_the_map_shows_them_with_a_legend_and_the_next_window_too(
+    window: MainWindow, document: Document, make_window
+) -> None:
+    view = window.modes.canvases[1].surface.widget
+    before = view.grab().toImage()
+    window.actions_table["color_degree"].trigger()
+    after = view.grab().toImage()
+    assert before != after
+    part = window.part(ColoringPart)
+    colors = {QColor(group.color).rgb() for group in part.coloring.groups}
+    ratio = after.devicePixelRatio()
+    pixels, _ = window.modes.canvases[1].surface.project(document.graph_arrays.feet)
+    seen = [after.pixelColor(*(np.round(p * ratio).astype(int).tolist())).rgb() for p in pixels]
+    assert sum(pixel in colors for pixel in seen) > 0.8 * len(seen)
+    window.close()
+    assert make_window(document).part(ColoringPart).by == "degree"
