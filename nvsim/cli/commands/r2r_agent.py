@@ -1,25 +1,37 @@
-"""Run an agent without a model through the tasks of a split, and write its trajectories as the leaderboard takes them:
-shortest, which follows the shortest path; random, as in R2R; random-paper, which goes ten times to any neighbour."""
+"""Run an agent through the tasks of a split, and write its trajectories as the leaderboard takes them: shortest, which
+follows the shortest path; random, as in R2R; random-paper, which goes ten times to any neighbour; recurrent, which
+`nvsim r2r train` has trained."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Positional
-from nvsim.r2r.agents.table import Name
+from nvsim.errors import InputError
+
+if TYPE_CHECKING:
+    from nvsim.r2r.agents.benchmark import Benchmark
+    from nvsim.r2r.metrics.submission import Trajectories
 
 
 @dataclass(frozen=True)
 class Arguments:
-    agent: Positional[Name]
+    agent: Positional[Literal["shortest", "random", "random-paper", "recurrent"]]
     """Which agent."""
     scans: Path
     """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
-    tasks: Path
-    """A file of tasks, such as R2R_val_unseen.json."""
     out: Path
     """The file to write."""
+    tasks: Path | None = None
+    """A file of tasks, such as R2R_val_unseen.json."""
+    split: str = ""
+    """In place of --tasks a split, such as val_unseen, whose file is in tasks/ of the export."""
+    checkpoint: Path | None = None
+    """Of recurrent: the folder that `nvsim r2r train` wrote."""
+    features: Path | None = None
+    """Of recurrent: a file of features; the only one in features/ of the export when left out."""
     seed: int = 0
     """Of the random agents."""
     json: bool = False
@@ -29,13 +41,30 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.cli.show import as_json
     from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
     from nvsim.r2r.metrics.submission import write_submission
 
     a = arguments
-    benchmark = Benchmark.read(a.scans, a.tasks)
-    walked = run_agent(agent_of(a.agent, benchmark.graphs, a.seed), benchmark.tasks, benchmark.folder)
+    if (a.tasks is None) == (not a.split):
+        raise InputError("Give --tasks, a file of tasks, or --split, the name of one in the export; one of the two.")
+    tasks = a.scans / "tasks" / f"R2R_{a.split}.json" if a.tasks is None else a.tasks
+    walked = _walked(a, Benchmark.read(a.scans, tasks))
     written = write_submission(a.out, walked)
     print(as_json({"written": str(written), "trajectories": len(walked)}) if a.json else f"Wrote {written}")
     return 0
+
+
+def _walked(arguments: Arguments, benchmark: Benchmark) -> Trajectories:
+    a = arguments
+    if a.agent != "recurrent":
+        from nvsim.r2r.agents.running import run_agent
+        from nvsim.r2r.agents.table import agent_of
+
+        if a.checkpoint is not None or a.features is not None:
+            raise InputError(f"The agent {a.agent} takes neither --checkpoint nor --features; leave them out.")
+        return run_agent(agent_of(a.agent, benchmark.graphs, a.seed), benchmark.tasks, benchmark.folder)
+    if a.checkpoint is None:
+        raise InputError("The recurrent agent needs --checkpoint, the folder that `nvsim r2r train` wrote.")
+    from nvsim.r2r.recurrent.agent import run_recurrent
+    from nvsim.r2r.recurrent.dataset import features_in
+
+    return run_recurrent(a.checkpoint, benchmark, a.features or features_in(a.scans))

@@ -28,8 +28,8 @@ Key = tuple[str, str]
 
 
 def features_of(path: Path, wanted: Sequence[Key]) -> Iterator[tuple[Key, Float32]]:
-    """(36, width) float32 of each viewpoint of `wanted`, in any order: of a file named as one of the layouts the numbers
-    that its agents read, of others all.
+    """(36, width) float32 of each viewpoint of `wanted`, in any order: of a file named as one of the layouts the
+    numbers that its agents read, of others all.
 
     Raises InputError where the file cannot be read, lacks one of them, or holds anything else than 36 finite rows.
     """

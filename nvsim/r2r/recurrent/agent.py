@@ -29,8 +29,8 @@ def run_recurrent(folder: Path, benchmark: Benchmark, features: Path) -> dict[st
     world = read_world([Source(benchmark.graphs, features)], about.model.panorama)
     if world.width != about.features:
         raise InputError(
-            f"The agent reads {about.features} numbers of a view, and {features} has {world.width}; name the layout that "
-            "it was trained on."
+            f"The agent reads {about.features} numbers of a view, and {features} has {world.width}; name the "
+            "layout that it was trained on."
         )
     model = read_model(folder, about)
     episodes = episodes_of(benchmark.tasks, world, about.words, about.model.longest)

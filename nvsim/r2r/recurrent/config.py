@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
 from typing import Literal
 
 from nvsim.errors import InputError
@@ -34,9 +33,9 @@ class ModelConfig:
     blind: bool = False
     """Hide the instruction, not even its length is left: the twin that an agent which reads must beat."""
     dropout: float = 0.1
-    """Share of the numbers that training drops between layers."""
+    """Share of the numbers that training drops between the layers of the instruction."""
     feature_dropout: float = 0.3
-    """Share of what is made of the features of a view that training drops."""
+    """Share of the views that training hides, so that a building is not known by heart."""
 
     def __post_init__(self) -> None:
         for name in ("width", "heads", "text_layers", "step_layers", "longest", "angle_size"):

@@ -55,6 +55,11 @@ class Text(NamedTuple):
     keys: list[Tensor]
     values: list[Tensor]
 
+    def of(self, kept: Tensor) -> Text:
+        """Those of the batch that are kept (n,)."""
+        keys, values = ([tensor[kept] for tensor in tensors] for tensors in (self.keys, self.values))
+        return Text(self.tokens[kept], self.known[kept], keys, values)
+
 
 class Attention(nn.Module):
     """Attention of many heads; what is attended to may be prepared once for many steps."""
@@ -92,11 +97,9 @@ class Layer(nn.Module):
         self.norm, self.to_each_other = nn.LayerNorm(width), Attention(width, config.heads)
         self.last_norm = nn.LayerNorm(width)
         self.through = nn.Sequential(nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
-        self.drop = nn.Dropout(config.dropout)
+        self.drop = nn.Dropout(0.0 if cross else config.dropout)
 
-    def forward(
-        self, tokens: Tensor, there: Tensor, text: tuple[Tensor, Tensor, Tensor] | None = None
-    ) -> Tensor:
+    def forward(self, tokens: Tensor, there: Tensor, text: tuple[Tensor, Tensor, Tensor] | None = None) -> Tensor:
         """Tokens (B, L, D), of which those `there` (B, L) count; text: keys, values, and which words are known."""
         if self.to_text is not None and self.text_norm is not None and text is not None:
             tokens = tokens + self.drop(self.to_text(self.text_norm(tokens), *text))
@@ -116,7 +119,7 @@ class RecurrentModel(nn.Module):
         self.places = nn.Parameter(0.02 * torch.randn(config.longest + 2, width))
         self.text_layers = nn.ModuleList(Layer(config, cross=False) for _ in range(config.text_layers))
         self.text_norm = nn.LayerNorm(width)
-        self.view = nn.Sequential(nn.LayerNorm(features), nn.Linear(features, width), nn.Dropout(config.feature_dropout))
+        self.view = nn.Linear(features, width)
         self.geometry = nn.Sequential(nn.Linear(angle + 1, width), nn.GELU(), nn.Linear(width, width))
         self.moved = nn.Sequential(nn.Linear(MOVED, width), nn.GELU(), nn.Linear(width, width))
         self.kinds = nn.Parameter(0.02 * torch.randn(4, width))  # the state, to stop, a candidate, any other view
@@ -174,4 +177,5 @@ class RecurrentModel(nn.Module):
 
     def _seen(self, views: Tensor, angles: Tensor, distance: Tensor) -> Tensor:
         geometry = torch.cat([angles, distance[..., None] / _FAR], dim=-1)
-        return self.view(views) + self.geometry(geometry)
+        shown = functional.dropout(torch.ones_like(geometry[..., :1]), self.config.feature_dropout, self.training)
+        return self.view(views) * shown + self.geometry(geometry)

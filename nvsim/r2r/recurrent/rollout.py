@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from nvsim.r2r.metrics.submission import Pose
@@ -18,26 +17,34 @@ from nvsim.r2r.recurrent.words import padded
 from nvsim.r2r.recurrent.world import STOP, Int64, World
 
 Way = Literal["path", "sampled", "mixed", "best"]
-"""Along the path of the task; by actions sampled from the scores; every second along its path and the others sampled; by
-the best of the scores."""
+"""Along the path of the task; by actions sampled from the scores; every second agent along its path and the others
+sampled; by the best of the scores."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step of the n agents that had not stopped before it.
+
+    who      (n,) int64, which of the batch
+    rows     (n,) int64, where they stood
+    scores   (n, K), -inf of slots that there are not
+    value    (n,) what the critic says of the state before it; None where it was not asked
+    taken    (n,) int64, the slot that was taken
+    """
+
+    who: Int64
+    rows: Int64
+    scores: Tensor
+    value: Tensor | None
+    taken: Int64
 
 
 @dataclass(eq=False)
 class Rollout:
-    """scores    of each step (B, K), -inf of slots that there are not
-    values     of each step (B,), what the critic says of the state before it
-    going      of each step (B,) bool, who had not stopped before it
-    taken      of each step (B,) the slot that was taken
-    rows       of each step (B,) where the agent stood, and behind them where it ended
-    walkers    after the last step
-    """
+    """walkers   after the last step"""
 
     walkers: Walkers
-    scores: list[Tensor] = field(default_factory=list)
-    values: list[Tensor] = field(default_factory=list)
-    going: list[NDArray[np.bool_]] = field(default_factory=list)
-    taken: list[Int64] = field(default_factory=list)
-    rows: list[Int64] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
 
 
 def read_words(model: RecurrentModel, episodes: Sequence[Episode]) -> tuple[Text, Tensor]:
@@ -55,27 +62,25 @@ def roll_out(
     steps: int,
     critic: bool = False,
 ) -> Rollout:
-    """Walks until all have stopped, `steps` steps at most, or to the end of the longest path. Sampled actions come from torch's own random numbers."""
+    """Walks until all have stopped, `steps` steps at most or, along paths, to the end of the longest. Sampled actions
+    come from torch's own random numbers."""
     text, state = read
     walkers = Walkers(world, episodes, model.config.angle_size)
     found = Rollout(walkers)
-    going = np.ones(len(episodes), bool)
+    who: Int64 = np.arange(len(episodes))
     longest = max(len(episode.path) for episode in episodes)
     for k in range(steps if way in ("sampled", "best") else max(longest, steps if way == "mixed" else 0)):
-        if critic:
-            found.values.append(model.value(state))
-        scores, state = model.step(state, text, walkers.sight())
-        taken = _taken(way, scores.detach(), world, episodes, k)
-        found.rows.append(walkers.rows.copy())
-        found.scores.append(scores)
-        found.going.append(going)
-        taken[~going] = STOP
-        found.taken.append(taken)
-        walkers.go(taken)
-        going = going & (taken != STOP)
-        if not going.any():
+        value = model.value(state) if critic else None
+        scores, state = model.step(state, text, walkers.sight(who))
+        taken = _taken(way, scores.detach(), world, episodes, who, k)
+        found.steps.append(Step(who, walkers.rows[who], scores, value, taken))
+        walkers.go(who, taken)
+        going = np.flatnonzero(taken != STOP)
+        if not len(going):
             break
-    found.rows.append(walkers.rows.copy())
+        if len(going) < len(who):
+            kept = torch.from_numpy(going)
+            who, state, text = who[going], state[kept], text.of(kept)
     return found
 
 
@@ -96,14 +101,15 @@ def walked(
         model.train(training)
 
 
-def _taken(way: Way, scores: Tensor, world: World, episodes: Sequence[Episode], k: int) -> Int64:
+def _taken(way: Way, scores: Tensor, world: World, episodes: Sequence[Episode], who: Int64, k: int) -> Int64:
     if way == "best":
         return np.asarray(scores.argmax(1).numpy(), np.int64)
     if way == "path":
-        return along_the_paths(world, episodes, k)
+        return along_the_paths(world, [episodes[i] for i in who.tolist()], k)
     taken = np.array(torch.multinomial(scores.softmax(1), 1)[:, 0].numpy(), np.int64)
     if way == "mixed":
-        taken[::2] = along_the_paths(world, episodes[::2], k)
+        led = np.flatnonzero(who % 2 == 0)
+        taken[led] = along_the_paths(world, [episodes[i] for i in who[led].tolist()], k)
     return taken
 
 

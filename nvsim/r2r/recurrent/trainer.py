@@ -79,7 +79,7 @@ class Trainer:
             group["lr"] = self._rate()
         self.optimizer.zero_grad(set_to_none=False)
         loss = self._a2c(episodes) if self.at.phase else self._imitation(episodes)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), _CLIP)
         self.optimizer.step()
         self.at.step += 1
@@ -113,7 +113,7 @@ class Trainer:
         loss = actor_critic(own, rewards_of(own, self.world, episodes), learning)
         if learning.a2c_teacher:
             along = roll_out(self.model, self.world, episodes, read, "path", 0)
-            loss = loss + learning.a2c_teacher * imitation(along, along.taken)
+            loss = loss + learning.a2c_teacher * imitation(along, teacher_of(along, self.world, episodes, "path"))
         return loss
 
     def _next(self, step: int) -> list[Episode]:

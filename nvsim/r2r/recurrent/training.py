@@ -1,5 +1,5 @@
-"""Training of the recurrent agent into a folder: imitation, then rewards where asked for. The best agent on what is held
-out is kept, and a killed training goes on."""
+"""Training of the recurrent agent into a folder: imitation, then rewards where asked for. The best agent on what is
+held out is kept, and a killed training goes on."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ def train_agent(
         if (out / ABOUT).exists():
             before = read_about(out)
             if before.trained.get("key") != at.key:
-                raise InputError(f"{out} holds an agent that was trained otherwise; choose another --out, or remove it.")
+                raise InputError(
+                    f"{out} holds an agent that was trained otherwise; choose another --out, or remove it."
+                )
             if before.finished:
                 listen(Log(f"the agent in {out} is trained already", STAGE))
                 return dict(before.trained)

@@ -49,33 +49,33 @@ class Walkers:
         self._moved[:, 4] = 1
         self.trajectories: list[list[Pose]] = [[self._pose(i)] for i in range(len(episodes))]
 
-    def sight(self) -> Sight:
-        """What they see now."""
-        w, rows = self._world, self.rows
-        count, most = len(rows), w.target.shape[1] + 1
-        angles = np.zeros((count, most, self._angle_size), np.float32)
-        relative = w.heading[rows] - self.heading[:, None]
-        angles[:, 1:] = angle_feature(relative, w.elevation[rows], self._angle_size)
-        there = np.ones((count, most), bool)
-        there[:, 1:] = w.target[rows] >= 0
-        seen, distance = np.zeros((count, most), np.int64), np.zeros((count, most), np.float32)
-        seen[:, 1:], distance[:, 1:] = w.seen[rows], w.distance[rows]
+    def sight(self, who: Int64) -> Sight:
+        """What those `who` (n,) see now, in as many slots as one of them needs."""
+        w, rows = self._world, self.rows[who]
+        most = int((w.target[rows] >= 0).sum(axis=1).max(initial=0))
+        target, seen_by = w.target[rows, :most], w.seen[rows, :most]
+        count, facing = len(rows), self.heading[who, None]
+        angles = np.zeros((count, most + 1, self._angle_size), np.float32)
+        angles[:, 1:] = angle_feature(w.heading[rows, :most] - facing, w.elevation[rows, :most], self._angle_size)
+        there = np.ones((count, most + 1), bool)
+        there[:, 1:] = target >= 0
         angles[~there] = 0
-        values = (w.features[seen], angles, distance, there, self._moved.copy())
+        seen, distance = np.zeros((count, most + 1), np.int64), np.zeros((count, most + 1), np.float32)
+        seen[:, 1:], distance[:, 1:] = seen_by, w.distance[rows, :most]
+        values = (w.features[seen], angles, distance, there, self._moved[who])
         sight = Sight(*map(torch.from_numpy, values))
         if w.panorama is None:
             return sight
-        around = angle_feature(
-            _HEADINGS - self.heading[:, None], np.broadcast_to(_ELEVATIONS, (count, VIEWS)), self._angle_size
-        )
+        around = angle_feature(_HEADINGS - facing, np.broadcast_to(_ELEVATIONS, (count, VIEWS)), self._angle_size)
         whole = torch.from_numpy(w.features[w.panorama[rows]])
         return sight._replace(around=whole, around_angles=torch.from_numpy(around))
 
-    def go(self, slots: Int64) -> None:
-        """Each goes to the candidate of its slot (B,); those at STOP stay."""
+    def go(self, who: Int64, slots: Int64) -> None:
+        """Those `who` (n,) go to the candidates of their slots (n,); those at STOP stay."""
         w = self._world
-        for i in np.flatnonzero(slots != STOP).tolist():
-            at, k = self.rows[i], slots[i] - 1
+        moving = slots != STOP
+        for i, k in zip(who[moving].tolist(), (slots[moving] - 1).tolist()):
+            at = self.rows[i]
             heading, metres = w.heading[at, k], w.distance[at, k]
             turn = (heading - self.heading[i] + np.pi) % (2 * np.pi) - np.pi
             since = metres / _FAR + (self._moved[i, 5] if abs(turn) <= STEP else 0)

@@ -50,7 +50,7 @@ class World:
     elevation  (N, K) float32 radians above the horizon
     distance   (N, K) float32 metres
     seen       (N, K) rows of `features`: the view that shows the candidate best
-    features   (M, F) float32; row 0 is zeros
+    features   (M, F) float32, of mean 0 and deviation 1 in each row; row 0 is zeros
     panorama   (N, 36) rows of `features`; None where whole panoramas were not asked for
     scans      by scan id
     """
@@ -82,7 +82,7 @@ class World:
         return self._onward[goal]
 
     def teacher(self, here: Int64, goals: Int64) -> Int64:
-        """(B,) the slot that the shortest path to each goal takes: STOP at the goal, -1 where no candidate leads there."""
+        """(B,) the slot that the shortest path to each goal takes: STOP at the goal, -1 where no candidate leads on."""
         found = np.full(len(here), -1, np.int64)
         for i, (at, goal) in enumerate(zip(here.tolist(), goals.tolist())):
             if at == goal:
@@ -93,6 +93,10 @@ class World:
             if onward.next[at - onward.first] >= 0 and len(slots):
                 found[i] = 1 + slots[0]
         return found
+
+    def after(self, here: Int64, slots: Int64) -> Int64:
+        """(B,) where each slot leads."""
+        return np.where(slots == STOP, here, self.target[here, slots - 1])
 
     def metres(self, here: Int64, goals: Int64) -> NDArray[np.float64]:
         """(B,) metres to each goal along the graph."""

@@ -85,8 +85,8 @@ def _slots(scan: str, ways: Ways, first: int, closed: Collection[Key]) -> _Slots
         table[found.source, place] = values
         return table
 
-    angles = (filled(values, 0) for values in (found.heading, found.elevation, found.distance))
-    return _Slots(filled(found.target + first, -1), *angles, filled(found.view, -1))
+    heading, elevation, distance = (filled(v, 0) for v in (found.heading, found.elevation, found.distance))
+    return _Slots(filled(found.target + first, -1), heading, elevation, distance, filled(found.view, -1))
 
 
 def _fields(slots: Sequence[_Slots]) -> Sequence[tuple[str, list[NDArray[Any]]]]:
@@ -121,6 +121,12 @@ def _read_features(
             chosen = np.arange(VIEWS) if panorama else np.unique(view[at][there])
             seen[at, there] = held + np.searchsorted(chosen, view[at][there])
             first[at] = held
-            kept.append(views[chosen])
+            kept.append(_normed(views[chosen]))
             held += len(chosen)
     return np.concatenate([np.zeros_like(kept[0][:1], shape=(1, kept[0].shape[1])), *kept]), seen, first
+
+
+def _normed(rows: Float32) -> Float32:
+    """Rows of mean 0 and deviation 1, whatever network made them."""
+    centred = rows - rows.mean(axis=1, keepdims=True)
+    return np.asarray(centred / (centred.std(axis=1, keepdims=True) + 1e-6), np.float32)
