@@ -24,6 +24,7 @@ from nvsim.project.restored import kept_results
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
 
 _EXPORTS = tuple(verb for verb in EXPORTS if verb != "export scan")  # that stands beside Export graph
+_AGENTS = ("r2r train",)
 _SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}
 
 
@@ -73,6 +74,7 @@ class JobsPart(Part):
             enabled=with_earlier,
         ),
         *_actions(_EXPORTS, 3),
+        *_actions(_AGENTS, 5),
     )
 
     def docks(self) -> tuple[Dock, ...]:
@@ -87,7 +89,8 @@ class JobsPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {
-            _name(verb): lambda _=False, v=verb: self.open_form(v) for verb in (*PIPELINE, *EVALUATIONS, *_EXPORTS)
+            _name(verb): lambda _=False, v=verb: self.open_form(v)
+            for verb in (*PIPELINE, *EVALUATIONS, *_EXPORTS, *_AGENTS)
         }
         return {"run_everything": self.run_everything, "earlier_results": self.open_earlier, **opened}
 
@@ -217,7 +220,7 @@ class JobsPart(Part):
             window.empty.say(f"{making.title} …", "", "", True)
 
     def _open_again(self, handle: JobHandle) -> None:
-        if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS):
+        if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):
             self.open_form(handle.job.order.verb)
         else:
             self.workspace.notices.info(f"“{handle.title}” has no settings to change; Go on runs it again.")
@@ -259,5 +262,5 @@ class JobsPart(Part):
 
 MAKERS = ("import", "demo", "run")
 """Commands that give a project its capture."""
-OUT = {"export r2r": "connectivity", "export scan": "scans", "export splats": "splats"}
+OUT = {"export r2r": "connectivity", "export scan": "scans", "export splats": "splats", "r2r train": "agent"}
 """Where a command writes when nothing else is said: beside the project rather than where the window was started."""

@@ -5,8 +5,9 @@ python -m tests.benchmarks.recurrent_agent FOLDER OUT [--seeds 0 1 2] [--also PR
 FOLDER is an export with tasks/ and features/, of which the scans of val_unseen are not in train. For each seed an agent
 that reads and its twin that does not (`--blind`) are trained alike, the best of each on what is held out of train is
 kept, and both walk val_unseen, beside RANDOM. Success rates are means over seeds and instructions; intervals (95 %) are
-over paths, those of differences over the differences of each path. --also names further exports whose val_unseen the same
-agents walk, such as that of a reconstructed building. Trainings that are there are not repeated, killed ones go on.
+over paths, those of differences over the differences of each path. --also names further exports whose val_unseen the
+same agents walk, such as that of a reconstructed building. What is trained is not trained again, and what was killed
+goes on.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The recurrent agent learns, sees what the simulator would show, and is trained the same whether it is killed or not."""
+"""The recurrent agent learns, sees what a simulator would show, and is trained alike whether it is killed or not."""
 
 from __future__ import annotations
 
@@ -265,7 +265,20 @@ def test_a_killed_training_goes_on_to_the_same_bits(folder: Path, tmp_path: Path
 
 
 def test_kill_minus_nine_leaves_what_the_command_goes_on_from(folder: Path, tmp_path: Path) -> None:
-    words = ["r2r", "train", str(folder), "--width", "32", "--heads", "2", "--iterations", "24", "--batch", "8"]
+    words = [
+        "r2r",
+        "train",
+        "--scans",
+        str(folder),
+        "--width",
+        "32",
+        "--heads",
+        "2",
+        "--iterations",
+        "24",
+        "--batch",
+        "8",
+    ]
     words += ["--evaluate-every", "12", "--checkpoint-every", "2", "--threads", "1"]
     out = tmp_path / "killed"
     process = subprocess.Popen(
@@ -286,8 +299,8 @@ def test_kill_minus_nine_leaves_what_the_command_goes_on_from(folder: Path, tmp_
 def test_a_trained_agent_walks_and_is_scored(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     agent, out = tmp_path / "agent", tmp_path / "submission.json"
     words = ["--width", "32", "--heads", "2", "--iterations", "4", "--batch", "8", "--threads", "1"]
-    assert main(["r2r", "train", str(folder), "--out", str(agent), *words]) == 0
-    assert main(["r2r", "train", str(folder), "--out", str(agent), *words]) == 0
+    assert main(["r2r", "train", "--scans", str(folder), "--out", str(agent), *words]) == 0
+    assert main(["r2r", "train", "--scans", str(folder), "--out", str(agent), *words]) == 0
     assert "is trained already" in capsys.readouterr().err
     common = ["r2r", "agent", "recurrent", "--scans", str(folder), "--out", str(out)]
     assert main([*common, "--checkpoint", str(agent), "--split", "val_unseen"]) == 0
@@ -311,7 +324,7 @@ def test_wrong_orders_are_refused_in_one_sentence(
     narrow = write_features(tmp_path / "narrow.hdf5", graphs, 8)
     few = write_features(tmp_path / "few.hdf5", graphs[:1], 16)
     named = [*common, "--split", "val_unseen", "--checkpoint", str(agent)]
-    train = ["r2r", "train", str(folder), "--out", str(agent)]
+    train = ["r2r", "train", "--scans", str(folder), "--out", str(agent)]
     for words, said in (
         ([*common, "--split", "val_unseen"], "needs --checkpoint"),
         ([*common, "--checkpoint", str(agent)], "Give --tasks"),
@@ -322,7 +335,7 @@ def test_wrong_orders_are_refused_in_one_sentence(
         (train, "trained otherwise"),
         ([*train, "--tasks", str(tmp_path), str(tmp_path)], "--tasks names 2 for 1"),
         ([*train, "--width", "33"], "multiple of --heads"),
-        (["r2r", "train", str(tmp_path), "--out", str(tmp_path / "y")], "R2R_train.json"),
+        (["r2r", "train", "--scans", str(tmp_path), "--out", str(tmp_path / "y")], "R2R_train.json"),
     ):
         assert main(words) == 2, words
         assert said in (error := capsys.readouterr().err) and "Traceback" not in error, (words, error)
