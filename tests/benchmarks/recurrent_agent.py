@@ -31,7 +31,8 @@ from nvsim.r2r.agents.running import run_agent
 from nvsim.r2r.metrics.scores import Scores, score
 from nvsim.r2r.recurrent.agent import run_recurrent
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.recurrent.dataset import features_in, read_dataset
+from nvsim.r2r.recurrent.dataset import read_dataset
+from nvsim.r2r.recurrent.folders import features_in, scans_in
 from nvsim.r2r.recurrent.training import train_agent
 
 KINDS = ("reads", "blind", "RANDOM")
@@ -44,9 +45,9 @@ class Arguments:
     seeds: tuple[int, ...] = (0, 1, 2)
     also: tuple[Path, ...] = ()
     json: bool = False
-    model: tyro.conf.OmitArgPrefixes[ModelConfig] = field(default_factory=lambda: ModelConfig(width=96))
+    model: tyro.conf.OmitArgPrefixes[ModelConfig] = field(default_factory=ModelConfig)
     learning: tyro.conf.OmitArgPrefixes[LearningConfig] = field(
-        default_factory=lambda: LearningConfig(iterations=600, rate=1e-3, evaluate_every=150, threads=1)
+        default_factory=lambda: LearningConfig(iterations=600, threads=1)
     )
 
 
@@ -91,7 +92,7 @@ def trained(arguments: Arguments, kind: str, seed: int) -> Path:
 
 
 def walked(folder: Path, agent: Path | RandomAgent) -> Scores:
-    benchmark = Benchmark.read(folder, folder / "tasks" / "R2R_val_unseen.json")
+    benchmark = Benchmark.read(scans_in(folder), folder / "tasks" / "R2R_val_unseen.json")
     if isinstance(agent, Path):
         trajectories = run_recurrent(agent, benchmark, features_in(folder))
     else:

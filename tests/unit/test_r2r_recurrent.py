@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -227,11 +228,11 @@ def test_nobody_in_training_enters_what_is_unseen(folder: Path, trainer: Trainer
     assert rows and not rows & set(trainer.world.target.ravel().tolist())
 
 
-def test_only_the_train_split_is_opened(folder: Path, tmp_path: Path) -> None:
-    import shutil
-
+def test_only_the_train_split_is_opened_of_a_whole_dataset(folder: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
+    (copy / "scans").mkdir()
+    (copy / "connectivity").rename(copy / "scans" / "connectivity")
     for split in ("val_seen", "val_unseen"):
         (copy / "tasks" / f"R2R_{split}.json").write_text("damaged")
     train_agent(read_dataset([copy]), SMALL, replace(QUICK, iterations=2), tmp_path / "agent", silent)

@@ -42,12 +42,13 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli.show import as_json
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import write_submission
+    from nvsim.r2r.recurrent.folders import scans_in
 
     a = arguments
     if (a.tasks is None) == (not a.split):
         raise InputError("Give --tasks, a file of tasks, or --split, the name of one in the export; one of the two.")
     tasks = a.scans / "tasks" / f"R2R_{a.split}.json" if a.tasks is None else a.tasks
-    walked = _walked(a, Benchmark.read(a.scans, tasks))
+    walked = _walked(a, Benchmark.read(scans_in(a.scans), tasks))
     written = write_submission(a.out, walked)
     print(as_json({"written": str(written), "trajectories": len(walked)}) if a.json else f"Wrote {written}")
     return 0
@@ -65,6 +66,6 @@ def _walked(arguments: Arguments, benchmark: Benchmark) -> Trajectories:
     if a.checkpoint is None:
         raise InputError("The recurrent agent needs --checkpoint, the folder that `nvsim r2r train` wrote.")
     from nvsim.r2r.recurrent.agent import run_recurrent
-    from nvsim.r2r.recurrent.dataset import features_in
+    from nvsim.r2r.recurrent.folders import features_in
 
     return run_recurrent(a.checkpoint, benchmark, a.features or features_in(a.scans))

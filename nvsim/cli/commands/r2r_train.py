@@ -16,7 +16,8 @@ from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 @dataclass(frozen=True)
 class Arguments:
     scans: tuple[Path, ...] = ()
-    """Folders of exports, each with connectivity/, and with tasks/ and features/ where the options do not name them."""
+    """Folders of exports, each with connectivity/ or scans/connectivity/ in it, and with tasks/ and features/ where the
+    options do not name them."""
     project: Path | None = None
     """In place of --scans a project, next to which a folder `scans` holds what it exported; nothing in it changes."""
     out: Path = Path("agent")

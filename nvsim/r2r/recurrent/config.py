@@ -14,7 +14,7 @@ Way = Literal["path", "sampled", "mixed"]
 class ModelConfig:
     """The network of the agent."""
 
-    width: int = 128
+    width: int = 96
     """Numbers of a token and of the state."""
     heads: int = 4
     """Heads of every attention."""
@@ -60,7 +60,7 @@ class LearningConfig:
     """Batches of A2C after imitation, from the best agent so far."""
     batch: int = 48
     """Instructions of a batch."""
-    rate: float = 3e-4
+    rate: float = 1e-3
     """Learning rate of AdamW, reached after --warm-up batches and falling to a tenth along a cosine."""
     a2c_rate: float = 3e-5
     """Learning rate of A2C."""
@@ -85,7 +85,7 @@ class LearningConfig:
     held_out: float = 0.1
     """Share of the training scans (of the paths, where there are fewer than three scans) that the agent is not trained
     on: the best agent is the one with the most successes there. No other split is opened."""
-    evaluate_every: int = 200
+    evaluate_every: int = 150
     """Batches between two tries on what is held out."""
     patience: int = 8
     """Tries without a better agent after which imitation, or A2C, ends early."""

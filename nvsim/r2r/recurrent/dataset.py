@@ -13,7 +13,7 @@ from nvsim.errors import InputError
 from nvsim.files.regular import read_json
 from nvsim.r2r.agents.benchmark import Benchmark
 from nvsim.r2r.features.feature_reading import Key
-from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.recurrent.folders import features_in, scans_in
 from nvsim.r2r.recurrent.walking import Episode
 from nvsim.r2r.recurrent.words import Vocabulary
 from nvsim.r2r.recurrent.world import World
@@ -40,7 +40,7 @@ class Dataset:
 def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: Sequence[Path] = ()) -> Dataset:
     """The train splits of exports.
 
-    folders    exports, each with connectivity/ in it
+    folders    exports, each with connectivity/ in it, or in a folder `scans`
     tasks      a folder of tasks for each; `tasks` in the export where none is given
     features   a file of features for each; the only one in `features` in the export where none is given
 
@@ -54,7 +54,7 @@ def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: 
     closed: set[Key] = set()
     for i, folder in enumerate(folders):
         at = tasks[i] if tasks else folder / "tasks"
-        benchmark = Benchmark.read(folder, at / "R2R_train.json")
+        benchmark = Benchmark.read(scans_in(folder), at / "R2R_train.json")
         found += benchmark.tasks
         sources.append(Source(benchmark.graphs, features[i] if features else features_in(folder)))
         closed |= {(scan, id) for scan, ids in _unseen(at).items() if scan in benchmark.graphs for id in ids}
@@ -62,16 +62,6 @@ def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: 
     if not told:
         raise InputError("No path of train has an instruction; export the tasks again, with --instructions 3.")
     return Dataset(told, sources, frozenset(closed))
-
-
-def features_in(folder: Path) -> Path:
-    """The only file of features in an export. Raises InputError where there is none, or more than one."""
-    found = [path for layout in LAYOUTS.values() if (path := folder / "features" / layout.file).is_file()]
-    if len(found) != 1:
-        many = f"{len(found)} files" if found else "no file"
-        then = "name one with --features" if found else f"write one with `nvsim export features {folder}`"
-        raise InputError(f"{folder / 'features'} holds {many} of features; {then}.")
-    return found[0]
 
 
 def held_out(tasks: Sequence[Task], share: float, seed: int) -> tuple[list[Task], list[Task]]:
