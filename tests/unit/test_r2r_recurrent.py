@@ -280,7 +280,7 @@ def test_kill_minus_nine_leaves_what_the_command_goes_on_from(folder: Path, tmp_
         "--batch",
         "8",
     ]
-    words += ["--evaluate-every", "12", "--checkpoint-every", "2", "--threads", "1"]
+    words += ["--evaluate-every", "6", "--checkpoint-every", "2", "--threads", "1"]
     out = tmp_path / "killed"
     process = subprocess.Popen(
         [sys.executable, "-m", "nvsim", *words, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -326,6 +326,8 @@ def test_wrong_orders_are_refused_in_one_sentence(
     few = write_features(tmp_path / "few.hdf5", graphs[:1], 16)
     named = [*common, "--split", "val_unseen", "--checkpoint", str(agent)]
     train = ["r2r", "train", "--scans", str(folder), "--out", str(agent)]
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "weights.safetensors").write_text("mine")
     for words, said in (
         ([*common, "--split", "val_unseen"], "needs --checkpoint"),
         ([*common, "--checkpoint", str(agent)], "Give --tasks"),
@@ -334,6 +336,7 @@ def test_wrong_orders_are_refused_in_one_sentence(
         ([*named, "--features", str(few)], "has no features of"),
         ([*common, "--split", "val_unseen", "--checkpoint", str(folder)], "agent.json"),
         (train, "trained otherwise"),
+        ([*train[:-1], str(tmp_path / "mine")], "belongs to no agent"),
         ([*train, "--tasks", str(tmp_path), str(tmp_path)], "--tasks names 2 for 1"),
         ([*train, "--width", "33"], "multiple of --heads"),
         (["r2r", "train", "--scans", str(tmp_path), "--out", str(tmp_path / "y")], "R2R_train.json"),
@@ -392,7 +395,7 @@ def test_links_in_a_file_of_features_are_not_followed(tmp_path: Path) -> None:
 
 
 def test_a_model_is_refused_that_cannot_be() -> None:
-    for wrong in ({"width": 0}, {"heads": 3}, {"angle_size": 6}, {"dropout": 1.0}):
+    for wrong in ({"width": 0}, {"heads": 5}, {"angle_size": 6}, {"dropout": 1.0}):
         with pytest.raises(InputError):
             ModelConfig(**wrong)  # type: ignore[arg-type]
     for wrong in ({"iterations": 0}, {"held_out": 0.0}, {"batch": 0}):

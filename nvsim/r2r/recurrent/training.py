@@ -18,9 +18,9 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.files.atomic import make_folder
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.recurrent.curves import STAGE, Curves
+from nvsim.r2r.recurrent.curves import FILE, STAGE, Curves
 from nvsim.r2r.recurrent.dataset import Dataset
-from nvsim.r2r.recurrent.saved_agent import ABOUT, About, read_about, read_model, write_about, write_weights
+from nvsim.r2r.recurrent.saved_agent import ABOUT, WEIGHTS, About, read_about, read_model, write_about, write_weights
 from nvsim.r2r.recurrent.trainer import Trainer
 from nvsim.training.checkpoint import Checkpoint, load, save
 
@@ -48,10 +48,12 @@ def train_agent(
             if before.finished:
                 listen(Log(f"the agent in {out} is trained already", STAGE))
                 return dict(before.trained)
+        elif foreign := [name for name in (WEIGHTS, FILE, CHECKPOINT) if (out / name).exists()]:
+            raise InputError(f"{out / foreign[0]} is there and belongs to no agent; choose another --out.")
         checkpoint = load(out / CHECKPOINT, at.key) if (out / CHECKPOINT).exists() else None
         if checkpoint is None:
+            at.write(finished=False)  # first, so that the rest is known for ours
             write_weights(out, trainer.model)
-            at.write(finished=False)
         else:
             trainer.restore(checkpoint)
             listen(Log(f"goes on after batch {trainer.at.step}", STAGE))
