@@ -326,6 +326,7 @@ def test_wrong_orders_are_refused_in_one_sentence(
     few = write_features(tmp_path / "few.hdf5", graphs[:1], 16)
     named = [*common, "--split", "val_unseen", "--checkpoint", str(agent)]
     train = ["r2r", "train", "--scans", str(folder), "--out", str(agent)]
+    twice = ["r2r", "train", "--scans", str(folder), str(folder), "--out", str(agent)]
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "weights.safetensors").write_text("mine")
     for words, said in (
@@ -336,6 +337,8 @@ def test_wrong_orders_are_refused_in_one_sentence(
         ([*named, "--features", str(few)], "has no features of"),
         ([*common, "--split", "val_unseen", "--checkpoint", str(folder)], "agent.json"),
         (train, "trained otherwise"),
+        (twice, "is in two of the folders"),
+        ([*twice, "--features", str(other), str(narrow)], "an agent needs all of one network"),
         ([*train[:-1], str(tmp_path / "mine")], "belongs to no agent"),
         ([*train, "--tasks", str(tmp_path), str(tmp_path)], "--tasks names 2 for 1"),
         ([*train, "--width", "33"], "multiple of --heads"),

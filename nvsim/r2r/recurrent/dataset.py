@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -12,7 +13,7 @@ from random import Random
 from nvsim.errors import InputError
 from nvsim.files.regular import read_json
 from nvsim.r2r.agents.benchmark import Benchmark
-from nvsim.r2r.features.feature_reading import Key
+from nvsim.r2r.features.feature_reading import Key, made_by
 from nvsim.r2r.recurrent.folders import features_in, scans_in
 from nvsim.r2r.recurrent.walking import Episode
 from nvsim.r2r.recurrent.words import Vocabulary
@@ -35,6 +36,17 @@ class Dataset:
     tasks: Sequence[Task]
     sources: Sequence[Source]
     closed: frozenset[Key]
+
+    @cached_property
+    def backbone(self) -> str:
+        """What made the features, "" where no file says it. Raises InputError where two say another."""
+        found = {name: source.features for source in self.sources if (name := made_by(source.features))}
+        if len(found) > 1:
+            (one, first), (other, second), *_ = found.items()
+            raise InputError(
+                f"{first} holds features of {one}, and {second} those of {other}; an agent needs all of one network."
+            )
+        return next(iter(found), "")
 
 
 def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: Sequence[Path] = ()) -> Dataset:

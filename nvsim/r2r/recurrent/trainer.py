@@ -15,7 +15,6 @@ import numpy as np
 import torch
 
 from nvsim.errors import InputError
-from nvsim.r2r.features.feature_reading import made_by
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.scores import score
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
@@ -53,7 +52,7 @@ class Trainer:
 
     def __init__(self, dataset: Dataset, model: ModelConfig, learning: LearningConfig) -> None:
         """Raises InputError where data is missing or makes no sense."""
-        self.learning = learning
+        self.learning, self.backbone = learning, dataset.backbone
         train, out = held_out(dataset.tasks, learning.held_out, learning.seed)
         self.words = Vocabulary.of(text for task in train for text in task.instructions)
         self.world = read_world(dataset.sources, model.panorama, dataset.closed)
@@ -62,7 +61,6 @@ class Trainer:
         self.out_tasks = out
         graphs = {scan: graph for source in dataset.sources for scan, graph in source.graphs.items()}
         self._distances = {scan: Distances(graphs[scan]) for scan in {task.scan for task in out}}
-        self.backbone = made_by(dataset.sources[0].features)
         torch.manual_seed(learning.seed)
         self.model = RecurrentModel(model, len(self.words.words), self.world.width)
         self._new_optimizer()
@@ -77,7 +75,7 @@ class Trainer:
         self.model.train()
         for group in self.optimizer.param_groups:
             group["lr"] = self._rate()
-        self.optimizer.zero_grad(set_to_none=False)
+        self.optimizer.zero_grad()
         loss = self._a2c(episodes) if self.at.phase else self._imitation(episodes)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), _CLIP)
