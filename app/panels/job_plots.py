@@ -1,4 +1,4 @@
-"""Loss, PSNR and number of Gaussians of a training, a line for each submap, as they come."""
+"""Loss, PSNR and Gaussians of a training, a line for each submap, as they come; loss and success of an agent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,13 @@ from app.look.plots import dress
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels
-_PLOTS = (("loss", "Loss"), ("psnr", "PSNR, dB"), ("gaussians", "Gaussians"))
+_PLOTS = (
+    ("loss", "Loss"),
+    ("psnr", "PSNR, dB"),
+    ("gaussians", "Gaussians"),
+    ("success", "Success on what is held out"),
+    ("spl", "SPL on what is held out"),
+)
 
 
 class StepAxis(pyqtgraph.AxisItem):
@@ -46,7 +52,7 @@ class JobPlots(QWidget):
         self._due = [name for name, _ in _PLOTS]
         self.plots: dict[str, pyqtgraph.PlotWidget] = {}
         self._curves: dict[tuple[str, int], pyqtgraph.PlotDataItem] = {}
-        self.empty = Label("Plots appear here while a submap trains.", self)
+        self.empty = Label("Plots appear here while a submap or an agent trains.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(12, 8, 12, 8)
         self._row = QWidget(self)
@@ -87,6 +93,8 @@ class JobPlots(QWidget):
         """Draws everything now."""
         series = {} if self._handle is None else self._handle.history.series
         shown = any(name in series for name, _ in _PLOTS)
+        for name, plot in self.plots.items():
+            plot.setVisible(name in series)
         self._row.setVisible(shown)
         self.empty.setVisible(not shown)
         if self.isVisible():
@@ -96,7 +104,8 @@ class JobPlots(QWidget):
 
     def _on_time(self) -> None:
         """Draws the next plot that has something new."""
-        if self._row.isHidden():
+        series = {} if self._handle is None else self._handle.history.series
+        if any(self.plots[name].isHidden() == (name in series) for name, _ in _PLOTS):
             self.draw()
         elif self.isVisible() and any(self._draw_one() for _ in _PLOTS):
             self._timer.start()

@@ -25,6 +25,7 @@ from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
 
 _BESIDE_GRAPH = ("export scan", "export tasks", "export dataset")  # stand beside Export graph
 _EXPORTS = tuple(verb for verb in EXPORTS if verb not in _BESIDE_GRAPH)
+_AGENTS = ("r2r train",)
 _SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}
 
 
@@ -74,6 +75,7 @@ class JobsPart(Part):
             enabled=with_earlier,
         ),
         *_actions(_EXPORTS, 3),
+        *_actions(_AGENTS, 5),
     )
 
     def docks(self) -> tuple[Dock, ...]:
@@ -88,7 +90,8 @@ class JobsPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {
-            _name(verb): lambda _=False, v=verb: self.open_form(v) for verb in (*PIPELINE, *EVALUATIONS, *_EXPORTS)
+            _name(verb): lambda _=False, v=verb: self.open_form(v)
+            for verb in (*PIPELINE, *EVALUATIONS, *_EXPORTS, *_AGENTS)
         }
         return {"run_everything": self.run_everything, "earlier_results": self.open_earlier, **opened}
 
@@ -218,7 +221,7 @@ class JobsPart(Part):
             window.empty.say(f"{making.title} …", "", "", True)
 
     def _open_again(self, handle: JobHandle) -> None:
-        if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS):
+        if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):
             self.open_form(handle.job.order.verb)
         else:
             self.workspace.notices.info(f"“{handle.title}” has no settings to change; Go on runs it again.")
@@ -266,5 +269,6 @@ OUT = {
     "export splats": "splats",
     "export tasks": "tasks",
     "export dataset": "dataset",
+    "r2r train": "agent",
 }
 """Where a command writes when nothing else is said: beside the project rather than where the window was started."""

@@ -44,6 +44,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export r2r": ("export_r2r", WORK["export r2r"].does),
     "export scan": ("export_scan", WORK["export scan"].does),
     "r2r python": ("r2r_python", "run a program that finds NVSim's simulator where it imports MatterSim"),
+    "r2r train": ("r2r_train", WORK["r2r train"].does),
     "r2r agent": ("r2r_agent", "run an agent through tasks, and write its trajectories"),
     "r2r path": ("r2r_path", "print the folder that PYTHONPATH needs for the same"),
     "export graph": (

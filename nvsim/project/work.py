@@ -151,6 +151,12 @@ WORK: dict[str, Work] = {
             "train",
             heavy=False,
         ),
+        Work(
+            "r2r train",
+            "Train an agent",
+            "train an agent that reads instructions on exported scans, tasks and features",
+            "map",
+        ),
         Work("video", "Video", "draw a camera path as video frames", "train", heavy=False),
         Work("demo", "The built-in building", "the whole job on the built-in building, then the window", None),
         Work(

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from nvsim.cli.commands.r2r_agent import Arguments
 
 
-def run(a: Arguments) -> int:
+def run(a: Arguments, scans: Path, tasks: Path) -> int:
+    """Walks the episodes of the file `tasks` in the exported `scans`."""
     from nvsim.cli.consent import agree
     from nvsim.cli.console import listening
     from nvsim.cli.show import as_json
@@ -22,10 +24,10 @@ def run(a: Arguments) -> int:
     from nvsim.r2r.prompted.mapgpt.running import MapGpt, episodes_of, rehearsed, run_mapgpt
 
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
-    benchmark = Benchmark.read(a.scans, a.tasks)
-    episodes = episodes_of(benchmark.tasks, a.tasks)
+    benchmark = Benchmark.read(scans, tasks)
+    episodes = episodes_of(benchmark.tasks, tasks)
     folder = a.out.with_name(f"{a.out.stem}.episodes")
-    eyes = Eyes(a.scans, a.looking)
+    eyes = Eyes(scans, a.looking)
     agent = MapGpt(eyes, a.looking, benchmark.graphs, prompt, a.rules)
     with listening(a.json) as listen:
         kept = Kept(a.asked.answers or folder / "answers")

@@ -1,0 +1,37 @@
+"""A trained agent walks the episodes of tasks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.r2r.agents.benchmark import Benchmark
+from nvsim.r2r.features.feature_reading import made_by
+from nvsim.r2r.metrics.submission import Pose
+from nvsim.r2r.recurrent.dataset import episodes_of
+from nvsim.r2r.recurrent.rollout import walked
+from nvsim.r2r.recurrent.saved_agent import read_about, read_model
+from nvsim.r2r.recurrent.world_reading import Source, read_world
+
+
+def run_recurrent(folder: Path, benchmark: Benchmark, features: Path) -> dict[str, list[Pose]]:
+    """The trajectory of every episode of the benchmark, by instr_id, of the agent in `folder`.
+
+    Raises InputError where the agent cannot be read, or the features are not of the kind that it was trained on.
+    """
+    about = read_about(folder)
+    backbone = made_by(features)
+    if about.backbone and backbone and backbone != about.backbone:
+        raise InputError(
+            f"The agent was trained on features of {about.backbone}, and {features} holds those of {backbone}; write "
+            "features of the former with `nvsim export features`."
+        )
+    world = read_world([Source(benchmark.graphs, features)], about.model.panorama)
+    if world.width != about.features:
+        raise InputError(
+            f"The agent reads {about.features} numbers of a view, and {features} has {world.width}; name the "
+            "layout that it was trained on."
+        )
+    model = read_model(folder, about)
+    episodes = episodes_of(benchmark.tasks, world, about.words, about.model.longest)
+    return dict(walked(model, world, episodes, about.steps))

@@ -1,0 +1,50 @@
+"""The curves of a training: events as JSON lines, as `--json` prints them, in `curves.jsonl` of the agent's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nvsim.events import Listener, Metric
+from nvsim.events.messages import from_json, to_json
+from nvsim.files import atomic
+from nvsim.files.atomic import as_input_error
+from nvsim.files.regular import read_text
+
+FILE = "curves.jsonl"
+STAGE = "r2r train"
+_LARGEST = 1 << 28
+
+
+class Curves:
+    """Writes every metric behind the others and tells it the listener; what lies beyond `step`, from before a kill, is
+    dropped. Raises InputError when the disk refuses."""
+
+    def __init__(self, folder: Path, step: int, listen: Listener) -> None:
+        self._path, self._listen = folder / FILE, listen
+        kept = [metric for metric in read_curves(folder) if metric.step <= step] if step else []
+        atomic.write_text(self._path, "".join(to_json(metric) + "\n" for metric in kept))
+
+    def add(self, name: str, value: float, step: int) -> None:
+        metric = Metric(STAGE, name, value, step)
+        try:
+            with open(self._path, "a", encoding="utf-8") as file:
+                file.write(to_json(metric) + "\n")
+        except OSError as error:
+            raise as_input_error(self._path, error) from error
+        self._listen(metric)
+
+
+def read_curves(folder: Path) -> list[Metric]:
+    """The metrics of a training so far; a line that a kill cut off is passed over. Raises InputError."""
+    path = folder / FILE
+    if not path.is_file():
+        return []
+    found = []
+    for line in read_text(path, "the curves of a training", "remove it", _LARGEST).splitlines():
+        try:
+            event = from_json(line)
+        except ValueError:
+            continue
+        if isinstance(event, Metric):
+            found.append(event)
+    return found

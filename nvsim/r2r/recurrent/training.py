@@ -1,0 +1,144 @@
+"""Training of the recurrent agent into a folder: imitation, then rewards where asked for. The best agent on what is
+held out is kept, and a killed training goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log, Progress
+from nvsim.files.atomic import make_folder
+from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
+from nvsim.r2r.recurrent.curves import FILE, STAGE, Curves
+from nvsim.r2r.recurrent.dataset import Dataset
+from nvsim.r2r.recurrent.saved_agent import ABOUT, WEIGHTS, About, read_about, read_model, write_about, write_weights
+from nvsim.r2r.recurrent.trainer import Trainer
+from nvsim.training.checkpoint import Checkpoint, load, save
+
+CHECKPOINT = "training.npz"
+_SAID_EVERY = 10  # batches
+
+
+def train_agent(
+    dataset: Dataset, model: ModelConfig, learning: LearningConfig, out: Path, listen: Listener
+) -> dict[str, Any]:
+    """Trains, and leaves the best agent in the folder `out`; goes on there where it was killed. Returns the figures.
+
+    Raises InputError where data is missing, or `out` holds an agent that was trained otherwise.
+    """
+    with _threads(learning.threads):
+        trainer = Trainer(dataset, model, learning)
+        at = _At(trainer, model, out, _fingerprint(trainer, model, learning))
+        make_folder(out)
+        if (out / ABOUT).exists():
+            before = read_about(out)
+            if before.trained.get("key") != at.key:
+                raise InputError(
+                    f"{out} holds an agent that was trained otherwise; choose another --out, or remove it."
+                )
+            if before.finished:
+                listen(Log(f"the agent in {out} is trained already", STAGE))
+                return dict(before.trained)
+        elif foreign := [name for name in (WEIGHTS, FILE, CHECKPOINT) if (out / name).exists()]:
+            raise InputError(f"{out / foreign[0]} is there and belongs to no agent; choose another --out.")
+        checkpoint = load(out / CHECKPOINT, at.key) if (out / CHECKPOINT).exists() else None
+        if checkpoint is None:
+            at.write(finished=False)  # first, so that the rest is known for ours
+            write_weights(out, trainer.model)
+        else:
+            trainer.restore(checkpoint)
+            listen(Log(f"goes on after batch {trainer.at.step}", STAGE))
+        _loop(at, Curves(out, trainer.at.step, listen), listen)
+        trained = at.write(finished=True)
+        (out / CHECKPOINT).unlink(missing_ok=True)
+    held = trained["held_out"]
+    summary = f"{held['success']:.1%} of {held['episodes']} held-out instructions succeed, after {held['step']} batches"
+    listen(Done(STAGE, summary, {"written": str(out), **trained}))
+    return trained
+
+
+@dataclass(frozen=True, eq=False)
+class _At:
+    """A training and its folder. key   a hash of all that it is made from"""
+
+    trainer: Trainer
+    model: ModelConfig
+    out: Path
+    key: str
+
+    def write(self, finished: bool) -> dict[str, Any]:
+        """Says in the folder what the agent is; returns what is said of its training."""
+        t = self.trainer
+        best = {"success": t.at.best[0], "spl": t.at.best[1], "step": t.at.best_step, "episodes": len(t.out)}
+        trained = {
+            "key": self.key,
+            "held_out": best,
+            "batches": t.at.step,
+            "episodes": len(t.train),
+            "scans": sorted({episode.task.scan for episode in t.train}),
+            "scans_held_out": sorted({task.scan for task in t.out_tasks}),
+            "parameters": sum(p.numel() for p in t.model.parameters()),
+            "learning": asdict(t.learning),
+        }
+        about = About(self.model, t.words, t.world.width, t.backbone, t.learning.steps, trained, finished)
+        write_about(self.out, about)
+        return trained
+
+
+def _loop(of: _At, curves: Curves, listen: Listener) -> None:
+    trainer, learning, at = of.trainer, of.trainer.learning, of.trainer.at
+    while True:
+        if at.step >= at.last or at.tries >= learning.patience:
+            if at.phase or not learning.a2c_iterations:
+                return
+            trainer.begin_a2c(read_model(of.out, read_about(of.out)))
+            listen(Log(f"learns from rewards after batch {at.step}", STAGE))
+        at.loss, at.losses = at.loss + trainer.batch(), at.losses + 1
+        ends = at.step == at.last
+        if at.step % _SAID_EVERY == 0 or ends:
+            curves.add("loss", at.loss / at.losses, at.step)
+            at.loss, at.losses = 0.0, 0
+            words = f"{at.best[0]:.1%} of what is held out" if at.best_step else ""
+            listen(Progress(STAGE, at.step, at.last + (0 if at.phase else learning.a2c_iterations), words))
+        if at.step % learning.evaluate_every == 0 or ends:
+            found = trainer.try_out()
+            curves.add("success", found[0], at.step)
+            curves.add("spl", found[1], at.step)
+            at.tries += 1
+            if found > at.best:
+                at.best, at.best_step, at.tries = found, at.step, 0
+                write_weights(of.out, trainer.model)
+                of.write(finished=False)
+        if at.step % learning.checkpoint_every == 0:
+            save(of.out / CHECKPOINT, Checkpoint(at.step, trainer.arrays(), trainer.progress), of.key)
+
+
+def _fingerprint(trainer: Trainer, model: ModelConfig, learning: LearningConfig) -> str:
+    """A hash of settings and data. Threads change no more than the order of sums, checkpoints nothing."""
+    digest = hashlib.blake2b(digest_size=16)
+    settings = asdict(model), {**asdict(learning), "threads": 0, "checkpoint_every": 0}
+    episodes = [(e.task.heading, e.words, e.path) for part in (trainer.train, trainer.out) for e in part]
+    digest.update(json.dumps([1, settings, trainer.words.words, trainer.world.keys, episodes]).encode())
+    w = trainer.world
+    for array in (w.target, w.heading, w.elevation, w.distance, w.seen, w.features):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+@contextlib.contextmanager
+def _threads(count: int) -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(count or before)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

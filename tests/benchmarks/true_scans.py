@@ -1,0 +1,78 @@
+"""Scans of many built-in buildings without any reconstruction, to train agents on: the graph that the map builder finds
+with a perfect oracle for its criteria, and the 36 views of each viewpoint ray-traced from the building itself.
+
+python -m tests.benchmarks.true_scans OUT [--seeds 101 102 ...] [--width 160]
+
+Writes `connectivity/` and `views/` of the layout that `nvsim export scan` writes, scans called B101 and so on, and
+leaves those that are there. What agents see in them is sharper than any reconstruction, and no edge is false: a scan of
+a project is harder.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+
+from tests.benchmarks.oracle import CAMERA_HEIGHT
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+
+
+@dataclass(frozen=True)
+class Arguments:
+    out: tyro.conf.Positional[Path]
+    seeds: tuple[int, ...] = (101,)
+    width: int = 160
+    """Pixels of a view; it is three quarters as high."""
+
+
+def main() -> None:
+    arguments = tyro.cli(Arguments, description=__doc__)
+    for seed in arguments.seeds:
+        started = time.process_time()
+        viewpoints = write_scan(arguments.out, seed, arguments.width)
+        print(f"B{seed}: {viewpoints} viewpoints, {time.process_time() - started:.0f} s of processor time", flush=True)
+
+
+def write_scan(out: Path, seed: int, width: int) -> int:
+    """The number of viewpoints of the scan; 0 where it is there already."""
+    import cv2
+    from columns import Columns, flat_floor
+
+    from nvsim.building import BuildingConfig
+    from nvsim.building.rendering import render
+    from nvsim.building.scene import make_scene, textures_of
+    from nvsim.building.truth import occupancy
+    from nvsim.files import atomic
+    from nvsim.geometry.view_sweep import sweep
+    from nvsim.graph.connectivity import SUFFIX, write_connectivity
+    from nvsim.mapping.builder import build_map
+    from nvsim.mapping.config import MappingConfig
+
+    scan = f"B{seed}"
+    if (out / "connectivity" / f"{scan}{SUFFIX}").is_file():
+        return 0
+    scene = make_scene(BuildingConfig(seed=seed))
+    textures = textures_of(scene)
+    walk = scene.path[:, :2]
+    cameras = np.column_stack([walk, np.full(len(walk), CAMERA_HEIGHT)])
+    world = Columns(occupancy(scene))
+    graph = build_map(world, cameras, flat_floor, world.support, MappingConfig(), scan=scan).graph
+    nobody = np.empty((0, 5)), np.empty((0, 3))
+    for viewpoint in graph.viewpoints.values():
+        for i, camera in enumerate(sweep(np.array(viewpoint.position), width, width * 3 // 4)):
+            seen = render(camera, scene.solids, textures, *nobody).color
+            image = np.rint(255 * np.clip(seen[..., ::-1], 0, 1)).astype(np.uint8)
+            jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+            atomic.write_bytes(out / "views" / scan / viewpoint.id / f"{i}.jpg", jpeg)
+    write_connectivity(graph, out / "connectivity")
+    return len(graph.viewpoints)
+
+
+if __name__ == "__main__":
+    main()
