@@ -15,11 +15,12 @@ from torch.nn import functional
 from nvsim.r2r.features.trunk import Layer, folded, need_weights, padding, read_weights
 
 MULTIPLE = 32
-FROZEN = 3
-"""Blocks of the trunk that stay as ImageNet made them: edges and colours, and most of the cost of a step."""
+FROZEN = 5
+"""Blocks of the trunk that stay as ImageNet made them: edges, colours and textures, and most of the cost of a step."""
 _TAPS = {2: 24, 4: 40, 10: 112, 14: 192}
 """After which block features are taken, and their channels: of strides 4, 8, 16, 32."""
-_WIDTH = 64
+_WIDTHS = 32, 64, 64, 64
+"""Channels of the pyramid at these strides."""
 
 
 class _Convolution(nn.Module):
@@ -70,8 +71,8 @@ class _Separable(nn.Sequential):
 class _Rays(nn.Sequential):
     """What rays say of a pixel, as features."""
 
-    def __init__(self) -> None:
-        super().__init__(nn.Conv2d(3, 32, 1), nn.ReLU(), nn.Conv2d(32, _WIDTH, 1))
+    def __init__(self, width: int) -> None:
+        super().__init__(nn.Conv2d(3, 24, 1), nn.ReLU(), nn.Conv2d(24, width, 1))
 
 
 class InteriorNetwork(nn.Module):
@@ -86,20 +87,30 @@ class InteriorNetwork(nn.Module):
         stem, blocks, _ = folded(read_weights(need_weights()))
         self.stem = _Convolution(stem)
         self.blocks = nn.ModuleList(_Block(layers) for layers in blocks[: max(_TAPS) + 1])
-        self.lateral = nn.ModuleList(nn.Conv2d(width, _WIDTH, 1) for width in _TAPS.values())
-        self.rays = nn.ModuleList(_Rays() for _ in _TAPS)
-        self.context = nn.Conv2d(_WIDTH, _WIDTH, 1)
-        self.wide = nn.Sequential(_Separable(_WIDTH), _Separable(_WIDTH, 2))
-        self.mixed = nn.ModuleList(nn.Sequential(_Separable(_WIDTH), _Separable(_WIDTH, d)) for d in (2, 1, 1))
-        self.floor = nn.Sequential(_Separable(_WIDTH), nn.Conv2d(_WIDTH, 1, 1))
-        self.normals = nn.Sequential(_Separable(_WIDTH), nn.Conv2d(_WIDTH, 3, 1))
+        fine, wide = _WIDTHS[0], _WIDTHS[-1]
+        self.lateral = nn.ModuleList(nn.Conv2d(c, width, 1) for c, width in zip(_TAPS.values(), _WIDTHS))
+        self.rays = nn.ModuleList(map(_Rays, _WIDTHS))
+        self.context = nn.Conv2d(wide, wide, 1)
+        self.wide = nn.Sequential(_Separable(wide), _Separable(wide, 2))
+        self.mixed = nn.ModuleList(
+            (nn.Sequential(_Separable(wide), _Separable(wide, 2)), _Separable(wide), _Separable(fine))
+        )
+        self.narrow = nn.Conv2d(wide, fine, 1)
+        self.floor = nn.Sequential(nn.Conv2d(fine, fine, 1), nn.ReLU(), nn.Conv2d(fine, 1, 1))
+        self.normals = nn.Sequential(nn.Conv2d(fine, fine, 1), nn.ReLU(), nn.Conv2d(fine, 3, 1))
         for parameter in (*self.stem.parameters(), *self.blocks[:FROZEN].parameters()):
             parameter.requires_grad_(False)
 
     def forward(self, image: Tensor, rays: Tensor) -> tuple[Tensor, Tensor]:
         found = []
-        x = functional.relu6(self.stem(image))
-        for number, block in enumerate(self.blocks):
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=self.training):
+            x = functional.relu6(self.stem(image))
+            for number, block in enumerate(self.blocks[:FROZEN]):
+                x = block(x)
+                if number in _TAPS:
+                    found.append(x.float())
+        x = x.float()
+        for number, block in enumerate(self.blocks[FROZEN:], FROZEN):
             x = block(x)
             if number in _TAPS:
                 found.append(x)
@@ -111,6 +122,7 @@ class InteriorNetwork(nn.Module):
         y = inner[3] + self.context(inner[3].mean((2, 3), keepdim=True))
         y = self.wide(y)
         for features, mixed in zip(inner[2::-1], self.mixed):
+            y = self.narrow(y) if features.shape[1] < y.shape[1] else y
             y = mixed(features + functional.interpolate(y, scale_factor=2.0, mode="bilinear", align_corners=False))
         return self.floor(y), self.normals(y)
 
@@ -129,7 +141,8 @@ def loss(found: tuple[Tensor, Tensor], floor: Tensor, normals: Tensor, known: Te
     normals  (N, 3, H, W), zero where unknown
     known    (N, H, W) float, 1 where the floor label counts
     """
-    logits, directions = (functional.interpolate(f, size=floor.shape[1:], mode="bilinear") for f in found)
+    floor, normals, known = floor[:, 1::2, 1::2], normals[:, :, 1::2, 1::2], known[:, 1::2, 1::2]  # fine enough
+    logits, directions = (functional.interpolate(f, scale_factor=2.0, mode="bilinear") for f in found)
     logits = logits[:, 0]
     entropy = functional.binary_cross_entropy_with_logits(logits, floor, reduction="none")
     entropy = (entropy * known).sum() / known.sum().clamp(min=1)
