@@ -29,10 +29,9 @@ _CHUNK = 50_000
 
 @dataclass(frozen=True, eq=False)
 class CloudLabels:
-    """A cloud and the floor surface that holds around it."""
+    """A cloud, of which what labels take is found once."""
 
     cloud: Cloud
-    surface: FloorSurface
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -55,9 +54,9 @@ class CloudLabels:
         loose = apart > _LOOSE * np.median(apart)
         return np.where(loose, 0, _COVER * apart).astype(np.float32), normals, flat & ~loose
 
-    def of(self, camera: Camera) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def of(self, camera: Camera, surface: FloorSurface) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """(H, W) uint8 FLOOR, OTHER or UNKNOWN, and (H, W, 3) float32 unit normals in the world, towards the camera,
-        zero where unknown, of a camera's image; found at half its size."""
+        zero where unknown, of a camera's image; found at half its size. `surface` is the floor there."""
         k = camera.intrinsics
         small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
         radii, normals, flat = self._shape
@@ -67,7 +66,7 @@ class CloudLabels:
         places = small.position + (depth[rows, columns] / (rays @ small.rotation[:, 2]))[:, None] * rays
         _, index = self._tree.query(places, workers=1)
         facing = normals[index] * -np.sign(np.sum(normals[index] * rays, axis=1, keepdims=True))
-        height = places[:, 2] - self.surface.height_at(places[:, :2])
+        height = places[:, 2] - surface.height_at(places[:, :2])
         said = np.full(len(rows), UNKNOWN, np.uint8)
         said[(np.abs(height) > _STANDING) & (radii[index] > 0)] = OTHER
         said[(np.abs(height) < _LEVEL) & (facing[:, 2] > 0.8)] = FLOOR

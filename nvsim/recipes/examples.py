@@ -40,6 +40,13 @@ def write_shard(path: Path, examples: Sequence[Example]) -> None:
     of the camera turned level times 127, a camera as fx, fy, cx, cy and the nine numbers of its rotation to that frame.
     Raises InputError when the disk refuses."""
     make_folder(path)
+    if examples:
+        _write(path, examples)
+    with replacing(path / "done.json") as temporary:
+        temporary.write_text(json.dumps({"examples": len(examples)}))
+
+
+def _write(path: Path, examples: Sequence[Example]) -> None:
     levels = [level_of(e.camera) for e in examples]
     normals = [np.rint(e.normals @ level.T * 127).astype(np.int8) for e, level in zip(examples, levels)]
     arrays = {
@@ -51,8 +58,6 @@ def write_shard(path: Path, examples: Sequence[Example]) -> None:
     for name, array in arrays.items():
         with replacing(path / f"{name}.npy") as temporary, open(temporary, "wb") as file:
             np.save(file, array)
-    with replacing(path / "done.json") as temporary:
-        temporary.write_text(json.dumps({"examples": len(examples)}))
 
 
 def is_whole(path: Path) -> bool:

@@ -154,4 +154,5 @@ def loss(found: tuple[Tensor, Tensor], floor: Tensor, normals: Tensor, known: Te
     apart = ((1 - cosine) * there).sum() / count
     angle = (torch.acos(cosine.clamp(-0.9999, 0.9999)) * there).sum() / count
     total = entropy + 0.5 * dice + apart + 0.5 * angle
-    return total, {"floor": float(entropy), "dice": float(dice), "degrees": float(torch.rad2deg(angle))}
+    parts = {"floor": entropy, "dice": dice, "degrees": torch.rad2deg(angle)}
+    return total, {name: float(part.detach()) for name, part in parts.items()}
