@@ -41,7 +41,9 @@ def evaluate_project_floor(
     def judged(index: int) -> Judged:
         name, (width, height) = project.need_capture().frames[index].name, known.size(index)
         return Judged(
-            f"{PurePosixPath(name).stem}.png", read_mask(masks[index], width, height), *known.floor(index, width, height)
+            f"{PurePosixPath(name).stem}.png",
+            read_mask(masks[index], width, height),
+            *known.floor(index, width, height),
         )
 
     figures = floor_figures(map(judged, known.frames))

@@ -1,6 +1,6 @@
-"""The models that come with NVSim, and those that the user has installed: a folder NAME with model.toml and its files in the models folder, a TOML with
-its files there, or the names of before there were descriptions (normals.onnx, prompted.encoder.onnx and
-prompted.decoder.onnx)."""
+"""The models that come with NVSim, and those that the user has installed: a folder NAME with model.toml and its files
+in the models folder, a TOML with its files there, or the names of before there were descriptions (normals.onnx,
+prompted.encoder.onnx and prompted.decoder.onnx)."""
 
 from __future__ import annotations
 

@@ -25,6 +25,7 @@ _COVER = 0.75  # half-width of a point's square, in distances to its fourth neig
 _LOOSE = 2.5  # times as far from their neighbours as usual: such points are noise
 _BEHIND = 0.03  # share of the inverse depth: seen between the points of something nearer
 _CHUNK = 50_000
+_Shape = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,9 @@ class CloudLabels:
         return cKDTree(self.cloud.points)
 
     @cached_property
-    def _shape(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-        """Of each point: half-width of its square, metres, 0 where it is noise; normal (N, 3), its sign free; whether it is on a surface."""
+    def _shape(self) -> _Shape:
+        """Of each point: half-width of its square, metres, 0 where it is noise; normal (N, 3), its sign free; whether
+        it is on a surface."""
         points = self.cloud.points
         apart, normals = np.empty(len(points), np.float32), np.empty((len(points), 3), np.float32)
         flat = np.empty(len(points), bool)
@@ -82,8 +84,8 @@ class CloudLabels:
 
 
 def _behind(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) bool, where something nearer lies beside a pixel. On a plane the inverse depth is linear, so that it differs from
-    the greatest around it as much as from the least."""
+    """(H, W) bool, where something nearer lies beside a pixel. On a plane the inverse depth is linear, so that it
+    differs from the greatest around it as much as from the least."""
     inverse = 1 / depth
     around = np.ones((5, 5), np.uint8)
     most, least = cv2.dilate(inverse, around), cv2.erode(inverse, around)

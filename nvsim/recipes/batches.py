@@ -62,7 +62,7 @@ def _cut(
     image = worse(np.ascontiguousarray(image), rng)
     known = floor != UNKNOWN
     return (
-        (image.astype(np.float32).transpose(2, 0, 1) - MEAN) / STD, rays.transpose(2, 0, 1), (floor == 1), 
+        (image.astype(np.float32).transpose(2, 0, 1) - MEAN) / STD, rays.transpose(2, 0, 1), (floor == 1),
         found.transpose(2, 0, 1), known,
     )  # fmt: skip
 
@@ -80,7 +80,7 @@ def _rays(camera: Array, x: Array, y: Array, rng: np.random.Generator) -> Array:
 def worse(image: Array, rng: np.random.Generator) -> Array:
     """(H, W, 3) uint8 of an image (H, W, 3) uint8 under another light, by a worse camera, in a smaller file."""
     rows, columns = image.shape[:2]
-    values = image.astype(np.float32) / 255
+    values: Array = image.astype(np.float32) / 255
     if rng.random() < 0.8:
         values = values ** np.float32(np.exp(rng.normal(0, 0.25)))
         values = values * np.exp(rng.normal(0, 0.25) + rng.normal(0, 0.07, 3)).astype(np.float32)
@@ -100,8 +100,9 @@ def worse(image: Array, rng: np.random.Generator) -> Array:
         values = cv2.blur(values, (length, 1) if rng.random() < 0.7 else (1, length))
     if rng.random() < 0.5:
         values = values + rng.normal(0, rng.uniform(0.004, 0.04), values.shape).astype(np.float32)
-    found = np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)
+    found: Array = np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)
     if rng.random() < 0.35:
         quality = int(rng.integers(20, 90))
-        found = cv2.imdecode(cv2.imencode(".jpg", found, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_COLOR)
+        encoded = cv2.imencode(".jpg", found, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        found = np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR))
     return np.asarray(found, np.uint8)

@@ -62,9 +62,7 @@ def _cut(k: Intrinsics) -> Intrinsics:
     return Intrinsics(columns, rows, k.fx * factor, k.fy * factor, k.cx * factor - left, k.cy * factor - top)
 
 
-def _example(
-    image: NDArray[np.uint8], camera: Camera, labels: CloudLabels, surface: FloorSurface
-) -> Iterator[Example]:
+def _example(image: NDArray[np.uint8], camera: Camera, labels: CloudLabels, surface: FloorSurface) -> Iterator[Example]:
     floor, normals = labels.of(camera, surface)
     if (floor != UNKNOWN).mean() >= _LEAST:
         yield Example(image, floor, normals, camera)

@@ -49,7 +49,7 @@ def write_shard(path: Path, examples: Sequence[Example]) -> None:
 def _write(path: Path, examples: Sequence[Example]) -> None:
     levels = [level_of(e.camera) for e in examples]
     normals = [np.rint(e.normals @ level.T * 127).astype(np.int8) for e, level in zip(examples, levels)]
-    arrays = {
+    arrays: dict[str, NDArray[Any]] = {
         "images": np.stack([e.image for e in examples]),
         "floor": np.stack([e.floor for e in examples]),
         "normals": np.stack(normals),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import io
+import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,10 @@ std = [{std}, {std}, {std}]
 
 [[steps]]
 file = "network"
-inputs = [{{ value = "photo", name = "image", shape = [1, 3, 0, 0] }}, {{ value = "rays", name = "rays", shape = [1, 3, 0, 0] }}]
+inputs = [
+  {{ value = "photo", name = "image", shape = [1, 3, 0, 0] }},
+  {{ value = "rays", name = "rays", shape = [1, 3, 0, 0] }},
+]
 outputs = [{{ value = "{output}", name = "{output}" }}]
 
 [result]
@@ -61,16 +64,15 @@ def export(network: InteriorNetwork, folder: Path) -> Path:
         raise InputError("Writing the network needs the package onnx; run pip install onnx.") from error
     network = network.eval().cpu()
     sides = {2: "height", 3: "width"}
-    buffer = io.BytesIO()
-    with torch.no_grad(), warnings.catch_warnings():
+    with torch.no_grad(), warnings.catch_warnings(), tempfile.TemporaryDirectory() as scratch:
         warnings.simplefilter("ignore")  # the exporter that needs no more packages says that it is old
         examples = torch.zeros(1, 3, 4 * MULTIPLE, 6 * MULTIPLE), torch.zeros(1, 3, 4 * MULTIPLE, 6 * MULTIPLE)
         torch.onnx.export(
-            network, examples, buffer, dynamo=False, opset_version=_OPSET, input_names=["image", "rays"],
+            network, examples, Path(scratch) / NAME, dynamo=False, opset_version=_OPSET, input_names=["image", "rays"],
             output_names=["floor", "normals"],
             dynamic_axes={"image": sides, "rays": sides, "floor": {2: "h", 3: "w"}, "normals": {2: "h", 3: "w"}},
         )  # fmt: skip
-    data = _halved(onnx.load_from_string(buffer.getvalue()), onnx).SerializeToString()
+        data = _halved(onnx.load(Path(scratch) / NAME), onnx).SerializeToString()
     make_folder(folder)
     path = folder / NAME
     write_bytes(path, data)

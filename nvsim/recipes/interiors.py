@@ -114,9 +114,7 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool) -> Iterator[
         yield Camera(Intrinsics.from_fov(columns, rows, np.radians(rng.uniform(45, 100) * columns / SIZE[1])), pose)
 
 
-def _crowd(
-    scene: Scene, camera: Camera, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Capsules (P, 5) and colours (P, 3) of people, bins and columns in front of a camera."""
     level = max((s.floor for s in scene.storeys if s.floor < camera.position[2]), default=0.0)
     capsules, colours = [], []

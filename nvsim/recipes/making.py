@@ -10,13 +10,13 @@ import torch
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Progress, silent
 from nvsim.project.project import Project
+from nvsim.r2r.features.trunk import need_weights
 from nvsim.recipes.captures import name_of, photographs, renders
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
 from nvsim.recipes.exporting import export
 from nvsim.recipes.interiors import interior
 from nvsim.recipes.training import CHECKPOINT, STAGE, train
-from nvsim.r2r.features.trunk import need_weights
 
 _UPRIGHT_EVERY = 5
 """One building in so many is seen in upright images."""

@@ -133,7 +133,9 @@ class InteriorNetwork(nn.Module):
         return [p for p in both if id(p) in trunk], [p for p in both if id(p) not in trunk]
 
 
-def loss(found: tuple[Tensor, Tensor], floor: Tensor, normals: Tensor, known: Tensor) -> tuple[Tensor, dict[str, float]]:
+def loss(
+    found: tuple[Tensor, Tensor], floor: Tensor, normals: Tensor, known: Tensor
+) -> tuple[Tensor, dict[str, float]]:
     """What is wrong with an answer, and its parts: cross entropy and Dice of the floor, and of the normals 1 - cosine
     and half of the angle (radians).
 

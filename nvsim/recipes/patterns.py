@@ -1,4 +1,4 @@
-"""Random looks of surfaces: carpets, planks, tiles, stone and plain paint in any colour, for floors and for all else."""
+"""Random looks of surfaces: carpets, planks, tiles, stone and plain paint in any colour, on floors and on all else."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def paint_floor(plan: Plan, texel: float, rng: Rng) -> tuple[Image, NDArray[np.f
     for _ in range(int(rng.integers(0, 2 + len(plan.rooms)))):
         (r0, c0), patch = _patch(rows, columns, texel, rng, 0.6, 3.0)
         within = image[r0 : r0 + patch.shape[0], c0 : c0 + patch.shape[1]]
-        within[patch] = pattern(*patch.shape, texel, rng)[patch]
+        within[patch] = pattern(patch.shape[0], patch.shape[1], texel, rng)[patch]
         gloss[r0 : r0 + patch.shape[0], c0 : c0 + patch.shape[1]][patch] = 0
     for _ in range(int(rng.integers(0, 2 * len(plan.rooms)))):  # sunlight and shadows
         (r0, c0), patch = _patch(rows, columns, texel, rng, 0.3, 2.0)
@@ -107,7 +107,7 @@ def _carpet(rows: int, columns: int, texel: float, rng: Rng) -> Image:
         size = rng.uniform(0.3, 0.7)
         j, i = _cells(rows, columns, texel, size)
         image *= 1 + rng.uniform(0.02, 0.15) * (((i + j) % 2)[..., None] - 0.5)
-    return image
+    return np.asarray(image, np.float32)
 
 
 def _cells(rows: int, columns: int, texel: float, size: float) -> tuple[Tone, Tone]:
@@ -145,7 +145,8 @@ def _planks_along(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     grain = blotches(rows, columns, (max(0.01 / texel, 1.0), max(0.4 / texel, 1.0)), rng)
     tone = tone + rng.uniform(0.01, 0.08) * grain
     seam = (np.mod(y, width) < rng.uniform(0.002, 0.012))[:, None] | (np.mod(along, 1.0) < 0.006)
-    return _flat(rows, columns, colour(rng)) * (1 + np.where(seam, tone - rng.uniform(0, 0.3), tone)[..., None])
+    tone = np.where(seam, tone - rng.uniform(0, 0.3), tone)
+    return np.asarray(_flat(rows, columns, colour(rng)) * (1 + tone[..., None]), np.float32)
 
 
 def _stone(rows: int, columns: int, texel: float, rng: Rng) -> Image:
@@ -155,14 +156,15 @@ def _stone(rows: int, columns: int, texel: float, rng: Rng) -> Image:
         rough = np.sin(np.asarray(rough) * rng.uniform(2, 6))  # veins
     if rng.random() < 0.3:
         rough = np.where(_noise(rows, columns, 0.02, texel, rng) > 1.2, 2.0, rough)  # chips
-    return _flat(rows, columns, colour(rng)) * (1 + rng.uniform(0.02, 0.15) * np.asarray(rough)[..., None])
+    shade = 1 + rng.uniform(0.02, 0.15) * np.asarray(rough)[..., None]
+    return np.asarray(_flat(rows, columns, colour(rng)) * shade, np.float32)
 
 
 def _stripes(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     y, x = ((np.arange(n) + 0.5) * texel for n in (rows, columns))
     angle, width = rng.choice([0, np.pi / 2, rng.uniform(0, np.pi)]), rng.uniform(0.03, 0.6)
     at = np.mod((np.cos(angle) * x[None, :] + np.sin(angle) * y[:, None]) / width, 1.0)
-    return np.where((at < rng.uniform(0.2, 0.8))[..., None], colour(rng), colour(rng))
+    return np.where((at < rng.uniform(0.2, 0.8))[..., None], colour(rng), colour(rng)).astype(np.float32)
 
 
 def _collage(rows: int, columns: int, texel: float, rng: Rng) -> Image:

@@ -39,7 +39,9 @@ def building() -> tuple[Scene, Seen]:
     return scene, seen
 
 
-def test_they_are_small_and_hold_what_was_described(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch) -> None:
+def test_they_are_small_and_hold_what_was_described(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch
+) -> None:
     monkeypatch.setenv("NVSIM_MODELS", str(tmp_path))
     assert {m.name: m.role for m in bundled()} == {"bundled-floor": "semantic", "bundled-normals": "normals"}
     assert sum(path.stat().st_size for path in FOLDER.glob("*.onnx")) <= 6e6
