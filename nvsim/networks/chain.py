@@ -73,6 +73,11 @@ class Chain:
             else:
                 self._once.append(run)
 
+    @property
+    def takes_rays(self) -> bool:
+        """Whether the model asks for the rays of an image's pixels."""
+        return any("rays" in t.values for step in self.description.steps for t in step.inputs)
+
     def show(self, image: Image, rays: Rays | None = None) -> Shown:
         """Lets the model look at an image (H, W, 3) uint8 RGB; `rays` are asked where the model takes some."""
         values: Values = {"height_width": np.array(image.shape[:2])}
@@ -80,7 +85,7 @@ class Chain:
         for name, preparation in self.images.items():
             prepared, placements[name] = preparation.placed(image)
             values[name] = prepared if preparation.layout == "HWC" else prepared[None]
-        if rays is not None and any("rays" in t.values for step in self.description.steps for t in step.inputs):
+        if rays is not None and self.takes_rays:
             values["rays"] = rays(placements[self.description.result.image])
         for run in self._once:
             self._run(run, values)

@@ -35,6 +35,11 @@ class NormalsNetwork:
         self._chain, self._result = chain, chain.description.result
         self._is_checked = False
 
+    @property
+    def takes_rays(self) -> bool:
+        """Whether it must know the camera of an image, and so cannot see panoramas."""
+        return self._chain.takes_rays
+
     def normals(self, image: Image, camera: Camera) -> Float32:
         """See SurfaceNormals. Raises InputError where the normals of the first image point away from the camera."""
         found = self.seen(image, camera)

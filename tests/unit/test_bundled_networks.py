@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,11 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.evaluation.normals import normal_figures
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.mapping.config import MappingConfig
 from nvsim.networks.installed import bundled, bundled_model, find_model
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.semantic_network import SemanticNetwork
+from nvsim.project.normals_used import check_normals
 
 FOLDER = Path(resources.__file__).parent / "models" / "bundled"
 Seen = list[tuple[Camera, np.ndarray, View]]
@@ -85,6 +88,13 @@ def test_they_know_floor_and_normals_of_the_built_in_building(building: tuple[Sc
 def test_a_network_that_takes_rays_says_that_it_needs_a_camera() -> None:
     with pytest.raises(InputError, match="needs the camera"):
         installed_normals("bundled").seen(np.zeros((48, 64, 3), np.uint8))
+
+
+def test_a_map_of_panoramas_refuses_it() -> None:
+    asked = MappingConfig(criteria=("alpha", "network-normal"), normals_model="bundled")
+    check_normals(asked)
+    with pytest.raises(InputError, match="cannot see panoramas"):
+        check_normals(replace(asked, views="panorama"))
 
 
 def test_the_measurement_says_what_an_image_costs() -> None:

@@ -145,7 +145,7 @@ def test_a_file_that_changed_since_and_an_answer_that_cannot_be_are_said(models:
     assert "is not the file that was described" in capsys.readouterr().out
     assert (
         main(["models", "check", "best"]) == 2
-        and "no model 'best' (installed: good, turned)" in capsys.readouterr().err
+        and "no model 'best' (installed: good, turned, bundled-floor, bundled-normals)" in capsys.readouterr().err
     )
 
 
