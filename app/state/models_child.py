@@ -58,10 +58,10 @@ def _work(folder: Path) -> bytes:
 
         found["added"] = add([Path(path) for path in asked["add"]]).name
     if asked["check"]:
-        from nvsim.networks.installed import installed
+        from nvsim.networks.installed import bundled, installed
         from nvsim.perception.checking import check
 
-        known = {model.name: model for model in installed()[0]}
+        known = {model.name: model for model in (*installed()[0], *bundled())}
         found["checked"] = {name: asdict(check(known[name])) for name in asked["check"] if name in known}
     found["catalogue"] = catalogue().as_dict()
     return json.dumps(found).encode()

@@ -6,6 +6,7 @@ where the half space above a point is obstructed (ambient occlusion), which also
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import cv2
@@ -15,11 +16,13 @@ from numpy.typing import NDArray
 
 from nvsim.building.flooring import paint_floor
 from nvsim.building.painting import Image, paint_face
-from nvsim.building.plan import HEIGHT, Storey
+from nvsim.building.plan import HEIGHT, Plan, Storey
 from nvsim.building.raycast import Solids, normal, trace
-from nvsim.building.solids import BOTTOM, TOP, Box
+from nvsim.building.solids import BOTTOM, TOP, Box, Paint
 
 LEVELS = 6
+FloorPainter = Callable[[Plan, float, np.random.Generator], tuple[Image, NDArray[np.float32]]]
+FacePainter = Callable[[Paint, tuple[float, float], float, float, float, np.random.Generator], Image]
 _FLOOR_TEXEL, _WALL_TEXEL, _FINE_TEXEL, _CEILING_TEXEL, _LIGHT_TEXEL = 0.01, 0.015, 0.0125, 0.04, 0.1
 _AMBIENT = 0.8
 _LAMP = 0.3  # half the side of a lamp panel, metres
@@ -54,12 +57,27 @@ def lamp_places(storey: Storey) -> NDArray[np.float64]:
     return np.array(places)
 
 
-def bake(storeys: tuple[Storey, ...], boxes: list[Box], solids: Solids, rng: np.random.Generator) -> Textures:
+class Painters(NamedTuple):
+    """Who decides how floors and faces of boxes look, see `flooring.paint_floor` and `painting.paint_face`."""
+
+    floor: FloorPainter = paint_floor
+    face: FacePainter = paint_face
+
+
+def bake(
+    storeys: tuple[Storey, ...],
+    boxes: list[Box],
+    solids: Solids,
+    rng: np.random.Generator,
+    painters: Painters = Painters(),  # noqa: B008  (a tuple cannot change)
+) -> Textures:
     """Paints and lights every surface."""
     places = _places(storeys, boxes)
-    floors = [paint_floor(s.plan, _FLOOR_TEXEL, rng) for s in storeys]
+    floors = [painters.floor(s.plan, _FLOOR_TEXEL, rng) for s in storeys]
     bases = [_base(box, storeys) for box in boxes]
-    albedos = [_albedo(boxes[s // 6], s % 6, places[s], bases[s // 6], rng) for s in range(6 * len(boxes))]
+    albedos = [
+        _albedo(boxes[s // 6], s % 6, places[s], bases[s // 6], rng, painters.face) for s in range(6 * len(boxes))
+    ]
     ground = len(albedos)
     extent = storeys[0].plan.extent
     rows, columns = round(extent.y1 / _CEILING_TEXEL), round(extent.x1 / _CEILING_TEXEL)
@@ -128,11 +146,13 @@ def _places(storeys: tuple[Storey, ...], boxes: list[Box]) -> list[_Place]:
     return places
 
 
-def _albedo(box: Box, face: int, place: _Place, base: float, rng: np.random.Generator) -> Image | None:
+def _albedo(
+    box: Box, face: int, place: _Place, base: float, rng: np.random.Generator, paint: FacePainter
+) -> Image | None:
     if place.hidden:
         return None
     at = place.corner[place.axes[0]], place.corner[place.axes[1]] - (base if place.axes[1] == 2 else 0.0)
-    return paint_face(box.face_paint(face), at, place.extent[0], place.extent[1], place.texel, rng)
+    return paint(box.face_paint(face), at, place.extent[0], place.extent[1], place.texel, rng)
 
 
 def _light(places: list[_Place], solids: Solids, lamps: NDArray[np.float64]) -> list[NDArray[np.float32]]:

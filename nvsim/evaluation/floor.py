@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 
@@ -24,17 +25,38 @@ def evaluate_floor(pairs: Sequence[tuple[Path, Path]]) -> dict[str, Any]:
     """
     from nvsim.perception.segment import read_mask
 
+    def masks() -> Iterator[Judged]:
+        for mask, truth in pairs:
+            expected = read_mask(truth)
+            height, width = expected.shape
+            yield Judged(truth.name, read_mask(mask, width, height), expected)
+
+    return floor_figures(masks())
+
+
+class Judged(NamedTuple):
+    """A mask and its truth, (H, W) bool, and which of their pixels count."""
+
+    name: str
+    found: NDArray[np.bool_]
+    expected: NDArray[np.bool_]
+    known: NDArray[np.bool_] | None = None
+
+
+def floor_figures(masks: Iterable[Judged]) -> dict[str, Any]:
+    """As `evaluate_floor`, of masks in memory. Raises InputError where there is none."""
     rows: list[dict[str, Any]] = []
     true_positive = claimed = actual = 0
     elsewhere: list[float] = []
-    for mask, truth in pairs:
-        expected = read_mask(truth)
-        height, width = expected.shape
-        found = read_mask(mask, width, height)
+    for name, found, expected, known in masks:
+        if known is not None:
+            if not known.any():
+                continue
+            found, expected = found[known], expected[known]
         both, either = int((found & expected).sum()), int((found | expected).sum())
         share = float(expected.mean())
         counts = share >= _LEAST_FLOOR
-        rows.append({"name": truth.name, "floor": share, "iou": both / either if either else 1.0, "counts": counts})
+        rows.append({"name": name, "floor": share, "iou": both / either if either else 1.0, "counts": counts})
         if counts:
             true_positive, claimed, actual = (
                 true_positive + both,

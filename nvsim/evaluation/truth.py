@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,23 +40,6 @@ def truth_of(project: Project, truth: Path | None) -> Path | None:
     if truth is not None and not truth.is_dir():
         raise InputError(f"{truth} is not a folder; name the folder that holds floor/ masks with --truth DIR.")
     return truth or (project.layout.ground_truth if project.layout.ground_truth.is_dir() else None)
-
-
-def evaluate_project_floor(project: Project, truth: Path | None) -> dict[str, Any]:
-    """The floor figures of the masks that the machine found, without a user's corrections; also kept as the project's
-    result "floor" where it can be written."""
-    from nvsim.evaluation.floor import evaluate_floor
-
-    folder = truth_folder(project, truth)
-    frames = project.need_capture().frames
-    pairs = {i: true_mask(folder, "floor", f.name) for i, f in enumerate(frames)}
-    found = [(project.layout.mask(i), p) for i, p in pairs.items() if p is not None]
-    if not found:
-        raise InputError(f"{folder} has no mask for any frame (looked for floor/{Path(frames[0].name).stem}.png).")
-    missing = next((m for m, _ in found if not m.is_file()), None)
-    if missing is not None:
-        raise InputError(f"{missing} is missing; run `nvsim floors --project` first.")
-    return evaluate_floor(found)
 
 
 def true_maps(

@@ -17,7 +17,7 @@ from nvsim.files.reading import as_reading_error
 from nvsim.files.regular import is_regular, opened
 from nvsim.networks.description import Description, File
 from nvsim.networks.folder import models_folder
-from nvsim.networks.installed import DESCRIPTION, Model, model_at, signature_of
+from nvsim.networks.installed import BUNDLED, DESCRIPTION, Model, model_at, signature_of
 from nvsim.networks.ready import fitting, read_description, ready
 
 _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
@@ -103,6 +103,8 @@ def _install(
 ) -> Model:
     if not name or not set(name) <= _LETTERS or name.startswith(".") or len(name) > 80:
         raise InputError(f"A model cannot be called {name!r:.80}; use letters, digits, - and . (--name NAME).")
+    if name.startswith(BUNDLED):
+        raise InputError(f"{name} is what models that come with NVSim are called; choose another --name.")
     folder = models_folder()
     target = folder / name
     if target.exists() and not replace:

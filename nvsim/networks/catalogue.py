@@ -10,7 +10,7 @@ from typing import Any, get_args
 from nvsim.files.regular import is_regular
 from nvsim.networks.description import Role
 from nvsim.networks.folder import models_folder
-from nvsim.networks.installed import Model, installed
+from nvsim.networks.installed import Model, bundled, installed
 from nvsim.networks.ready import ready
 from nvsim.networks.roles import IMPROVES, ROLE_WORDS, SINGLE_FILES
 
@@ -69,7 +69,7 @@ def catalogue() -> Catalogue:
     played = {model.role for model in models}
     return Catalogue(
         models_folder(),
-        (*map(_listed, models), *_single_files()),
+        (*map(_listed, (*models, *bundled())), *_single_files()),
         tuple(problems),
         tuple(Lacking(ROLE_WORDS[r], IMPROVES[r], _known(r)) for r in roles if r not in played),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.networks.binding import Bound, bind, words
-from nvsim.networks.description import Constant, Description, Step
+from nvsim.networks.description import OF_PROMPTS, Constant, Description, Step
 from nvsim.networks.diffusion import Ddim
 from nvsim.networks.onnx_session import TYPES, Node, Provider, providers, session, signature
 from nvsim.networks.preparing import Image, Placement, Preparation
 
 Values = dict[str, NDArray[Any]]
 _MOST = 4096  # pixels of a side
-_OF_PROMPTS = ("points", "labels")
+Rays = Callable[[Placement], NDArray[np.float32]]
+"""Gives (1, 3, rows, columns) of a network's image, see `description.GIVEN`."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Chain:
         # What depends on a prompt runs once for each, the rest once for an image.
         self._once: list[_Run] = []
         self._each: list[_Run] = []
-        prompted = set(_OF_PROMPTS)
+        prompted = set(OF_PROMPTS)
         for run in runs:
             if any(prompted.intersection(b.tensor.values) for b in run.inputs):
                 prompted |= {v for b in run.outputs for v in b.tensor.values}
@@ -72,13 +73,20 @@ class Chain:
             else:
                 self._once.append(run)
 
-    def show(self, image: Image) -> Shown:
-        """Lets the model look at an image (H, W, 3) uint8 RGB."""
+    @property
+    def takes_rays(self) -> bool:
+        """Whether the model asks for the rays of an image's pixels."""
+        return any("rays" in t.values for step in self.description.steps for t in step.inputs)
+
+    def show(self, image: Image, rays: Rays | None = None) -> Shown:
+        """Lets the model look at an image (H, W, 3) uint8 RGB; `rays` are asked where the model takes some."""
         values: Values = {"height_width": np.array(image.shape[:2])}
         placements = {}
         for name, preparation in self.images.items():
             prepared, placements[name] = preparation.placed(image)
             values[name] = prepared if preparation.layout == "HWC" else prepared[None]
+        if rays is not None and self.takes_rays:
+            values["rays"] = rays(placements[self.description.result.image])
         for run in self._once:
             self._run(run, values)
         return Shown(image, values, placements)
@@ -133,6 +141,8 @@ class Chain:
         if name in values:
             return values[name]
         constant = self.description.constants.get(name)
+        if constant is None and name == "rays":
+            raise InputError(f"{self.description.title} needs the camera of an image; ask it about one with a pose.")
         if constant is None:
             raise InputError(f"{name} is not known before it is needed; correct the order of the steps.")
         return _constant(constant, values, node)

@@ -12,10 +12,14 @@ Role = Literal["semantic", "normals", "prompted"]
 Meaning = Literal["logits", "probabilities", "labels"]
 Direction = Literal["right", "left", "down", "up", "forward", "backward"]
 Kind = Literal["", "float", "int"]
+Frame = Literal["camera", "level"]
 
-GIVEN = ("points", "labels", "height_width", "timestep")
-"""Values that a model is given beside its images: points and labels of a prompt, the image's height and width, and the
-step of a scheduler."""
+GIVEN = ("points", "labels", "height_width", "timestep", "rays")
+"""Values that a model is given beside its images: points and labels of a prompt, the image's height and width, the step
+of a scheduler, and (1, 3, rows, columns) the rays of the pixels of the result's image: unit vectors right, down and
+forward of the camera turned level."""
+
+OF_PROMPTS = ("points", "labels")
 
 
 @dataclass(frozen=True)
@@ -131,6 +135,7 @@ class FloorResult:
 @dataclass(frozen=True)
 class NormalsResult:
     """axes    where the output's first, second and third number point, for a camera that looks forward
+    frame   "level" where they are those of the camera turned level
     halved  whether the output is (n + 1) / 2
     there   the value that is below `least` where there is no surface, "" where there is none
     """
@@ -142,6 +147,7 @@ class NormalsResult:
     halved: bool = False
     there: str = ""
     least: float = 0.5
+    frame: Frame = "camera"
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""The models that the user has installed: a folder NAME with model.toml and its files in the models folder, a TOML with
-its files there, or the names of before there were descriptions (normals.onnx, prompted.encoder.onnx and
-prompted.decoder.onnx)."""
+"""The models that come with NVSim, and those that the user has installed: a folder NAME with model.toml and its files
+in the models folder, a TOML with its files there, or the names of before there were descriptions (normals.onnx,
+prompted.encoder.onnx and prompted.decoder.onnx)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nvsim.networks.folder import models_folder
 from nvsim.networks.old_normals import values_of_old
 from nvsim.networks.onnx_session import Provider, Signature, session, signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.ready import fitting, read_description, ready
+from nvsim.networks.ready import FOLDER, fitting, read_description, ready
 from nvsim.networks.roles import ROLE_WORDS
 from nvsim.networks.toml_table import LARGEST, parsed
 
@@ -27,6 +27,9 @@ OLD: dict[str, tuple[Role, tuple[str, ...]]] = {
     "prompted": ("prompted", ("prompted.encoder.onnx", "prompted.decoder.onnx")),
 }
 """Names of before there were descriptions: role and files."""
+BUNDLED = "bundled"
+"""What the model of a role that comes with NVSim is called where the role is known."""
+_OURS: dict[str, Role] = {"bundled-floor": "semantic", "bundled-normals": "normals"}
 
 
 @dataclass(frozen=True)
@@ -122,14 +125,30 @@ def model_at(path: Path) -> Model:
     return Model(name, description.role, path.parent, path, description, files)
 
 
+def bundled() -> list[Model]:
+    """The models that come with NVSim: descriptions in `resources/models/bundled`, called as their roles are."""
+    found = []
+    for name, role in _OURS.items():
+        path = FOLDER / BUNDLED / f"{role}.toml"
+        if is_regular(path):
+            found.append(replace(model_at(path), name=name))
+    return found
+
+
+def bundled_model(role: Role) -> Model | None:
+    """The one of a role, None where none comes with NVSim."""
+    return next((model for model in bundled() if model.role == role), None)
+
+
 def models_of(role: Role) -> list[Model]:
     """The installed models of a role, those without a description last."""
     return sorted((m for m in installed()[0] if m.role == role), key=lambda m: (m.description is None, m.name))
 
 
 def find_model(role: Role, name: str = "") -> Model | None:
-    """The model of a role by its name; without one the first there is, None where there is none. Raises InputError
-    where none has that name, and for an installed model that makes no sense where it could be meant."""
+    """The model of a role by its name, "bundled" for the one that comes with NVSim; without a name the first that is
+    installed, None where there is none. Raises InputError where none has that name, and for an installed model that
+    makes no sense where it could be meant."""
     models, problems = installed()
     fitting_role = models_of(role)
     if not name:
@@ -138,15 +157,18 @@ def find_model(role: Role, name: str = "") -> Model | None:
                 if OLD["prompted"][1][0] in problem or OLD["prompted"][1][1] in problem:
                     raise InputError(problem)
         return fitting_role[0] if fitting_role else None
-    for model in fitting_role:
-        if model.name == name:
+    ours = bundled()
+    for model in (*fitting_role, *(m for m in ours if m.role == role)):
+        if name in (model.name, BUNDLED if model in ours else model.name):
             return model
-    other = next((m for m in models if m.name == name), None)
+    other = next((m for m in (*models, *ours) if m.name == name), None)
     if other is not None:
         raise InputError(f"{name} is a model of {ROLE_WORDS[other.role]}, not of {ROLE_WORDS[role]}.")
     broken = next((p for p in problems if f"{name}/" in p or f"{name}.toml" in p), "")
     if broken:
         raise InputError(broken)
+    if name == BUNDLED:
+        raise InputError(f"No network of {ROLE_WORDS[role]} comes with NVSim; name an installed one, or geometry.")
     there = ", ".join(m.name for m in fitting_role) or "none"
     raise InputError(
         f"There is no model {name!r:.60} of {ROLE_WORDS[role]} in {models_folder()} (installed: {there}); add it with "

@@ -9,11 +9,13 @@ from typing import Any, TypeVar, get_args
 from nvsim.errors import InputError
 from nvsim.networks.description import (
     GIVEN,
+    OF_PROMPTS,
     Constant,
     Description,
     Direction,
     File,
     FloorResult,
+    Frame,
     Kind,
     MaskResult,
     Meaning,
@@ -154,6 +156,7 @@ def _result(table: Table, role: Role) -> Result:
         result = NormalsResult(
             value, image, _axes(table), _channels_last(table), table.flag("halved", False),
             table.word("there", ""), table.number("least", NormalsResult.least),
+            table.one_of("frame", get_args(Frame), NormalsResult.frame),
         )  # fmt: skip
     else:
         classes = table.whole("classes", 100_000, 1)
@@ -189,7 +192,8 @@ def _check(d: Description, path: Path) -> None:
     if not d.files or not d.images or not d.steps:
         missing = "files" if not d.files else "images" if not d.images else "steps"
         raise InputError(f"{path}: {missing} is missing; a description says files, images, steps and result.")
-    known = (*d.images, *d.constants, *(GIVEN if d.role == "prompted" else GIVEN[2:]))
+    given = [name for name in GIVEN if (name not in OF_PROMPTS if d.role != "prompted" else name != "rays")]
+    known = (*d.images, *d.constants, *given)
     for constant in d.constants.values():
         if constant.like:  # made of a value when that is there
             need(constant.like, tuple(v for s in d.steps for t in s.outputs for v in t.values), "the value")

@@ -40,7 +40,8 @@ class GeometricConfig:
     level         a pixel whose own depth differs by less than this share from that of the floor shows floor,
     before        and one that is nearer by more than this share something before it
     glimpses      views from which the floor's looks are learnt, at most
-    filled        probability by a network from which on what nothing hides and nothing confirms is floor
+    filled        probability by a network from which on what nothing hides and nothing confirms is floor,
+    filled_thin   and the same where the cloud is of images: bare floor has few points there
     """
 
     clearance: float = 0.05
@@ -56,6 +57,7 @@ class GeometricConfig:
     before: float = 0.05
     glimpses: int = 160
     filled: float = 0.9
+    filled_thin: float = 0.5
     appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
     glass: GlassConfig = GlassConfig()
@@ -136,7 +138,8 @@ class GeometricFloor:
             floor |= self._appearance.shining_through(view, seen.hidden)
         if looks is not None and self.knows_floor:
             small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
-            floor |= seen.unsure & ~before & (small > self.config.filled)
+            sure = self.config.filled if depth is None else self.config.filled_thin
+            floor |= seen.unsure & ~before & (small > sure)
         mask = refine(floor, seen.scale, image, self.config.refine)
         if depth is None or self._appearance is None:
             return FloorMask(mask, mask)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.level import level_of
 from nvsim.networks.chain import Chain
 from nvsim.networks.description import Direction, NormalsResult
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import Model, find_model
+from nvsim.perception.placed_rays import placed_rays
 from nvsim.perception.roles import Float32, Image
 
 _SIGNS: dict[Direction, tuple[int, int]] = {
@@ -32,18 +35,24 @@ class NormalsNetwork:
         self._chain, self._result = chain, chain.description.result
         self._is_checked = False
 
+    @property
+    def takes_rays(self) -> bool:
+        """Whether it must know the camera of an image, and so cannot see panoramas."""
+        return self._chain.takes_rays
+
     def normals(self, image: Image, camera: Camera) -> Float32:
         """See SurfaceNormals. Raises InputError where the normals of the first image point away from the camera."""
-        found = self.seen(image)
+        found = self.seen(image, camera)
         if not self._is_checked:
             self._check(found, camera)
             self._is_checked = True
         return np.asarray(found @ camera.rotation.T.astype(np.float32), np.float32)
 
-    def seen(self, image: Image) -> Float32:
+    def seen(self, image: Image, camera: Camera | None = None) -> Float32:
         """(H, W, 3) float32, unit length, in the camera's frame (x right, y down, z forward), out of the surface
-        towards the camera; zero where the network sees none. `image` (H, W, 3) uint8 RGB."""
-        shown = self._chain.show(image)
+        towards the camera; zero where the network sees none. `image` (H, W, 3) uint8 RGB. Raises InputError without a
+        camera where the network takes its rays."""
+        shown = self._chain.show(image, None if camera is None else partial(placed_rays, camera))
         place, said = shown.placements[self._result.image], self._result
         planes = self._planes(self._chain.value(shown.values, said.value))
         if said.halved:
@@ -53,6 +62,8 @@ class NormalsNetwork:
             axis, sign = _SIGNS[direction]
             turned[axis] = sign * plane
         normals = np.moveaxis(place.back(turned), 0, -1)
+        if said.frame == "level" and camera is not None:
+            normals = np.asarray(normals @ (level_of(camera) @ camera.rotation).astype(np.float32))
         length = np.linalg.norm(normals, axis=-1, keepdims=True)
         found = np.where(length > 1e-3, normals / np.maximum(length, 1e-3), 0).astype(np.float32)
         if said.there and said.there in shown.values:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.networks.chain import Chain, Values
 from nvsim.networks.description import FloorResult
 from nvsim.networks.preparing import Placement
+from nvsim.perception.placed_rays import placed_rays
 from nvsim.perception.roles import Float32, Image
 
 
@@ -22,7 +25,7 @@ class SemanticNetwork:
 
     def floor_probability(self, image: Image, camera: Camera) -> Float32:
         """See SemanticFloor."""
-        shown = self._chain.show(image)
+        shown = self._chain.show(image, partial(placed_rays, camera))
         found = self._chain.value(shown.values, self._result.value)
         place = shown.placements[self._result.image]
         if self._result.meaning == "labels":

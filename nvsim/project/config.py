@@ -23,7 +23,8 @@ class FloorsConfig:
     hybrid: the paper's three roles, by networks where some are installed; auto: by the capture and what is installed,
     the first two where a scan or depth shows what stands there."""
     semantic: str = "auto"
-    """Who knows floor by its looks: a model's name (nvsim models), geometry, or auto for one that is installed."""
+    """Who knows floor by its looks: a model's name (nvsim models; bundled is NVSim's own), geometry, or auto for one
+    that is installed."""
     normals: str = "auto"
     """Who knows which way surfaces face in the hybrid: a model's name, geometry, or auto."""
     prompted: str = "auto"

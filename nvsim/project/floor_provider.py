@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.networks.description import Role
-from nvsim.networks.installed import Model, find_model
+from nvsim.networks.installed import Model, bundled_model, find_model
 from nvsim.project.config import FloorsConfig
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ROLES: tuple[Role, ...] = ("semantic", "normals", "prompted")
 GEOMETRY, AUTO = "geometry", "auto"
-_VERSION = 1  # of the hybrid; raised when the same inputs give something else
+_VERSION = 2  # of fused and hybrid; raised when the same inputs give something else
 _PLAYED_BY_GEOMETRY: dict[Role, str] = {
     "semantic": "the floor's known looks", "normals": "the cloud", "prompted": "growing over the normals",
 }  # fmt: skip
@@ -126,9 +126,12 @@ class Hybrid:
         )  # fmt: skip
 
 
-def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvider:
+def choose(
+    config: FloorsConfig, scan: Callable[[], Cloud | None], of_images: Callable[[], bool] = lambda: False
+) -> FloorProvider:
     """Who finds the floor of a capture; `scan` gives its scan, or the cloud of its images, and is asked where it
-    matters.
+    matters, as is `of_images`, whether it is that. There `auto` takes the network that comes with NVSim, where no other
+    is installed; beside a scan geometry alone measured as good.
 
     Raises InputError for a role's name that is not installed, and for one that the named provider does not ask.
     """
@@ -144,11 +147,13 @@ def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvi
     if config.provider == "hybrid" or named.keys() & {"normals", "prompted"}:
         models = _models(config, ROLES)
         return FloorProvider("hybrid", models, "" if models else "no networks are installed; geometry alone is better")
-    looks = _models(config, ("semantic",))
+    looks = _models(config, ("semantic",), config.provider == "fused")
     if config.provider == "fused":
         if not looks:
             raise InputError("No network of looks is installed to be fused with geometry; `nvsim models` lists some.")
         return FloorProvider("fused", looks)
+    if not looks and of_images():
+        looks = _models(config, ("semantic",), True)
     if not looks:
         return FloorProvider("geometry", {}, "no network of looks is installed")
     cloud = scan()
@@ -160,12 +165,15 @@ def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvi
     return FloorProvider("hybrid", models, "nothing but networks shows what stands on the floor")
 
 
-def _models(config: FloorsConfig, roles: tuple[Role, ...]) -> dict[Role, Model]:
-    """The installed models of the roles. Raises InputError for a name that none of them has."""
+def _models(config: FloorsConfig, roles: tuple[Role, ...], ours: bool = False) -> dict[Role, Model]:
+    """The installed models of the roles; with `ours` that which comes with NVSim where there is none. Raises InputError
+    for a name that none of them has."""
     found: dict[Role, Model] = {}
     for role in roles:
         name = getattr(config, role)
         model = None if name == GEOMETRY else find_model(role, "" if name == AUTO else name)
+        if model is None and name == AUTO and ours:
+            model = bundled_model(role)
         if model is not None:
             found[role] = model
     return found

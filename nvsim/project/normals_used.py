@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from nvsim.errors import InputError
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
@@ -16,9 +17,15 @@ KEY = "network"
 
 
 def check_normals(config: MappingConfig) -> None:
-    """Raises InputError where the criteria ask for a network of normals and none is installed, or it is none."""
+    """Raises InputError where the criteria ask for a network of normals and none is installed, it is none, or it cannot
+    see the views."""
     if NETWORK_NORMAL in config.criteria:
-        installed_normals(config.normals_model)
+        network = installed_normals(config.normals_model)
+        if config.views == "panorama" and network.takes_rays:
+            raise InputError(
+                f"{config.normals_model or 'The network of normals'} takes the rays of a camera and cannot see "
+                "panoramas; leave --views panorama out, or name another --normals-model."
+            )
 
 
 def network_of(config: MappingConfig) -> str:

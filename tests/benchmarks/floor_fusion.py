@@ -1,9 +1,12 @@
 """Floor masks by geometry, by a network of looks alone, by both fused and by the hybrid, with the scan as it is and as
 scans may be: with holes in the floor, without things that stand there, and thin.
 
-python -m tests.benchmarks.floor_fusion PROJECT --semantic NAME [--truth DIR] [--every 1]
+python -m tests.benchmarks.floor_fusion PROJECT --semantic NAME [--normals NAME] [--truth DIR | --judge PROJECT]
+    [--every 1] [--as-it-is]
 
-Nothing in the project changes. NAME is an installed model (`nvsim models`).
+Nothing in the project changes. NAME is an installed model (`nvsim models`), or bundled. Without a network of normals
+the hybrid takes those of the cloud. `--judge` names a project of the same walk whose scan is dense: what it says for
+certain is the truth, also for a project of the images alone. `--as-it-is` leaves the worse scans out.
 """
 
 from __future__ import annotations
@@ -21,18 +24,20 @@ from nvsim.capture.images import read_image
 from nvsim.capture.types import Cloud
 from nvsim.cli import show
 from nvsim.errors import InputError
-from nvsim.evaluation.truth import true_mask, truth_folder
+from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.fused import FusedFloor
 from nvsim.perception.geometric_roles import CloudNormals
 from nvsim.perception.hybrid import HybridFloor
+from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.regions import RegionGrowing
 from nvsim.perception.roles import Float32, Mask
-from nvsim.perception.segment import SegmentConfig, learnt_floor, read_mask
+from nvsim.perception.segment import SegmentConfig, learnt_floor
 from nvsim.perception.semantic_network import SemanticNetwork
 from nvsim.project.config import FloorsConfig
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
+from nvsim.project.scan import depth_maps
 from nvsim.project.work import lacks
 
 _RADIUS, _APART = 0.7, 2.0  # metres: of a hole, and between holes, about
@@ -43,7 +48,10 @@ _LOW, _HIGH = 0.05, 1.0  # metres above the floor: what stands there
 class Arguments:
     project: tyro.conf.Positional[Path]
     semantic: str
+    normals: str = "geometry"
     truth: Path | None = None
+    judge: Path | None = None
+    as_it_is: bool = False
     every: int = 1
     """Every how many frames one is looked at."""
 
@@ -80,8 +88,22 @@ class Remembered:
         return self._seen[key]
 
 
+class RememberedNormals:
+    """The same of a role of normals."""
+
+    def __init__(self, network: NormalsNetwork) -> None:
+        self._network, self._seen = network, dict[bytes, Float32]()
+
+    def normals(self, image, camera):  # type: ignore[no-untyped-def]
+        key = camera.camera_to_world.tobytes()
+        if key not in self._seen:
+            self._seen[key] = self._network.normals(image, camera).astype(np.float16)
+        return self._seen[key].astype(np.float32)
+
+
 def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str]:
-    """Mean IoU over frames with 1 % of true floor, precision and recall over all their pixels."""
+    """Mean IoU over frames with 1 % of true floor, precision and recall over all their pixels; of pixels (N,) that
+    count."""
     counted = [(m, t) for m, t in pairs if t.mean() >= 0.01]
     hits = sum(int((m & t).sum()) for m, t in counted)
     found, true = (sum(int(pair[k].sum()) for pair in counted) for k in (0, 1))
@@ -91,41 +113,52 @@ def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str]:
 
 def main() -> None:
     arguments = tyro.cli(Arguments, description=__doc__)
-    models = choose(FloorsConfig("fused", semantic=arguments.semantic), lambda: None).models
+    a = arguments
+    models = choose(FloorsConfig("fused", semantic=a.semantic), lambda: None).models
     looks = Remembered(SemanticNetwork(models["semantic"].open()))
-    with Project.open(arguments.project) as project:
+    faces = None if a.normals == "geometry" else RememberedNormals(installed_normals(a.normals))
+    with Project.open(a.project) as project, Project.open(a.judge or a.project) as judge:
         capture, scan, submaps = project.need_capture(), project.scan(), project.need_submaps()
-        truth = truth_folder(project, arguments.truth)
+        truth, depths = frame_truth(judge, a.truth, a.judge is not None), depth_maps(project)
         if scan is None:
-            raise InputError(f"{arguments.project} has no scan; choose a project with one.")
+            raise InputError(f"{a.project} has no scan; choose a project with one.")
         surfaces: dict[int, FloorSurface] = {}
         for submap in submaps:
             surface = project.surface(submap.index)
             if surface is None:
-                raise lacks(arguments.project, "floors")
+                raise lacks(a.project, "floors")
             surfaces[submap.index] = surface
-        frames = range(0, len(capture.frames), arguments.every)
-        true = {i: true_mask(truth, "floor", capture.frames[i].name) for i in frames}
+        frames = range(0, len(capture.frames), a.every)
+        true = set(frames) & set(truth.frames)
         rows = []
         for name, cloud in worlds(scan, surfaces[submaps[0].index]):
+            if a.as_it_is and rows:
+                break
             found: dict[str, list[tuple[Mask, Mask]]] = {}
             for submap in submaps:
                 whole = replace(capture, cloud=cloud)
                 floor, calm = learnt_floor(whole, list(submap.core), surfaces[submap.index], SegmentConfig())
-                hybrid = HybridFloor(looks, CloudNormals(floor, calm), RegionGrowing())
+                hybrid = HybridFloor(looks, faces or CloudNormals(floor, calm), RegionGrowing())
                 providers = {"geometry": floor, "fused": FusedFloor(floor, looks), "hybrid": hybrid}
                 for i in submap.core:
-                    if (path := true.get(i)) is None:
+                    if i not in true:
                         continue
                     frame = capture.frames[i]
                     size = frame.intrinsics.within(SegmentConfig().longest_side)
                     camera, image = frame.camera.scaled(size.width, size.height), read_image(frame, size)
-                    right = read_mask(path, size.width, size.height)
+                    right, known = truth.floor(i, size.width, size.height)
+                    depth = None if depths is None else depths(i)
                     for who, provider in providers.items():
-                        found.setdefault(who, []).append((provider.segment(camera, image).mask, right))
-                    found.setdefault("network alone", []).append((looks.floor_probability(image, camera) > 0.5, right))
+                        found.setdefault(who, []).append(
+                            (provider.segment(camera, image, depth).mask[known], right[known])
+                        )
+                    mask = looks.floor_probability(image, camera) > 0.5
+                    found.setdefault("network alone", []).append((mask[known], right[known]))
+                    if faces is not None:
+                        flat = faces.normals(image, camera)[..., 2] >= 0.9
+                        found.setdefault("normals alone", []).append((flat[known], right[known]))
             rows += [(name, who, *scores(pairs)) for who, pairs in found.items()]
-    show.table(("scan", "masks by", "IoU", "precision", "recall"), rows, arguments.project.name)
+    show.table(("scan", "masks by", "IoU", "precision", "recall"), rows, a.project.name)
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def choose(page: ModelsWindow, name: str) -> str:
 
 def test_what_is_known_says_where_it_comes_from_and_cannot_be_tried(page: ModelsWindow, tmp_path: Path) -> None:
     assert str(tmp_path / "models") in page.folder.text()
-    assert rows(page)["moge-2"] == "not installed" and rows(page)["no network yet"] == ""
+    assert rows(page)["moge-2"] == "not installed" and rows(page)["bundled-floor"] == "installed"
     words = choose(page, "segformer-ade20k")
     assert "research and evaluation only" in words and "huggingface.co" in words and "Would improve" in words
     assert not page.check_button.isEnabled() and "Choose a model that is installed" in page.check_button.toolTip()

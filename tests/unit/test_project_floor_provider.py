@@ -174,6 +174,21 @@ def dense() -> Cloud:
     return Cloud(np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]).astype(np.float32))
 
 
+def test_auto_takes_the_bundled_network_for_images_alone_and_leaves_it_out_beside_a_scan(models: Path) -> None:
+    auto = FloorsConfig()
+    of_images = choose(auto, dense, lambda: True)
+    assert of_images.how == "fused" and of_images.models["semantic"].name == "bundled-floor"
+    assert choose(auto, dense).how == "geometry", "a scan of its own"
+    assert choose(FloorsConfig(semantic="geometry"), dense, lambda: True).how == "geometry"
+    assert choose(FloorsConfig("fused"), dense).summary == {"provider": "fused", "semantic": "bundled-floor"}
+    named = choose(FloorsConfig("hybrid", semantic="bundled", normals="bundled"), dense)
+    assert named.summary == {
+        "provider": "hybrid", "semantic": "bundled-floor", "normals": "bundled-normals", "prompted": "geometry",
+    }  # fmt: skip
+    install(models)
+    assert choose(auto, dense, lambda: True).models["semantic"].name == "looks", "the user's own comes first"
+
+
 def test_auto_fuses_where_a_scan_is_and_asks_networks_alone_where_none_is_and_says_why(models: Path) -> None:
     auto = FloorsConfig()
     assert choose(auto, lambda: None).words == "by geometry (no network of looks is installed)"

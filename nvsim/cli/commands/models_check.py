@@ -20,11 +20,11 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.networks.installed import installed
+    from nvsim.networks.installed import bundled, installed
     from nvsim.perception.checking import check
 
     models, problems = installed()
-    known = {model.name: model for model in models}
+    known = {model.name: model for model in (*models, *bundled())}
     for name in arguments.names:
         if name not in known:
             raise InputError(f"There is no model {name!r:.60} (installed: {', '.join(known) or 'none'}).")

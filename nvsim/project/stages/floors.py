@@ -47,7 +47,7 @@ def run(project: Project, listen: Listener, discard: bool = False, config: Floor
     stay, unless they are to be discarded, and count in place of the machine's. Raises InputError for a network that is
     asked for and not installed, or cannot be used."""
     how = capture_config(project)
-    provider = choose(config or FloorsConfig(), project.scan)
+    provider = choose(config or FloorsConfig(), project.scan, lambda: depth_maps(project) is not None)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)

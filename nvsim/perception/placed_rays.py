@@ -1,0 +1,19 @@
+"""The rays of an image as a network looks at it: resized, stretched or beside a border."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.geometry.level import level_rays
+from nvsim.networks.preparing import Placement
+
+
+def placed_rays(camera: Camera, place: Placement) -> NDArray[np.float32]:
+    """(1, 3, rows, columns) float32 unit vectors right, down and forward of `camera` turned level, for the pixels of
+    the network's image in which the camera's lies at `place`."""
+    k = camera.intrinsics.scaled(place.wide, place.high)
+    placed = Intrinsics(place.columns, place.rows, k.fx, k.fy, k.cx + place.left, k.cy + place.top)
+    rays = level_rays(Camera(placed, camera.camera_to_world))
+    return np.ascontiguousarray(rays.transpose(2, 0, 1)[None])

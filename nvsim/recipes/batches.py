@@ -1,0 +1,108 @@
+"""Batches for training: examples cut, mirrored and made worse, as cameras and files make images worse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.recipes.examples import UNKNOWN, Shards
+
+MEAN, STD = 127.0, 128.0
+"""Of the grey levels that the trunk takes."""
+CUT = 192, 256
+"""Rows and columns of what a training step looks at; of upright examples the other way round."""
+Array = NDArray[Any]
+
+
+class Batch(NamedTuple):
+    """Arrays float32, N examples of one size: images and rays (N, 3, H, W), floor and known (N, H, W), normals
+    (N, 3, H, W), as `network.loss` takes them."""
+
+    images: Array
+    rays: Array
+    floor: Array
+    normals: Array
+    known: Array
+
+
+def batch(shards: Shards, shares: Sequence[float], count: int, rng: np.random.Generator) -> Batch:
+    """`count` examples of shards drawn by their `shares`, all upright or none."""
+    chances = np.array(shares, float)
+    upright = bool(shards.upright[rng.choice(len(shards), p=chances / chances.sum())])
+    chances[shards.upright != upright] = 0
+    drawn = rng.choice(len(shards), count, p=chances / chances.sum())
+    size = CUT[::-1] if upright else CUT
+    cuts = [_cut(*shards.read(int(s), int(rng.integers(shards.size(int(s))))), size, rng) for s in drawn]
+    return Batch(*(np.ascontiguousarray(np.stack(part), np.float32) for part in zip(*cuts)))
+
+
+def _cut(
+    image: Array, floor: Array, normals: Array, camera: Array, size: tuple[int, int], rng: np.random.Generator
+) -> tuple[Array, ...]:
+    rows, columns = size
+    height, width = floor.shape
+    share = rng.uniform(0.6, 1.0)
+    h, w = share * height, min(width, share * width * rng.uniform(0.9, 1.1))
+    top, left = rng.uniform(0, height - h), rng.uniform(0, width - w)
+    x = left + (np.arange(columns) + 0.5) * w / columns
+    y = top + (np.arange(rows) + 0.5) * h / rows
+    nearest = np.ix_(np.minimum(y.astype(int), height - 1), np.minimum(x.astype(int), width - 1))
+    u, v = np.meshgrid((x - 0.5).astype(np.float32), (y - 0.5).astype(np.float32))
+    image = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    floor, found = floor[nearest], normals[nearest].astype(np.float32) / 127
+    rays = _rays(camera, x, y, rng)
+    if rng.random() < 0.5:
+        image, floor, found, rays = image[:, ::-1], floor[:, ::-1], found[:, ::-1].copy(), rays[:, ::-1].copy()
+        found[..., 0] *= -1
+        rays[..., 0] *= -1
+    image = worse(np.ascontiguousarray(image), rng)
+    known = floor != UNKNOWN
+    return (
+        (image.astype(np.float32).transpose(2, 0, 1) - MEAN) / STD, rays.transpose(2, 0, 1), (floor == 1),
+        found.transpose(2, 0, 1), known,
+    )  # fmt: skip
+
+
+def _rays(camera: Array, x: Array, y: Array, rng: np.random.Generator) -> Array:
+    """(H, W, 3) float32 of pixels at columns `x` and rows `y`, from a camera whose tilt is known to about a degree."""
+    fx, fy, cx, cy = camera[:4]
+    local = np.stack(np.broadcast_arrays((x[None, :] - cx) / fx, (y[:, None] - cy) / fy, np.float32(1)), -1)
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    pitch, roll = np.radians(rng.normal(0, 1.0, 2))
+    tilt = np.array([[1, -roll, 0], [roll, 1, -pitch], [0, pitch, 1]])
+    return np.asarray(local @ (tilt @ camera[4:].reshape(3, 3)).T, np.float32)
+
+
+def worse(image: Array, rng: np.random.Generator) -> Array:
+    """(H, W, 3) uint8 of an image (H, W, 3) uint8 under another light, by a worse camera, in a smaller file."""
+    rows, columns = image.shape[:2]
+    values: Array = image.astype(np.float32) / 255
+    if rng.random() < 0.8:
+        values = values ** np.float32(np.exp(rng.normal(0, 0.25)))
+        values = values * np.exp(rng.normal(0, 0.25) + rng.normal(0, 0.07, 3)).astype(np.float32)
+        grey = values.mean(axis=2, keepdims=True)
+        values = grey + (values - grey) * np.float32(rng.uniform(0.0, 1.5) if rng.random() < 0.6 else 1.0)
+        values = (values - 0.45) * np.float32(rng.uniform(0.7, 1.3)) + np.float32(0.45)
+    if rng.random() < 0.3:
+        values = values[..., rng.permutation(3)]
+    if rng.random() < 0.4:  # light that falls off across the image
+        slope = rng.normal(0, 0.35, 2)
+        field = np.linspace(-1, 1, rows)[:, None] * slope[0] + np.linspace(-1, 1, columns)[None, :] * slope[1]
+        values = values * np.exp(field)[..., None].astype(np.float32)
+    if rng.random() < 0.35:
+        values = cv2.GaussianBlur(values, (0, 0), rng.uniform(0.4, 2.0))
+    elif rng.random() < 0.1:
+        length = int(rng.integers(3, 10))
+        values = cv2.blur(values, (length, 1) if rng.random() < 0.7 else (1, length))
+    if rng.random() < 0.5:
+        values = values + rng.normal(0, rng.uniform(0.004, 0.04), values.shape).astype(np.float32)
+    found: Array = np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)
+    if rng.random() < 0.35:
+        quality = int(rng.integers(20, 90))
+        encoded = cv2.imencode(".jpg", found, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        found = np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR))
+    return np.asarray(found, np.uint8)

@@ -1,0 +1,103 @@
+"""The trained network as an ONNX file, its weights in 16 bits, computed with in 32, and the descriptions beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import warnings
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from nvsim.errors import InputError
+from nvsim.files.atomic import make_folder, write_bytes, write_text
+from nvsim.recipes.batches import MEAN, STD
+from nvsim.recipes.network import MULTIPLE, InteriorNetwork
+
+NAME = "interior.onnx"
+LONGEST = 384
+"""Pixels of the longer side of what the network is shown."""
+_OPSET, _SMALL = 17, 256  # numbers: smaller tensors stay as they are
+_HEAD = """title = "NVSim's own: {what} of indoor images"
+role = "{role}"
+made_by = "NVSim"
+licence = "MIT; its trunk, EfficientNet-Lite0 trained with ImageNet, Apache-2.0"
+source = "https://github.com/tensorflow/tpu (trunk); nvsim models train"
+
+[files]
+network = {{ file = "{name}", sha256 = "{sha256}" }}
+
+[images.photo]
+resize = "stretch"
+interpolation = "area"
+multiple = {multiple}
+longest = {longest}
+brightest = 255
+mean = [{mean}, {mean}, {mean}]
+std = [{std}, {std}, {std}]
+
+[[steps]]
+file = "network"
+inputs = [
+  {{ value = "photo", name = "image", shape = [1, 3, 0, 0] }},
+  {{ value = "rays", name = "rays", shape = [1, 3, 0, 0] }},
+]
+outputs = [{{ value = "{output}", name = "{output}" }}]
+
+[result]
+value = "{output}"
+image = "photo"
+"""
+_RESULTS = {
+    "semantic": ("floor", "floor", 'meaning = "logits"\n'),
+    "normals": ("surface normals", "normals", 'axes = ["right", "down", "forward"]\nframe = "level"\n'),
+}
+
+
+def export(network: InteriorNetwork, folder: Path) -> Path:
+    """Writes the ONNX file and semantic.toml and normals.toml beside it, and returns its path. Raises InputError where
+    the package onnx is not installed, or the disk refuses."""
+    try:
+        import onnx
+    except ImportError as error:
+        raise InputError("Writing the network needs the package onnx; run pip install onnx.") from error
+    network = network.eval().cpu()
+    sides = {2: "height", 3: "width"}
+    with torch.no_grad(), warnings.catch_warnings(), tempfile.TemporaryDirectory() as scratch:
+        warnings.simplefilter("ignore")  # the exporter that needs no more packages says that it is old
+        examples = torch.zeros(1, 3, 4 * MULTIPLE, 6 * MULTIPLE), torch.zeros(1, 3, 4 * MULTIPLE, 6 * MULTIPLE)
+        torch.onnx.export(
+            network, examples, Path(scratch) / NAME, dynamo=False, opset_version=_OPSET, input_names=["image", "rays"],
+            output_names=["floor", "normals"],
+            dynamic_axes={"image": sides, "rays": sides, "floor": {2: "h", 3: "w"}, "normals": {2: "h", 3: "w"}},
+        )  # fmt: skip
+        data = _halved(onnx.load(Path(scratch) / NAME), onnx).SerializeToString()
+    make_folder(folder)
+    path = folder / NAME
+    write_bytes(path, data)
+    digest = hashlib.sha256(data).hexdigest()
+    for role, (what, output, rest) in _RESULTS.items():
+        said = _HEAD.format(
+            what=what, role=role, name=NAME, sha256=digest, multiple=MULTIPLE, longest=LONGEST, mean=MEAN, std=STD,
+            output=output,
+        )  # fmt: skip
+        write_text(folder / f"{role}.toml", said + rest)
+    return path
+
+
+def _halved(model: Any, onnx: Any) -> Any:
+    """The ONNX `model` with its large tensors stored in 16 bits, each followed by a cast that onnxruntime does once, as
+    it loads."""
+    graph, casts = model.graph, []
+    for tensor in graph.initializer:
+        values = onnx.numpy_helper.to_array(tensor)
+        if values.dtype != "float32" or values.size < _SMALL:
+            continue
+        name = tensor.name
+        tensor.CopyFrom(onnx.numpy_helper.from_array(values.astype("float16"), f"{name}_16"))
+        casts.append(onnx.helper.make_node("Cast", [f"{name}_16"], [name], to=onnx.TensorProto.FLOAT))
+    for at, node in enumerate(casts):
+        graph.node.insert(at, node)
+    onnx.checker.check_model(model)
+    return model

@@ -1,0 +1,158 @@
+"""Generated interiors: buildings of the generator with other looks, more clutter and people, seen from anywhere."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.building.baking import Painters, bake
+from nvsim.building.config import BuildingConfig, Style
+from nvsim.building.plan import HEIGHT, Rect
+from nvsim.building.raycast import make_solids
+from nvsim.building.rendering import View, render
+from nvsim.building.scene import Scene, make_scene
+from nvsim.building.solids import Box, Paint
+from nvsim.building.truth import floor_mask, normals
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.recipes.examples import SIZE, Example
+from nvsim.recipes.patterns import colour, paint_anew, paint_floor
+
+FIRST_SEED = 1000
+"""Buildings of lower seeds are never learnt from: demos and tests use them."""
+_NEAREST = 0.9  # metres: images that show less far, in their middle, are of a wall
+
+
+def interior(number: int, count: int, upright: bool) -> list[Example]:
+    """`count` views of the building of a number, all `upright` or none; deterministic."""
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([31, number])))
+    scene = _scene(number, rng)
+    textures = bake(scene.storeys, list(scene.boxes), scene.solids, rng, Painters(paint_floor, paint_anew))
+    found: list[Example] = []
+    for camera in _cameras(scene, rng, upright):
+        people, clothes = _crowd(scene, camera, rng)
+        view = render(camera, scene.solids, textures, people, clothes)
+        if np.median(view.depth) < _NEAREST:
+            continue
+        image = np.rint(np.clip(view.color, 0, 1) * 255).astype(np.uint8)
+        floor = floor_mask(scene, view).astype(np.uint8)
+        found.append(Example(image, floor, _normals(scene, view, camera, people), camera))
+        if len(found) == count:
+            break
+    return found
+
+
+def _scene(number: int, rng: np.random.Generator) -> Scene:
+    style: Style = str(rng.choice(["furnished", "glass", "bare"], p=[0.7, 0.15, 0.15]))  # type: ignore[assignment]
+    size, storeys = ("full" if rng.random() < 0.25 else "small"), (2 if rng.random() < 0.1 else 1)
+    config = BuildingConfig(seed=FIRST_SEED + number, size=size, storeys=storeys, style=style, people=False)  # type: ignore[arg-type]
+    scene = make_scene(config)
+    boxes = list(scene.boxes)
+    for room in scene.plan.rooms:
+        for rect in room.rects:
+            boxes += _clutter(rect.grown(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
+    return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
+
+
+def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[Box]:
+    """Boxes on the floor, tables of all heights, poles, shelves in the air, steps: `density` a square metre."""
+    if rect.x1 - rect.x0 < 0.8 or rect.y1 - rect.y0 < 0.8:
+        return
+    for _ in range(int(rng.poisson(rect.area * density * 0.6))):
+        kind = int(rng.integers(6))
+        w, d = rng.uniform(0.1, 1.3, 2)
+        h = rng.uniform(0.05, 1.0) if kind < 5 else rng.uniform(1.2, 2.4)
+        if kind == 4:
+            w, d, h = rng.uniform(0.02, 0.12), rng.uniform(0.02, 0.12), rng.uniform(0.3, 2.5)
+        w, d = min(w, 0.45 * (rect.x1 - rect.x0)), min(d, 0.45 * (rect.y1 - rect.y0))
+        x, y = rng.uniform(rect.x0, rect.x1 - w), rng.uniform(rect.y0, rect.y1 - d)
+        paint = Paint(str(rng.choice(["plain", "wood", "cloth", "carton", "drawers", "books", "stone"])), _tone(rng))
+
+        def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, paint: Paint = paint) -> Box:
+            return Box((round(x0, 3), round(y0, 3), round(z0, 3)), (round(x1, 3), round(y1, 3), round(z1, 3)), paint)
+
+        if kind in (2, 3):
+            h, t, leg = rng.uniform(0.3, 1.0), rng.uniform(0.02, 0.08), rng.uniform(0.02, 0.06)
+            yield box(x, y, h, x + w, y + d, h + t)
+            for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
+                yield box(x + lx, y + ly, 0, x + lx + leg, y + ly + leg, h)
+        elif kind == 5:
+            yield box(x, y, h - rng.uniform(0.03, 0.5), x + w, y + d, min(h, HEIGHT - 0.05))
+        else:
+            yield box(x, y, 0, x + w, y + d, h)
+
+
+def _tone(rng: np.random.Generator) -> tuple[float, float, float]:
+    r, g, b = colour(rng)
+    return float(r), float(g), float(b)
+
+
+def _cameras(scene: Scene, rng: np.random.Generator, upright: bool) -> Iterator[Camera]:
+    """Cameras at places that nothing fills: level ones, tilted ones, and such as look down as the map builder's do."""
+    rows, columns = SIZE[::-1] if upright else SIZE
+    while True:
+        storey = scene.storeys[int(rng.integers(len(scene.storeys)))]
+        room = storey.plan.rooms[int(rng.integers(len(storey.plan.rooms)))]
+        rect = room.rects[int(rng.integers(len(room.rects)))].grown(-0.3)
+        position = np.array([
+            rng.uniform(rect.x0, max(rect.x0, rect.x1)), rng.uniform(rect.y0, max(rect.y0, rect.y1)),
+            storey.floor + rng.uniform(0.4, 1.9),
+        ])  # fmt: skip
+        lo, hi = scene.solids.lo, scene.solids.hi
+        if ((position > lo - 0.15) & (position < hi + 0.15)).all(axis=1).any():
+            continue
+        way = rng.random()
+        elevation = rng.normal(0, 8) if way < 0.45 else rng.uniform(-60, 15) if way < 0.75 else rng.normal(-45, 4)
+        pose = look(position, rng.uniform(0, 2 * np.pi), np.radians(elevation))
+        roll = np.radians(rng.normal(0, 4))
+        pose[:3, :3] = pose[:3, :3] @ np.array(
+            [[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]]
+        )
+        yield Camera(Intrinsics.from_fov(columns, rows, np.radians(rng.uniform(45, 100) * columns / SIZE[1])), pose)
+
+
+def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Capsules (P, 5) and colours (P, 3) of people, bins and columns in front of a camera."""
+    level = max((s.floor for s in scene.storeys if s.floor < camera.position[2]), default=0.0)
+    capsules, colours = [], []
+    for _ in range(int(rng.integers(0, 4)) if rng.random() < 0.5 else 0):
+        ahead = camera.rotation[:2, 2] / max(1e-6, float(np.linalg.norm(camera.rotation[:2, 2])))
+        side = np.array([-ahead[1], ahead[0]])
+        x, y = camera.position[:2] + ahead * rng.uniform(1.2, 5) + side * rng.uniform(-1.5, 1.5)
+        if rng.random() < 0.5:  # a person
+            for r, low, high in ((0.12, 0.12, 0.8), (rng.uniform(0.17, 0.24), 0.95, 1.35), (0.11, 1.55, 1.65)):
+                capsules.append((x, y, level + low, level + high, r))
+                colours.append(_tone(rng))
+        else:
+            r = rng.uniform(0.05, 0.4)
+            capsules.append((x, y, level, level + rng.uniform(0.1, 2.5), r))
+            colours.append(_tone(rng))
+    if not capsules:
+        return np.empty((0, 5)), np.empty((0, 3))
+    return np.array(capsules), np.array(colours)
+
+
+def _normals(scene: Scene, view: View, camera: Camera, people: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(H, W, 3) as `truth.normals`, on people too."""
+    found = normals(scene, view)
+    which = view.surface - scene.first_person
+    rows, columns = np.nonzero(which >= 0)
+    if len(rows):
+        rays = camera.rays()[rows, columns]
+        along = view.depth[rows, columns] / (rays @ camera.rotation[:, 2])
+        place = camera.position + along[:, None] * rays
+        p = people[which[rows, columns]]
+        axis = np.column_stack([p[:, 0], p[:, 1], np.clip(place[:, 2], p[:, 2], p[:, 3])])
+        out = place - axis
+        found[rows, columns] = out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-6)
+    return found
+
+
+def shown(example: Example) -> NDArray[np.uint8]:
+    """(H, 3 W, 3): an example's image, floor and normals side by side, for who looks at them."""
+    floor = np.stack([np.where(example.floor == v, 255, 0) for v in (0, 1, 255)], -1).astype(np.uint8)
+    seen = np.rint((example.normals + 1) * 127.5).astype(np.uint8)
+    return np.asarray(cv2.hconcat([example.image, floor, seen]), np.uint8)

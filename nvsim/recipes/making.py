@@ -1,0 +1,79 @@
+"""The whole recipe: examples, training, export. Each part goes on where it was cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import torch
+
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Progress, silent
+from nvsim.project.project import Project
+from nvsim.r2r.features.trunk import need_weights
+from nvsim.recipes.captures import name_of, photographs, renders
+from nvsim.recipes.config import RecipeConfig
+from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
+from nvsim.recipes.exporting import export
+from nvsim.recipes.interiors import interior
+from nvsim.recipes.training import CHECKPOINT, STAGE, train
+
+_UPRIGHT_EVERY = 5
+"""One building in so many is seen in upright images."""
+
+
+def make(
+    folder: Path, config: RecipeConfig, projects: Sequence[Path] = (), start: Path | None = None,
+    listen: Listener = silent,
+) -> Path:  # fmt: skip
+    """The ONNX file that a training in `folder` ends with: examples of generated interiors, and of `projects` with a
+    dense cloud and floors. `start` is the folder of another training to begin with. Raises InputError."""
+    need_weights()
+    if start is not None and not (start / CHECKPOINT).is_file():
+        raise InputError(f"{start} holds no training ({CHECKPOINT} is missing); name the folder of one.")
+    if len({name_of(p) for p in projects}) < len(projects):
+        raise InputError("Two of the projects have the same name; rename one, as their examples are filed under it.")
+    examples = folder / "examples"
+    shards, shares = _interiors(examples, config, listen)
+    groups = [_of_project(examples / name_of(p), p, config, listen) for p in projects]
+    for group in filter(None, groups):
+        shards += group
+        share = config.captures_share / (1 - config.captures_share) / len(projects) * config.interiors
+        shares += [share / len(group)] * len(group)
+    torch.set_num_threads(config.threads)
+    network = train(folder, Shards(shards), shares, config, start, listen)
+    path = export(network, folder)
+    listen(Done(STAGE, f"{path} after {config.steps} steps on {len(shards)} sets of examples", {"file": str(path)}))
+    return path
+
+
+def _interiors(folder: Path, config: RecipeConfig, listen: Listener) -> tuple[list[Path], list[float]]:
+    paths = []
+    for number in range(config.interiors):
+        listen(Progress(STAGE, number, config.interiors, "interiors"))
+        upright = number % _UPRIGHT_EVERY == _UPRIGHT_EVERY - 1
+        path = folder / "interiors" / f"{number:05d}-{config.views}"
+        if not is_whole(path):
+            write_shard(path, interior(number, config.views, upright))
+        paths.append(path)
+    return paths, [1.0] * len(paths)
+
+
+def _of_project(folder: Path, project: Path, config: RecipeConfig, listen: Listener) -> list[Path]:
+    """A project's shards, which hold examples of one size each. Raises InputError for one that cannot be labelled."""
+    sources: dict[str, Callable[[Project, int, int], Iterator[Example]]] = {
+        "photographs": photographs, "renders": renders,
+    }  # fmt: skip
+    found = []
+    for number, (name, source) in enumerate(sources.items()):
+        listen(Progress(STAGE, number, len(sources), f"{name_of(project)}: {name}"))
+        done = folder / f"{name}-{config.captured}"
+        if not is_whole(done):
+            with Project.open(project) as opened:
+                examples = list(source(opened, config.captured, config.seed))
+            sizes = dict.fromkeys(e.image.shape for e in examples)
+            for k, size in enumerate(sizes):
+                write_shard(done / str(k), [e for e in examples if e.image.shape == size])
+            write_shard(done, [])
+        found += sorted(path for path in done.iterdir() if path.is_dir())
+    return found

@@ -1,0 +1,182 @@
+"""Random looks of surfaces: carpets, planks, tiles, stone and plain paint in any colour, on floors and on all else."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.building.painting import Image, blotches, paint_face
+from nvsim.building.plan import Plan, Rect
+from nvsim.building.solids import Paint
+
+Rng = np.random.Generator
+Tone = NDArray[np.floating]
+
+
+def colour(rng: Rng) -> Tone:
+    """(3,) RGB, 0 to 1: as often grey or the colour of wood and sand as all others together."""
+    hue = rng.uniform(0.04, 0.15) if rng.random() < 0.55 else rng.random()
+    return np.array(colorsys.hsv_to_rgb(hue, rng.beta(1.2, 4.0), rng.uniform(0.12, 0.95)))
+
+
+def pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    """(rows, columns, 3) float32, 0 to 1, of a random kind, `texel` metres a texel."""
+    make = _KINDS[int(rng.integers(len(_KINDS)))]
+    image = np.asarray(make(rows, columns, texel, rng), np.float32)
+    return np.clip(image, 0.03, 0.97)
+
+
+def paint_floor(plan: Plan, texel: float, rng: Rng) -> tuple[Image, NDArray[np.float32]]:
+    """As `nvsim.building.flooring.paint_floor`: one look for the storey or one a room, rugs, stains and pools of
+    light."""
+    rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
+    image = pattern(rows, columns, texel, rng)
+    gloss = np.full((rows, columns), max(0.0, rng.uniform(-0.7, 1.2)), np.float32)
+    if rng.random() < 0.6:
+        for room in plan.rooms:
+            shine = max(0.0, rng.uniform(-0.7, 1.2))
+            seed = int(rng.integers(1 << 30))
+            for rect in room.rects:
+                r0, r1, c0, c1 = _texels(rect, texel)
+                own = np.random.default_rng(seed)  # one look in all parts of a room
+                image[r0:r1, c0:c1] = pattern(r1 - r0, c1 - c0, texel, own)
+                gloss[r0:r1, c0:c1] = shine
+    for _ in range(int(rng.integers(0, 2 + len(plan.rooms)))):
+        (r0, c0), patch = _patch(rows, columns, texel, rng, 0.6, 3.0)
+        within = image[r0 : r0 + patch.shape[0], c0 : c0 + patch.shape[1]]
+        within[patch] = pattern(patch.shape[0], patch.shape[1], texel, rng)[patch]
+        gloss[r0 : r0 + patch.shape[0], c0 : c0 + patch.shape[1]][patch] = 0
+    for _ in range(int(rng.integers(0, 2 * len(plan.rooms)))):  # sunlight and shadows
+        (r0, c0), patch = _patch(rows, columns, texel, rng, 0.3, 2.0)
+        image[r0 : r0 + patch.shape[0], c0 : c0 + patch.shape[1]][patch] *= np.float32(rng.uniform(0.5, 1.9))
+    return np.clip(image, 0.02, 0.97), gloss
+
+
+def paint_anew(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
+    """As `nvsim.building.painting.paint_face`: in half of all cases that, in other colours."""
+    if rng.random() < 0.5:
+        image = paint_face(paint, at, width, height, texel, rng)
+        if rng.random() < 0.7:
+            image = image * (colour(rng) / max(0.1, float(image.mean()))).astype(np.float32)
+        return np.clip(image, 0.02, 0.97).astype(np.float32)
+    rows, columns = max(2, round(height / texel)), max(2, round(width / texel))
+    return pattern(rows, columns, texel, rng)
+
+
+def _texels(rect: Rect, texel: float) -> tuple[int, int, int, int]:
+    r0, r1, c0, c1 = (round(v / texel) for v in (rect.y0, rect.y1, rect.x0, rect.x1))
+    return r0, r1, c0, c1
+
+
+def _patch(
+    rows: int, columns: int, texel: float, rng: Rng, least: float, most: float
+) -> tuple[tuple[int, int], NDArray[np.bool_]]:
+    """Where a patch begins, and its shape (h, w) bool: a rectangle, an ellipse or a slanted strip; sides in metres."""
+    h, w = (min(n - 1, max(2, round(rng.uniform(least, most) / texel))) for n in (rows, columns))
+    r0, c0 = int(rng.integers(0, rows - h)), int(rng.integers(0, columns - w))
+    y, x = np.linspace(-1, 1, h)[:, None], np.linspace(-1, 1, w)[None, :]
+    shape = rng.integers(3)
+    if shape == 0:
+        return (r0, c0), np.ones((h, w), bool)
+    if shape == 1:
+        return (r0, c0), x * x + y * y < 1
+    return (r0, c0), np.abs(x + rng.uniform(-1, 1) * y) < rng.uniform(0.2, 0.6)
+
+
+def _flat(rows: int, columns: int, tone: Tone) -> Image:
+    return np.broadcast_to(np.asarray(tone, np.float32), (rows, columns, 3)).copy()
+
+
+def _noise(rows: int, columns: int, metres: float, texel: float, rng: Rng) -> Image:
+    return blotches(rows, columns, (max(metres / texel, 1.0),) * 2, rng)
+
+
+def _plain(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    soft = _noise(rows, columns, rng.uniform(0.3, 1.5), texel, rng)
+    return _flat(rows, columns, colour(rng)) * (1 + rng.uniform(0, 0.05) * soft[..., None])
+
+
+def _carpet(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    fine = rng.standard_normal((rows, columns)).astype(np.float32) * rng.uniform(0.02, 0.12)
+    coarse = sum(_noise(rows, columns, rng.uniform(*s), texel, rng) for s in ((0.02, 0.06), (0.1, 0.8)))
+    image = _flat(rows, columns, colour(rng)) * (1 + (fine + rng.uniform(0, 0.06) * np.asarray(coarse))[..., None])
+    if rng.random() < 0.4:
+        size = rng.uniform(0.3, 0.7)
+        j, i = _cells(rows, columns, texel, size)
+        image *= 1 + rng.uniform(0.02, 0.15) * (((i + j) % 2)[..., None] - 0.5)
+    return np.asarray(image, np.float32)
+
+
+def _cells(rows: int, columns: int, texel: float, size: float) -> tuple[Tone, Tone]:
+    j, i = (np.floor((np.arange(n) + 0.5) * texel / size).astype(int) for n in (rows, columns))
+    return np.broadcast_to(j[:, None], (rows, columns)), np.broadcast_to(i[None, :], (rows, columns))
+
+
+def _tiles(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    size, gap = rng.uniform(0.1, 0.9), rng.uniform(0.004, 0.02)
+    j, i = _cells(rows, columns, texel, size)
+    first, second = colour(rng), colour(rng)
+    chequered = rng.random() < 0.25
+    image = np.where((((i + j) % 2) * chequered)[..., None] > 0, second, first).astype(np.float32)
+    tone = rng.normal(0, rng.uniform(0, 0.08), (64, 64))[j % 64, i % 64]
+    tone = tone + rng.uniform(0, 0.06) * _noise(rows, columns, rng.uniform(0.03, 0.3), texel, rng)
+    image = image * (1 + tone[..., None])
+    y, x = ((np.arange(n) + 0.5) * texel for n in (rows, columns))
+    image[(np.mod(y, size) < gap)[:, None] | (np.mod(x, size) < gap)[None, :]] = first * rng.uniform(0.5, 1.3)
+    return image
+
+
+def _planks(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    if rng.random() < 0.5:
+        return _planks_along(columns, rows, texel, rng).transpose(1, 0, 2)
+    return _planks_along(rows, columns, texel, rng)
+
+
+def _planks_along(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    width, length = rng.uniform(0.05, 0.25), rng.uniform(0.4, 2.5)
+    y, x = (np.arange(rows) + 0.5) * texel, (np.arange(columns) + 0.5) * texel
+    lane = np.floor(y / width).astype(int)
+    along = x[None, :] / length + rng.uniform(0, 1, lane.max() + 1)[lane][:, None]
+    index = np.floor(along).astype(int)
+    tone = rng.normal(0, rng.uniform(0.02, 0.15), (32, 32))[lane[:, None] % 32, index % 32]
+    grain = blotches(rows, columns, (max(0.01 / texel, 1.0), max(0.4 / texel, 1.0)), rng)
+    tone = tone + rng.uniform(0.01, 0.08) * grain
+    seam = (np.mod(y, width) < rng.uniform(0.002, 0.012))[:, None] | (np.mod(along, 1.0) < 0.006)
+    tone = np.where(seam, tone - rng.uniform(0, 0.3), tone)
+    return np.asarray(_flat(rows, columns, colour(rng)) * (1 + tone[..., None]), np.float32)
+
+
+def _stone(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    sizes = np.geomspace(0.04, 1.0, 4)
+    rough = sum(_noise(rows, columns, s, texel, rng) * s**0.5 for s in sizes)
+    if rng.random() < 0.4:
+        rough = np.sin(np.asarray(rough) * rng.uniform(2, 6))  # veins
+    if rng.random() < 0.3:
+        rough = np.where(_noise(rows, columns, 0.02, texel, rng) > 1.2, 2.0, rough)  # chips
+    shade = 1 + rng.uniform(0.02, 0.15) * np.asarray(rough)[..., None]
+    return np.asarray(_flat(rows, columns, colour(rng)) * shade, np.float32)
+
+
+def _stripes(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    y, x = ((np.arange(n) + 0.5) * texel for n in (rows, columns))
+    angle, width = rng.choice([0, np.pi / 2, rng.uniform(0, np.pi)]), rng.uniform(0.03, 0.6)
+    at = np.mod((np.cos(angle) * x[None, :] + np.sin(angle) * y[:, None]) / width, 1.0)
+    return np.where((at < rng.uniform(0.2, 0.8))[..., None], colour(rng), colour(rng)).astype(np.float32)
+
+
+def _collage(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    """Sheets, books, boxes: rectangles over one another."""
+    image = _flat(rows, columns, colour(rng))
+    for _ in range(int(rng.integers(3, 30))):
+        h, w = (max(1, round(rng.uniform(0.03, 0.6) / texel)) for _ in range(2))
+        r, c = int(rng.integers(-h, rows)), int(rng.integers(-w, columns))
+        image[max(r, 0) : r + h, max(c, 0) : c + w] = colour(rng)
+    return image
+
+
+_KINDS: tuple[Callable[[int, int, float, Rng], Image], ...] = (
+    _plain, _plain, _carpet, _carpet, _tiles, _tiles, _planks, _planks, _stone, _stripes, _collage,
+)  # fmt: skip

@@ -1,0 +1,148 @@
+"""The training: checkpointed, so that a killed one goes on where it was, and ends with the weights that it would have
+had."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from nvsim.errors import InputError
+from nvsim.events import Listener, Metric, Progress, silent
+from nvsim.files.atomic import replacing
+from nvsim.files.reading import reading
+from nvsim.recipes.batches import batch
+from nvsim.recipes.config import RecipeConfig
+from nvsim.recipes.examples import Shards
+from nvsim.recipes.network import InteriorNetwork, loss
+
+CHECKPOINT = "training.safetensors"
+STAGE = "models train"
+_AVERAGE = 0.998  # how much of the averaged weights stays in a step
+_WARM = 0.03  # share of the steps until the highest learning rate
+
+
+class Training:
+    """A network that learns, with everything that a step changes."""
+
+    def __init__(self, config: RecipeConfig) -> None:
+        torch.manual_seed(config.seed)
+        self.config, self.step = config, 0
+        self.network = InteriorNetwork().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        trunk, rest = self.network.learning()
+        groups = [{"params": trunk, "rate": config.trunk_rate}, {"params": rest, "rate": config.rate}]
+        self._optimizer = torch.optim.AdamW(groups, lr=config.rate, weight_decay=1e-2)
+        self._learning = [*trunk, *rest]
+        self._averaged = [p.detach().clone() for p in self._learning]
+
+    def take(self, weights: Path) -> None:
+        """Begins with the averaged weights of another training's checkpoint. Raises InputError."""
+        for parameter, name in zip(self._learning, range(len(self._learning))):
+            stored = _read(weights)[f"average/{name}"]
+            with torch.no_grad():
+                parameter.copy_(stored)
+        self._averaged = [p.detach().clone() for p in self._learning]
+
+    def update(self, shards: Shards, shares: Sequence[float]) -> dict[str, float]:
+        """One step; its random numbers depend on its number alone. Returns the parts of the loss."""
+        c = self.config
+        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([c.seed, self.step])))
+        drawn = batch(shards, shares, c.batch, rng)
+        images, rays, floor, normals, known = (torch.from_numpy(part) for part in drawn)
+        for group in self._optimizer.param_groups:
+            group["lr"] = group["rate"] * schedule(self.step, c.steps)
+        found = self.network(images.contiguous(memory_format=torch.channels_last), rays)
+        total, parts = loss(found, floor, normals, known)
+        self._optimizer.zero_grad(set_to_none=True)
+        total.backward()
+        torch.nn.utils.clip_grad_norm_(self._learning, 1.0)
+        self._optimizer.step()
+        self.step += 1
+        keep = min(_AVERAGE, self.step / (self.step + 10))
+        torch._foreach_lerp_(self._averaged, [p.detach() for p in self._learning], 1 - keep)
+        return {"loss": float(total.detach()), **parts}
+
+    def finished(self) -> InteriorNetwork:
+        """The network with the averaged weights."""
+        with torch.no_grad():
+            for parameter, average in zip(self._learning, self._averaged):
+                parameter.copy_(average)
+        return self.network.eval()
+
+    def save(self, path: Path) -> None:
+        """Raises InputError when the disk refuses."""
+        state = self._optimizer.state_dict()["state"]
+        tensors: dict[str, Tensor] = {}
+        for i, (parameter, average) in enumerate(zip(self._learning, self._averaged)):
+            tensors |= {f"weight/{i}": parameter.detach(), f"average/{i}": average}
+            if i in state:
+                tensors |= {f"first/{i}": state[i]["exp_avg"], f"second/{i}": state[i]["exp_avg_sq"]}
+        whole = {name: tensor.contiguous() for name, tensor in tensors.items()}
+        with replacing(path) as temporary:
+            save_file(whole, temporary, {"step": str(self.step), "seed": str(self.config.seed)})
+
+    def restore(self, path: Path) -> None:
+        """Goes on from a checkpoint. Raises InputError for a file that is none of this network."""
+        tensors = _read(path)
+        with reading(path, "a checkpoint of this network", "delete it to begin again"), torch.no_grad():
+            with safe_open(path, "pt") as file:
+                about = file.metadata() or {}
+            self.step = int(about["step"])
+            for i, parameter in enumerate(self._learning):
+                parameter.copy_(tensors[f"weight/{i}"])
+                self._averaged[i].copy_(tensors[f"average/{i}"])
+            if self.step:
+                state = self._optimizer.state_dict()
+                step = torch.tensor(float(self.step))
+                state["state"] = {
+                    i: {"step": step.clone(), "exp_avg": tensors[f"first/{i}"], "exp_avg_sq": tensors[f"second/{i}"]}
+                    for i in range(len(self._learning))
+                }
+                self._optimizer.load_state_dict(state)
+        if about.get("seed") != str(self.config.seed):
+            raise InputError(f"{path} belongs to the seed {about.get('seed')}; delete it, or say --config.seed of it.")
+
+
+def _read(path: Path) -> dict[str, Tensor]:
+    with reading(path, "a checkpoint of this network", "delete it to begin again"):
+        return load_file(path)
+
+
+def schedule(step: int, steps: int) -> float:
+    """Share of the highest learning rate: up in a straight line, then down along a cosine."""
+    warm = max(1, round(_WARM * steps))
+    if step < warm:
+        return (step + 1) / warm
+    return 0.5 * (1 + math.cos(math.pi * (step - warm) / max(1, steps - warm)))
+
+
+def train(
+    folder: Path, shards: Shards, shares: Sequence[float], config: RecipeConfig, start: Path | None = None,
+    listen: Listener = silent,
+) -> InteriorNetwork:  # fmt: skip
+    """The trained network; `folder` holds the checkpoint, from which it goes on. `start` is the folder of another
+    training whose weights it begins with. Raises InputError."""
+    checkpoint = folder / CHECKPOINT
+    training = Training(config)
+    if checkpoint.is_file():
+        training.restore(checkpoint)
+    elif start is not None:
+        training.take(start / CHECKPOINT)
+    recent: list[dict[str, float]] = []
+    listen(Progress(STAGE, training.step, config.steps))
+    while training.step < config.steps:
+        recent.append(training.update(shards, shares))
+        if training.step % config.save_every == 0 or training.step == config.steps:
+            training.save(checkpoint)
+            means = {name: float(np.mean([r[name] for r in recent])) for name in recent[0]}
+            recent.clear()
+            for name, value in means.items():
+                listen(Metric(STAGE, name, round(value, 4), training.step))
+            listen(Progress(STAGE, training.step, config.steps, f"loss {means['loss']:.3f}"))
+    return training.finished()

@@ -1,0 +1,148 @@
+"""How the bundled networks are made: examples that are true, and a training that a kill does not change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from nvsim.building.config import BuildingConfig
+from nvsim.building.rendering import render
+from nvsim.building.scan import scan
+from nvsim.building.scene import make_scene, textures_of
+from nvsim.building.truth import floor_mask, normals
+from nvsim.cli.main import main
+from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.networks.installed import model_at
+from nvsim.perception.cloud_labels import FLOOR, OTHER, UNKNOWN, CloudLabels
+from nvsim.perception.normals_network import NormalsNetwork
+from nvsim.perception.semantic_network import SemanticNetwork
+from nvsim.recipes import batches
+from nvsim.recipes.batches import batch
+from nvsim.recipes.config import RecipeConfig
+from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
+from nvsim.recipes.exporting import export
+from nvsim.recipes.interiors import interior
+from nvsim.recipes.training import CHECKPOINT, Training, train
+
+CONFIG = RecipeConfig(steps=2, batch=1, save_every=1)
+
+
+@pytest.fixture(autouse=True)
+def _looks_at_little(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    if "train" in request.node.name or "kill" in request.node.name or "cut_off" in request.node.name:
+        monkeypatch.setattr(batches, "CUT", (64, 96))
+
+
+@pytest.fixture(scope="module")
+def views() -> list[Example]:
+    return interior(3, 3, upright=False)
+
+
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory: pytest.TempPathFactory, views: list[Example]) -> Shards:
+    folder = tmp_path_factory.mktemp("examples")
+    write_shard(folder / "lying", views)
+    write_shard(folder / "upright", interior(4, 2, upright=True))
+    assert is_whole(folder / "lying")
+    return Shards([folder / "lying", folder / "upright"])
+
+
+def test_an_interior_is_the_same_each_time_and_its_floor_faces_up(views: list[Example]) -> None:
+    again = interior(3, 3, upright=False)
+    for one, other in zip(views, again, strict=True):
+        assert np.array_equal(one.image, other.image) and np.array_equal(one.floor, other.floor)
+        assert np.allclose(one.normals[one.floor == 1], (0, 0, 1))
+        seen = one.normals.any(axis=-1)
+        facing = np.sum(one.normals * one.camera.rays(), axis=-1)
+        assert (facing[seen] < 1e-3).all(), "what a camera sees is turned towards it"
+
+
+def test_cut_and_mirrored_examples_keep_their_geometry(shards: Shards) -> None:
+    for seed in range(6):
+        found = batch(shards, [1, 1], 4, np.random.default_rng(seed))
+        assert found.images.shape[2:] in ((192, 256), (256, 192)) and found.rays.shape == found.images.shape
+        assert np.allclose(np.linalg.norm(found.rays, axis=1), 1, atol=0.02)
+        seen = np.abs(found.normals).sum(axis=1) > 0.5
+        facing = (found.normals * found.rays).sum(axis=1)
+        assert (facing[seen] < 0.1).mean() > 0.999, "but for a degree of tilt that is not known"
+        floor = found.floor > 0
+        assert not floor.any() or np.abs(found.normals.transpose(0, 2, 3, 1)[floor] - (0, -1, 0)).max() < 0.02
+
+
+def test_a_training_that_was_cut_off_ends_with_the_same_weights(shards: Shards, tmp_path: Path) -> None:
+    torch.set_num_threads(1)
+    whole = train(tmp_path / "a", shards, [1, 1], CONFIG)
+
+    class Killed(Exception):
+        pass
+
+    def kill(event: object) -> None:
+        if getattr(event, "done", 0) == 1:
+            raise Killed
+
+    with pytest.raises(Killed):
+        train(tmp_path / "b", shards, [1, 1], CONFIG, listen=kill)
+    resumed = train(tmp_path / "b", shards, [1, 1], CONFIG)
+    for name, weight in whole.state_dict().items():
+        assert torch.equal(weight, resumed.state_dict()[name]), name
+    started = Training(CONFIG)
+    started.take(tmp_path / "a" / CHECKPOINT)
+    assert torch.equal(started.network.floor[0].weight, whole.floor[0].weight)
+    (tmp_path / "b" / CHECKPOINT).write_bytes(b"something else")
+    with pytest.raises(Exception, match="delete it to begin again"):
+        train(tmp_path / "b", shards, [1, 1], CONFIG)
+
+
+def test_an_export_answers_as_the_network_does(views: list[Example], tmp_path: Path) -> None:
+    network = Training(CONFIG).finished()
+    path = export(network, tmp_path)
+    assert path.stat().st_size <= 6e6
+    example = views[0]
+    floor = SemanticNetwork(model_at(tmp_path / "semantic.toml").open("cpu"))
+    probability = floor.floor_probability(example.image, example.camera)
+    chain = floor._chain
+    shown = chain.show(example.image, lambda place: np.zeros((1, 3, place.rows, place.columns), np.float32))
+    with torch.no_grad():
+        logits, directions = network(*(torch.from_numpy(shown.values[n].astype(np.float32)) for n in ("photo", "rays")))
+    assert np.abs(shown.values["floor"] - logits.numpy()).max() < 0.02 * max(1, float(logits.abs().max()))
+    assert probability.shape == example.floor.shape and 0 <= probability.min() <= probability.max() <= 1
+    untrained = NormalsNetwork(model_at(tmp_path / "normals.toml").open("cpu"))
+    found = untrained.seen(example.image, example.camera)  # which way it faces is chance, and not asked
+    assert np.allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-3) and directions.shape[1] == 3
+
+
+def test_the_command_makes_examples_trains_and_goes_on(tmp_path: Path) -> None:
+    asked = ["--interiors", "1", "--views", "2", "--batch", "1", "--save-every", "1"]
+    assert main(["models", "train", str(tmp_path), "--steps", "1", *asked]) == 0
+    first = (tmp_path / "interior.onnx").read_bytes()
+    assert main(["models", "train", str(tmp_path), "--steps", "2", *asked]) == 0
+    assert (tmp_path / "interior.onnx").read_bytes() != first
+    assert main(["models", "train", str(tmp_path), "--steps", "0"]) == 2
+    assert main(["models", "train", str(tmp_path / "n"), "--start", str(tmp_path / "examples")]) == 2
+
+
+def test_what_a_cloud_says_for_certain_is_true() -> None:
+    scene = make_scene(BuildingConfig(seed=5, size="small", people=False))
+    textures = textures_of(scene)
+    cloud = scan(scene, textures, np.random.default_rng(0))
+    labels = CloudLabels(replace(cloud, points=cloud.points[::2], colors=None))
+    right = called = 0
+    angles = []
+    for frame in (3, 17):
+        camera = Camera(Intrinsics.from_fov(160, 120, 1.3), scene.camera(frame).camera_to_world)
+        view = render(camera, scene.solids, textures, np.empty((0, 5)), np.empty((0, 3)))
+        said, found = labels.of(camera, FloorSurface.flat(0.0))
+        truth = np.where(floor_mask(scene, view), FLOOR, OTHER)
+        known = said != UNKNOWN
+        assert known.mean() > 0.6
+        right, called = right + int((said == truth)[known].sum()), called + int(known.sum())
+        true = normals(scene, view)
+        there = found.any(axis=-1) & true.any(axis=-1)
+        angles.append(np.degrees(np.arccos(np.clip((found * true).sum(axis=-1)[there], -1, 1))))
+    assert right / called > 0.975
+    assert np.median(np.concatenate(angles)) < 4
