@@ -169,7 +169,6 @@ def test_checks_find_what_agents_trip_over() -> None:
         ("isolated", ("f",)),
         ("island", ("d", "e", "g")),
         ("duplicate", ("b", "c")),
-        ("short", ("b", "c")),
         ("long", ("e", "g")),
     }
     assert components(NavGraph("s", viewpoints, edges)) == [["a", "b", "c"], ["d", "e", "g"], ["f"]]
