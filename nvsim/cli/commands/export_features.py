@@ -20,7 +20,7 @@ class Arguments:
     """The folder of an export: connectivity/ with scans.txt, and views/ or strips of skyboxes."""
     layout: tuple[Name, ...] = ("vit-b16",)
     """resnet-152: TSV of EnvDrop and Recurrent-VLN-BERT; vit-b16: HAMT and VLN-DUET; clip-b16: ScaleVLN and SAME;
-    clip-h14: ScaleVLN; eva-l14: NaviLLM. More than one may be named."""
+    clip-h14: ScaleVLN; eva-l14: NaviLLM; eva-g: LMDB of NavGPT-2. More than one may be named."""
     model: Path | None = None
     """An ONNX network with a description beside it (CLIP.onnx, CLIP.toml). Left out: features.LAYOUT.onnx in the models
     folder, else an ImageNet trunk (the extra `features`), else a fixed projection of colours and edges."""
@@ -39,6 +39,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    from nvsim.r2r.features.candidate_views import extract_candidates
     from nvsim.r2r.features.choosing import choose_backbone
     from nvsim.r2r.features.exported_scan import read_exported_scans
     from nvsim.r2r.features.extraction import STAGE, extract, with_images
@@ -55,7 +56,8 @@ def run(arguments: Arguments) -> int:
             backbone, warning = choose_backbone(LAYOUTS[name], a.model, a.batch, a.provider, a.projection)
             if warning:
                 listen(Warning(warning, STAGE))
-            written += extract(scans, LAYOUTS[name], backbone, a.out or a.export / "features", listen)
+            make = extract_candidates if LAYOUTS[name].tokens else extract
+            written += make(scans, LAYOUTS[name], backbone, a.out or a.export / "features", listen)
     if not a.json:
         print("\n".join(f"Wrote {path}" for path in written))
     return 0

