@@ -12,12 +12,14 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
+from app.forms.arguments import Settings
 from app.forms.form import CommandForm
 from app.jobs.scan_estimate import VERB
 from app.panels.form import Form
 from app.state.graph_reasons import with_editing
 from app.state.stages import enabled
-from app.wiring.jobs import JobsPart
+from app.wiring.features_form import FEATURES, FeaturesForm
+from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, Workspace
 from app.wiring.scan_form import ScanForm
 from nvsim.errors import InputError
@@ -41,6 +43,8 @@ class ExportPart(Part):
                "Ctrl+E", "export", enabled=with_editing),
         Action("export_scan", f"{WORK[VERB].title}…", f"{WORK[VERB].does[0].upper()}{WORK[VERB].does[1:]}", "&File", 1,
                "Ctrl+Shift+E", enabled=enabled(VERB)),
+        Action("export_features", f"{WORK[FEATURES].title}…",
+               f"{WORK[FEATURES].does[0].upper()}{WORK[FEATURES].does[1:]}", "&File", 1, enabled=enabled(FEATURES)),
     )  # fmt: skip
 
     def __init__(self, workspace: Workspace) -> None:
@@ -48,7 +52,11 @@ class ExportPart(Part):
         self.form: Form | None = None
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"export_graph": self.show_form, "export_scan": self.open_scan_form}
+        return {
+            "export_graph": self.show_form,
+            "export_scan": self.open_scan_form,
+            "export_features": self.open_features_form,
+        }
 
     def restore(self, settings: QSettings) -> None:
         self.workspace.part(JobsPart).formOpened.connect(self._on_form)
@@ -59,9 +67,21 @@ class ExportPart(Part):
         """The options of the export of a scan, and what it comes to."""
         return self.workspace.part(JobsPart).open_form(VERB)
 
+    def open_features_form(self) -> CommandForm | None:
+        """The options of the export of features, which begin with the folder of the scan, and what makes them."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        scans = Settings(project).changed(VERB).get("out") or project.parent / OUT[VERB]
+        return self.workspace.part(JobsPart).open_form(FEATURES, {"folder": str(scans)})
+
     def _on_form(self, form: CommandForm) -> None:
-        if form.verb == VERB and self.workspace.document.project is not None:
+        if self.workspace.document.project is None:
+            return
+        if form.verb == VERB:
             ScanForm(form, self.workspace)
+        elif form.verb == FEATURES:
+            FeaturesForm(form, self.workspace)
 
     # The graph --------------------------------------------------------------------------------------------------
 

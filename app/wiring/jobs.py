@@ -23,7 +23,8 @@ from nvsim.project.project import Project
 from nvsim.project.restored import kept_results
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
 
-_EXPORTS = tuple(verb for verb in EXPORTS if verb != "export scan")  # that stands beside Export graph
+_EXPORTS = tuple(verb for verb in EXPORTS if verb not in ("export scan", "export features"))
+# Those stand beside Export graph.
 _SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}
 
 

@@ -131,6 +131,12 @@ WORK: dict[str, Work] = {
             draws=True,
         ),
         Work(
+            "export features",
+            "Export features for agents",
+            "write features of the views of an exported scan in the files that agents read",
+            "map",
+        ),
+        Work(
             "export splats",
             "Export splats",
             "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF",

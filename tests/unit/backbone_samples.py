@@ -27,8 +27,8 @@ def mean_network(
     description: str = "",
 ) -> Path:
     """A file at `path` and its description: mean colours (N, 3) times `weights(width)`; as outputs also `whole`, which
-    is not pooled, with `classes` the `logits`, 1000, and with `tokens` (N, tokens, width) of `weights(tokens * width, 2)`
-    in their place."""
+    is not pooled, with `classes` the `logits`, 1000, and with `tokens` in their place (N, tokens, width) of
+    `weights(tokens * width, 2)`."""
     kind, number = (TensorProto.FLOAT16, np.float16) if half else (TensorProto.FLOAT, np.float32)
     shape = [batch, SIZE, SIZE, 3] if nhwc else [batch, 3, SIZE, SIZE]
     nodes = [

@@ -24,8 +24,9 @@ from nvsim.r2r.features.candidates import candidates_of
 from nvsim.r2r.features.exported_scan import ExportedScan
 from nvsim.r2r.features.extraction import STAGE, read_ahead, said_of, through
 from nvsim.r2r.features.feature_files import about_of
+from nvsim.r2r.features.installed import lacking
 from nvsim.r2r.features.layouts import Layout
-from nvsim.r2r.features.lmdb_file import growing_lmdb, refuse_without_lmdb
+from nvsim.r2r.features.lmdb_file import growing_lmdb
 from nvsim.r2r.features.view_source import ViewSource
 from nvsim.r2r.features.width import Width
 
@@ -39,7 +40,8 @@ def extract_candidates(
     Raises InputError for views that are missing (before anything is computed) or damaged, for a backbone of another
     number of tokens, without the package lmdb, and when the disk refuses.
     """
-    refuse_without_lmdb(layout)
+    if sentence := lacking(layout):
+        raise InputError(sentence)
     if backbone.tokens not in (1, layout.tokens):
         raise InputError(
             f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, and the layout {layout.name} has "

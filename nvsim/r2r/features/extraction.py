@@ -57,8 +57,8 @@ def extract(
     """
     if backbone.tokens != 1:
         raise InputError(
-            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, and the layout {layout.name} has one; "
-            "name the pooled output in its description."
+            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, and the layout {layout.name} has "
+            "one; name the pooled output in its description."
         )
     target = folder / layout.file
     sources = [(scan, ViewSource(scan)) for scan in scans]

@@ -17,7 +17,7 @@ class Layout:
     width    numbers that they read of a view
     classes  whether logits of ImageNet's classes may stand behind them (VLN-DUET's pre-training reads them)
     readers  who opens it
-    tokens   rows of numbers of a view that it holds of each candidate, in place of one row of each of the 36 views; else 0
+    tokens   rows of numbers of each candidate's view, where it holds them in place of one row of all 36 views; else 0
     """
 
     name: str

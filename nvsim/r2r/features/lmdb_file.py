@@ -3,7 +3,6 @@ killed run had finished is there for the next one."""
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shutil
 from collections.abc import Iterator
@@ -18,18 +17,9 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, make_folder, write_text
 from nvsim.files.locking import WriterLock
 from nvsim.files.regular import read_bytes
-from nvsim.r2r.features.layouts import Layout
 
 _LONGEST_KEY = 480  # bytes; LMDB takes 511
 _MARK = "made of "  # before a key: what its array was made of
-
-
-def refuse_without_lmdb(layout: Layout) -> None:
-    """Raises InputError where the packages are not installed."""
-    if not all(importlib.util.find_spec(name) for name in ("lmdb", "msgpack")):
-        raise InputError(
-            f"The layout {layout.name} is an LMDB; run pip install lmdb msgpack (the extra navgpt2) first."
-        )
 
 
 class GrowingLmdb:

