@@ -1,6 +1,6 @@
-"""What memory an export of many viewpoints takes: `python tests/benchmarks/scan_memory.py PROJECT COUNT [SIDE] [views]`.
+"""What memory an export of many viewpoints takes: `python tests/benchmarks/scan_memory.py P COUNT [SIDE] [views]`.
 
-The project is copied, its graph replaced by one of COUNT viewpoints around those that it has, each joined with the
+The project P is copied, its graph replaced by one of COUNT viewpoints around those that it has, each joined with the
 nearest four, and the scan exported with faces of SIDE pixels (512), with the 36 views where `views` stands there. It
 prints the peak of resident memory when a quarter, half and all of the viewpoints were there, and at the end.
 """

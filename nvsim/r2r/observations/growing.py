@@ -3,6 +3,7 @@ adds the tiles that it needs. It is the image that a whole surround gives, at th
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -57,10 +58,12 @@ class GrowingSurround:
         near = seen_by(camera)
         outside = _outside(camera, self._nominal)
         whole = chosen(self._backend) == "gsplat"  # which draws whole views only
-        for i in near:
-            wanted = self._needed[i] & ~outside[i] & ~self._drawn[i]
-            if wanted.any():
-                self._draw(model, int(i), self._needed[i] if whole else wanted)
+        todo = [(int(i), self._needed[i] & ~outside[i] & ~self._drawn[i]) for i in near]
+        todo = [(i, tiles) for i, tiles in todo if tiles.any()]
+        if todo and not whole:  # a card keeps the arrays of a model without appearance
+            model = replace(model, gaussians=model.gaussians_at(camera.position), appearance=None)
+        for i, tiles in todo:
+            self._draw(model, i, self._needed[i] if whole else tiles)
         k = camera.intrinsics
         colour = np.empty((k.height, k.width, 3), np.float32)
         solid = np.empty((k.height, k.width, 2) if len(self._solids) else (0, 0, 2), np.float32)
