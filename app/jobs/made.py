@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from nvsim.cli.arguments import given
@@ -14,6 +15,9 @@ def folder_of(job: Job) -> Path | None:
     """The folder that an export of this user wrote to, or writes to now; None for other jobs, and until it is there."""
     if job.order.verb not in EXPORTS or not job.ours:
         return None
-    named = given(list(job.order.arguments), "--out", "")
+    words = list(job.order.arguments)
+    named = given(words, "--out", "")
+    if not named and job.order.verb == "export features":
+        named = os.path.join(given(words, "--folder", ""), "features")
     folder = Path(named).absolute()
     return folder if named and "\0" not in named and is_folder(folder) else None

@@ -12,12 +12,14 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
+from app.forms.arguments import Settings
 from app.forms.form import CommandForm
 from app.jobs.scan_estimate import DATASET, VERB
 from app.look.front import bring_up
 from app.panels.form import Form
 from app.state.graph_reasons import with_editing
 from app.state.stages import enabled
+from app.wiring.features_form import FEATURES, FeaturesForm
 from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, Workspace
 from app.wiring.scan_form import ScanForm
@@ -48,6 +50,8 @@ class ExportPart(Part):
                enabled=enabled(TASKS)),
         Action("export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].does)[:-1], "&File", 1,
                "Ctrl+Shift+D", enabled=enabled(DATASET)),
+        Action("export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].does)[:-1], "&File", 1,
+               enabled=enabled(FEATURES)),
     )  # fmt: skip
 
     def __init__(self, workspace: Workspace) -> None:
@@ -60,6 +64,7 @@ class ExportPart(Part):
             "export_scan": self.open_scan_form,
             "export_tasks": self.open_tasks_form,
             "export_dataset": self.open_dataset_form,
+            "export_features": self.open_features_form,
         }
 
     def restore(self, settings: QSettings) -> None:
@@ -82,9 +87,21 @@ class ExportPart(Part):
         """The options of a dataset, and what it comes to."""
         return self.workspace.part(JobsPart).open_form(DATASET)
 
+    def open_features_form(self) -> CommandForm | None:
+        """The options of the export of features, which begin with the folder of the scan, and what makes them."""
+        project = self.workspace.document.project
+        if project is None:
+            return None
+        scans = Settings(project).changed(VERB).get("out") or project.parent / OUT[VERB]
+        return self.workspace.part(JobsPart).open_form(FEATURES, {"folder": str(scans)})
+
     def _on_form(self, form: CommandForm) -> None:
-        if form.verb in (VERB, DATASET) and self.workspace.document.project is not None:
+        if self.workspace.document.project is None:
+            return
+        if form.verb in (VERB, DATASET):
             ScanForm(form, self.workspace)
+        elif form.verb == FEATURES:
+            FeaturesForm(form, self.workspace)
 
     # The graph --------------------------------------------------------------------------------------------------
 

@@ -23,7 +23,7 @@ from nvsim.project.project import Project
 from nvsim.project.restored import kept_results
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
 
-_BESIDE_GRAPH = ("export scan", "export tasks", "export dataset")  # stand beside Export graph
+_BESIDE_GRAPH = ("export scan", "export features", "export tasks", "export dataset")  # stand beside Export graph
 _EXPORTS = tuple(verb for verb in EXPORTS if verb not in _BESIDE_GRAPH)
 _AGENTS = ("r2r train",)
 _SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}

@@ -56,7 +56,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "export_candidates",
         "write the candidates of exported scans for agents that use no simulator",
     ),
-    "export features": ("export_features", "write features of the 36 views of exported scans, as agents read them"),
+    "export features": ("export_features", WORK["export features"].does),
     "export tasks": ("export_tasks", WORK["export tasks"].does),
     "export dataset": ("export_dataset", WORK["export dataset"].does),
     "evaluate views": ("evaluate_views", WORK["evaluate views"].does),

@@ -76,7 +76,8 @@ def read_novel_views(folder: Path, alignment: Alignment) -> list[NovelView]:
         try:
             if found:
                 width, height = int(found[1]), int(found[2])
-                intrinsics = Intrinsics(width, height, *(float(found[i]) for i in range(3, 7)))
+                fx, fy, cx, cy = (float(found[i]) for i in range(3, 7))
+                intrinsics = Intrinsics(width, height, fx, fy, cx, cy)
             if not line.strip() or line.startswith("#"):
                 continue
             name, *numbers = line.split()

@@ -131,6 +131,12 @@ WORK: dict[str, Work] = {
             draws=True,
         ),
         Work(
+            "export features",
+            "Export features for agents",
+            "write features of the views of an exported scan in the files that agents read",
+            "map",
+        ),
+        Work(
             "export tasks",
             "Export tasks",
             "sample the paths of a benchmark from exported scans, with instructions, as R2R_<split>.json",

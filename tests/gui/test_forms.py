@@ -24,7 +24,7 @@ PROJECT = Path("house.nvsim")
 VERBS = (
     "submaps", "depth", "floors", "train", "map", "evaluate views", "evaluate floor", "evaluate depth",
     "evaluate graph", "evaluate calibration", "evaluate ablation", "evaluate validity-table",
-    "export r2r", "export scan", "export splats",
+    "export r2r", "export scan", "export features", "export splats",
 )  # fmt: skip
 
 

@@ -25,9 +25,10 @@ from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.files.locking import Held
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.r2r.features import trunk
+from nvsim.r2r.features import installed, trunk
 from nvsim.r2r.features.exported_scan import read_exported_scans
 from nvsim.r2r.features.extraction import extract
+from nvsim.r2r.features.installed import weights_file
 from nvsim.r2r.features.kept_rows import kept_rows
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.projection import Projection
@@ -104,7 +105,7 @@ def test_recurrent_vln_bert_reads_padded_rows(tmp_path: Path) -> None:
     assert about["backbone"] == "mean" and "50 of the backbone, followed by 1998 zeros" in about["features"]
 
 
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=lambda layout: layout.name)
+@pytest.mark.parametrize("layout", [l for l in LAYOUTS.values() if not l.tokens], ids=lambda layout: layout.name)
 def test_every_layout_has_rows_without_any_network(tmp_path: Path, layout) -> None:
     export(tmp_path, random_graph("Hall", 3))
     assert features(tmp_path, "--projection", "--layout", layout.name) == 0
@@ -290,7 +291,7 @@ def test_logits_follow_the_features_only_where_pre_training_reads_them(tmp_path:
         assert f["Hall_hall000"].shape == (36, 512)
 
 
-bundled = pytest.mark.skipif(trunk.weights_file() is None, reason="the extra `features` is not installed")
+bundled = pytest.mark.skipif(weights_file() is None, reason="the extra `features` is not installed")
 
 
 @bundled
@@ -316,7 +317,7 @@ def test_the_bundled_trunk_is_the_default(tmp_path: Path, capsys) -> None:
 
 
 def test_without_the_extra_the_sentence_says_how_to_install_it(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(trunk, "PACKAGE", "no_such_package")
+    monkeypatch.setattr(installed, "TRUNK", "no_such_package")
     monkeypatch.setenv("NVSIM_MODELS", str(tmp_path / "none"))
     export(tmp_path, random_graph("Hall", 1))
     assert features(tmp_path) == 0

@@ -16,11 +16,15 @@ from nvsim.r2r.features.layouts import LAYOUTS, Name
 
 @dataclass(frozen=True)
 class Arguments:
-    export: Positional[Path]
+    export: Positional[Path | None] = None
     """The folder of an export: connectivity/ with scans.txt, and views/ or strips of skyboxes."""
+    folder: Path | None = None
+    """The folder of an export, where it is not the first argument; `scans` beside the project when left out."""
+    project: Path | None = None
+    """The project of the scan, where it runs as a job of that."""
     layout: tuple[Name, ...] = ("vit-b16",)
     """resnet-152: TSV of EnvDrop and Recurrent-VLN-BERT; vit-b16: HAMT and VLN-DUET; clip-b16: ScaleVLN and SAME;
-    clip-h14: ScaleVLN; eva-l14: NaviLLM. More than one may be named."""
+    clip-h14: ScaleVLN; eva-l14: NaviLLM; eva-g: LMDB of NavGPT-2. More than one may be named."""
     model: Path | None = None
     """An ONNX network with a description beside it (CLIP.onnx, CLIP.toml). Left out: features.LAYOUT.onnx in the models
     folder, else an ImageNet trunk (the extra `features`), else a fixed projection of colours and edges."""
@@ -39,6 +43,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    from nvsim.r2r.features.candidate_views import extract_candidates
     from nvsim.r2r.features.choosing import choose_backbone
     from nvsim.r2r.features.exported_scan import read_exported_scans
     from nvsim.r2r.features.extraction import STAGE, extract, with_images
@@ -48,14 +53,20 @@ def run(arguments: Arguments) -> int:
         raise InputError(f"--batch {a.batch} makes no batch; say 1 to 1024.")
     if a.model is not None and a.projection:
         raise InputError("--model and --projection exclude each other; give one.")
+    if a.export is not None and a.folder is not None:
+        raise InputError(f"The export is named twice, {a.export} and --folder {a.folder}; name it once.")
+    export = a.export or a.folder or (a.project and a.project.absolute().parent / "scans")
+    if export is None:
+        raise InputError("No export is named; give the folder that `nvsim export scan` wrote.")
     written = []
     with listening(a.json) as listen:
-        scans = with_images(read_exported_scans(a.export, a.scans), bool(a.scans), listen)
+        scans = with_images(read_exported_scans(export, a.scans), bool(a.scans), listen)
         for name in dict.fromkeys(a.layout):
             backbone, warning = choose_backbone(LAYOUTS[name], a.model, a.batch, a.provider, a.projection)
             if warning:
                 listen(Warning(warning, STAGE))
-            written += extract(scans, LAYOUTS[name], backbone, a.out or a.export / "features", listen)
+            make = extract_candidates if LAYOUTS[name].tokens else extract
+            written += make(scans, LAYOUTS[name], backbone, a.out or export / "features", listen)
     if not a.json:
         print("\n".join(f"Wrote {path}" for path in written))
     return 0

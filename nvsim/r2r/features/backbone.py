@@ -14,7 +14,8 @@ Float32 = NDArray[np.float32]
 
 class Backbone(Protocol):
     """name     what the file says made it
-    width    numbers of an image
+    width    numbers of a row
+    tokens   rows of an image: 1, or the patches too where a layout wants them
     classes  logits of ImageNet's classes behind them: 0 or 1000
     batch    images that go through at once
     digest   hexadecimal; two backbones with the same one give the same numbers
@@ -22,6 +23,7 @@ class Backbone(Protocol):
 
     name: str
     width: int
+    tokens: int
     classes: int
     batch: int
     digest: str
@@ -32,5 +34,5 @@ class Backbone(Protocol):
         ...
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
-        """(N, width + classes) of N prepared images, at most `batch`."""
+        """(N, tokens * width + classes) of N prepared images, at most `batch`."""
         ...

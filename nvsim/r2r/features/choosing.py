@@ -4,34 +4,28 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nvsim.networks.folder import find_file
 from nvsim.networks.onnx_session import Provider
 from nvsim.r2r.features.backbone import Backbone
+from nvsim.r2r.features.installed import maker_of
 from nvsim.r2r.features.layouts import Layout
 from nvsim.r2r.features.network import Network
 from nvsim.r2r.features.projection import Projection
 
 
-def role(layout: Layout) -> str:
-    """The name without .onnx under which a network for the layout may lie in the user's models folder."""
-    return f"features.{layout.name}"
-
-
 def choose_backbone(
     layout: Layout, model: Path | None, batch: int, provider: Provider, projection: bool = False
 ) -> tuple[Backbone, str]:
-    """The named ONNX network; else, unless the `projection` is asked for, the one in the models folder for the layout,
-    then the ImageNet trunk; else the projection. With it a sentence that warns, "" where there is nothing to say.
+    """The backbone that `maker_of` says, and a sentence that warns, "" where there is nothing to say.
 
     Raises InputError for a network that cannot be used.
     """
-    named = model or (None if projection else find_file(role(layout)))
-    if named is not None:
-        return Network(named, batch, provider), ""
-    from nvsim.r2r.features import trunk  # takes torch along
+    maker = maker_of(layout, model, projection)
+    if maker.file is not None:
+        return Network(maker.file, batch, provider), ""
+    if maker.kind == "trunk":
+        from nvsim.r2r.features.trunk import Trunk  # takes torch along
 
-    if not projection and trunk.weights_file() is not None:
-        return trunk.Trunk(), (
+        return Trunk(), (
             f"the numbers are those of EfficientNet-Lite0, not of the network after which {layout.file} is called; an "
             "agent must be trained on them (or give --model FILE.onnx)"
         )

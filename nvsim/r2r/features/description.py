@@ -17,7 +17,8 @@ _EXAMPLE = "width = 512 and size = [224, 224]"
 @dataclass(frozen=True)
 class Description:
     """name         what to call the network in the files it makes
-    width        numbers of an image that its output has
+    width        numbers of an image that its output has, or of each of its rows
+    tokens       rows of an image that its output has, 1 where they are pooled
     preparation  what it takes
     output       the name of its output, None where it has one only
     classes      the name of a second output with 1000 logits, None where there is none
@@ -28,6 +29,7 @@ class Description:
     preparation: Preparation
     output: str | None = None
     classes: str | None = None
+    tokens: int = 1
 
 
 def read_description(model: Path) -> Description:
@@ -48,6 +50,7 @@ def parse_description(text: str, path: Path) -> Description:
         preparation=preparation_in(table),
         output=table.word("output", "") or None,
         classes=table.word("classes", "") or None,
+        tokens=table.whole("tokens", MOST_WIDTH, 1),
     )
     table.refuse_others()
     return description

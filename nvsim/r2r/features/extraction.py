@@ -55,6 +55,11 @@ def extract(
 
     Raises InputError for views that are missing (before anything is computed) or damaged, and when the disk refuses.
     """
+    if backbone.tokens != 1:
+        raise InputError(
+            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, and the layout {layout.name} has "
+            "one; name the pooled output in its description."
+        )
     target = folder / layout.file
     sources = [(scan, ViewSource(scan)) for scan in scans]
     places = [(scan, source, i) for scan, source in sources for i in range(len(scan.viewpoints))]
@@ -63,21 +68,16 @@ def extract(
     fingerprints = [source.fingerprint(i) for _, source, i in places]
     fit = Width(backbone.width, layout.width)
     classes = backbone.classes if layout.classes else 0
-    about: About = {
-        "backbone": backbone.name,
-        "features": f"{layout.width} numbers of each view: {fit.words}",
-        "logits": f"{classes} of ImageNet's classes behind them" if classes else "none",
-        "layout": f"{layout.name}, read by {layout.readers}",
-        "made_by": f"NVSim {__version__}",
-    }
+    about = said_of(layout, backbone, f"{layout.width} numbers of each view: {fit.words}")
+    about["logits"] = f"{classes} of ImageNet's classes behind them" if classes else "none"
     maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
     with kept_rows(target, maker, layout.width + classes) as kept:
         kept.take_over(fingerprints)
         if kept.count:
             listen(Log(f"{kept.count} of {len(places)} viewpoints are there from before", STAGE))
-        with contextlib.closing(_read_ahead([place[1:] for place in places[kept.count :]], backbone)) as read:
+        with contextlib.closing(read_ahead([place[1:] for place in places[kept.count :]], backbone)) as read:
             for prepared, size in read:
-                rows = _through(backbone, prepared)
+                rows = through(backbone, prepared)
                 values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
                 row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
                 kept.append(fingerprints[kept.count], size, row)
@@ -92,7 +92,18 @@ def extract(
     return written
 
 
-def _through(backbone: Backbone, prepared: list[NDArray[Any]]) -> Float32:
+def said_of(layout: Layout, backbone: Backbone, features: str) -> About:
+    """What a file says of how it was made."""
+    return {
+        "backbone": backbone.name,
+        "features": features,
+        "layout": f"{layout.name}, read by {layout.readers}",
+        "made_by": f"NVSim {__version__}",
+    }
+
+
+def through(backbone: Backbone, prepared: Sequence[NDArray[Any]]) -> Float32:
+    """(N, tokens * width + classes) of N prepared images, any number."""
     batches = range(0, len(prepared), backbone.batch)
     return np.concatenate([backbone.features(prepared[at : at + backbone.batch]) for at in batches])
 
@@ -102,7 +113,7 @@ def _placed(kept: KeptRows, places: list[tuple[ExportedScan, ViewSource, int]]) 
         yield Place(scan.id, scan.viewpoints[index], size), row
 
 
-def _read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:
+def read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:
     """What goes into the backbone for each place, prepared by threads a few viewpoints ahead. To be closed."""
     pool = ThreadPoolExecutor(min(_AHEAD, os.cpu_count() or 1))
     waiting: deque[Future[Prepared]] = deque()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Name = Literal["resnet-152", "resnet-152-places365", "vit-b16", "clip-b16", "clip-h14", "eva-l14"]
+Name = Literal["resnet-152", "resnet-152-places365", "vit-b16", "clip-b16", "clip-h14", "eva-l14", "eva-g"]
 CLASSES = 1000
 """ImageNet's."""
 
@@ -17,6 +17,7 @@ class Layout:
     width    numbers that they read of a view
     classes  whether logits of ImageNet's classes may stand behind them (VLN-DUET's pre-training reads them)
     readers  who opens it
+    tokens   rows of numbers of each candidate's view, where it holds them in place of one row of all 36 views; else 0
     """
 
     name: str
@@ -24,6 +25,7 @@ class Layout:
     width: int
     classes: bool
     readers: str
+    tokens: int = 0
 
     @property
     def is_tsv(self) -> bool:
@@ -40,5 +42,6 @@ LAYOUTS: dict[str, Layout] = {
         Layout("clip-b16", "clip_vit-b16_mp3d_hm3d_gibson.hdf5", 512, False, "ScaleVLN, SAME"),
         Layout("clip-h14", "clip_vit-h14_mp3d_original.hdf5", 1024, False, "ScaleVLN"),
         Layout("eva-l14", "mp3d_EVA02-CLIP-L-14-336.hdf5", 1024, False, "NaviLLM"),
+        Layout("eva-g", "MP3D_eva_clip_g_can.lmdb", 1408, False, "NavGPT-2", 257),
     )
 }

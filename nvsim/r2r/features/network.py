@@ -34,7 +34,7 @@ class Network:
         self._description = read_description(path)
         self._session = session(path, providers(provider))
         self.name = self._description.name
-        self.width = self._description.width
+        self.width, self.tokens = self._description.width, self._description.tokens
         self.prepared = self._description.preparation
         self._input, self._fixed = self._checked_input()
         self.batch = self._fixed or batch
@@ -50,12 +50,19 @@ class Network:
             batch = np.concatenate([batch, np.repeat(batch[-1:], self._fixed - len(images), axis=0)])
         with reading(self._path, "a network that runs", "export it again"):
             found = self._session.run(self._outputs, {self._input.name: batch.astype(_TYPES[self._input.type])})
-        wanted = [self.width, self.classes][: len(found)]
+        wanted = [self.tokens * self.width, self.classes][: len(found)]
         rows = [self._rows(value, n, k)[: len(images)] for value, n, k in zip(found, wanted, self._outputs)]
         return np.concatenate(rows, axis=1)
 
     def _rows(self, value: NDArray[Any], width: int, output: str) -> Float32:
         rows = np.asarray(value)
+        if output != self._description.classes and self.tokens > 1:
+            if rows.shape[1:] != (self.tokens, self.width):
+                raise InputError(
+                    f"{self._path}: its output {output} has the shape {tuple(rows.shape)}, but its description says "
+                    f"tokens = {self.tokens} rows of width = {self.width} for each image; correct one of them."
+                )
+            rows = rows.reshape(len(rows), -1)
         if rows.ndim == 4 and rows.shape[2:] == (1, 1):
             rows = rows[:, :, 0, 0]
         if rows.ndim != 2:

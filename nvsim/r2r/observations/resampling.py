@@ -7,9 +7,11 @@ that look its way nearly straight, and where two are about equally far off, what
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.kernel_types import Float32, Int64
@@ -22,7 +24,7 @@ BLEND = _F(0.03)
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _add_sample(
-    colours: Float32,  # (views, S, S, 3), see `sample`
+    colours: NDArray[Any],  # (views, S, S, 3), see `sample`
     solids: Float32,  # (views, S, S, 2)
     view: int,
     u: np.float32,  # column and line, counted from the centre of the first pixel; the next ones exist too
@@ -54,7 +56,7 @@ def _add_sample(
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
 def sample(
-    colours: Float32,  # (views, S, S, 3) of the narrow views; (0, ...) where not wanted
+    colours: NDArray[Any],  # (views, S, S, 3) of the narrow views, float32 or uint8; (0, ...) where not wanted
     solids: Float32,  # (views, S, S, 2) alpha, and alpha times metres along the ray, likewise
     axes: Float32,  # (views, 3, 3) rows right, down and ahead of each narrow view, world
     focal: np.float32,  # of the narrow views, pixels

@@ -19,9 +19,11 @@ from nvsim.render.model import render_model
 from nvsim.render.workspace import LOCK, tiles_of
 from nvsim.splats.types import SubmapModel
 
-_CHANNELS = frozenset({"rgb", "alpha", "depth"})
-_ROUND = 3  # pixels of a narrow view around those whose ray it looks along nearly straight: samples lie that far off
+CHANNELS = frozenset({"rgb", "alpha", "depth"})
+ROUND = 3  # pixels of a narrow view around those whose ray it looks along nearly straight: samples lie that far off
 _FARTHEST = math.radians(38)  # from a narrow view's axis to a ray for which it counts, rounded up
+_ALIKE = (0, 0, 2, 2, 2, 2, 2, 2, 0, 1, 1, 1, 0, 1, 1, 1, 0, 0)
+# How many places before it in the order of `views_around` is one that is turned about the vertical by a quarter.
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,18 +53,8 @@ class Surround:
         return colour, solid
 
     def _sample(self, camera: Camera, finer: int, colour: Float32, solid: Float32) -> None:
-        k = camera.intrinsics
-        axes = axes_ahead()
-        rotation = np.ascontiguousarray(camera.rotation, np.float32)
-        corner = math.atan(math.hypot(k.width, k.height) / 2 / k.fx)
-        reach = math.cos(min(corner + _FARTHEST, math.pi))
-        near = np.flatnonzero(axes[:, 2] @ rotation[:, 2] >= reach).astype(np.int64)
         solids = self.solids if solid.size else self.solids[:0]
-        with LOCK:
-            sample(
-                self.colours, solids, axes, np.float32(self.focal), near, rotation, np.float32(k.fx), finer,
-                colour, solid,
-            )  # fmt: skip
+        sample_view(self.colours, solids, self.focal, camera, finer, colour, solid)
 
 
 def draw_surround(
@@ -78,16 +70,16 @@ def draw_surround(
     Raises InputError when the backend cannot run here.
     """
     at = np.asarray(position, np.float64)
-    cameras, tiles = _cameras(at, focal), _tiles_needed(focal)
+    cameras, tiles = narrow_cameras(at, focal), tiles_needed(focal)
     side = cameras[0].intrinsics.width
     if over is not None and over.colours.shape[1] == side:
         colours, solids = over.colours, over.solids
     else:
         colours = np.empty((len(cameras), side, side, 3), np.float32)
         solids = np.empty((len(cameras), side, side, 2), np.float32)
-    lengths = _ray_lengths(cameras[0])
+    lengths = ray_lengths(cameras[0])
     for i, camera in enumerate(cameras):
-        view = render_model(model, camera, _CHANNELS, tiles[i], backend)
+        view = render_model(model, camera, CHANNELS, tiles[i], backend)
         assert view.rgb is not None and view.alpha is not None and view.depth is not None
         colours[i], solids[i, ..., 0] = view.rgb, view.alpha
         np.multiply(view.depth, view.alpha, out=view.depth)
@@ -95,27 +87,62 @@ def draw_surround(
     return Surround(at, cameras[0].intrinsics.fx, colours, solids)
 
 
-def _cameras(position: NDArray[np.float64], focal: float) -> list[Camera]:
+def sample_view(
+    colours: NDArray[np.generic],
+    solids: Float32,
+    focal: float,
+    camera: Camera,
+    finer: int,
+    colour: Float32,
+    solid: Float32,
+) -> None:
+    """Fills `colour` (H, W, 3) and `solid` (H, W, 2) of `camera`, or what of both is not empty, from narrow views of
+    `focal` pixels: `colours` (18, S, S, 3), in whose unit the filled ones are, and `solids` (18, S, S, 2) float32."""
+    axes = axes_ahead()
+    rotation = np.ascontiguousarray(camera.rotation, np.float32)
+    near = seen_by(camera)
+    with LOCK:
+        sample(
+            colours, solids, axes, np.float32(focal), near, rotation, np.float32(camera.intrinsics.fx), finer,
+            colour, solid,
+        )  # fmt: skip
+
+
+def seen_by(camera: Camera) -> NDArray[np.int64]:
+    """Indices of the narrow views that count for rays of `camera`."""
+    k = camera.intrinsics
+    corner = math.atan(math.hypot(k.width, k.height) / 2 / k.fx)
+    reach = math.cos(min(corner + _FARTHEST, math.pi))
+    return np.flatnonzero(axes_ahead()[:, 2] @ camera.rotation[:, 2] >= reach).astype(np.int64)
+
+
+def narrow_cameras(position: NDArray[np.float64], focal: float) -> list[Camera]:
+    """The eighteen, at `position` (3,), of `focal` pixels to the unit."""
     # `views_around` takes the width of a panorama and makes its views 1.2 times as fine.
     return views_around(position, round(2 * math.pi * focal / 1.2), 0.0)
 
 
-def _ray_lengths(camera: Camera) -> Float32:
+def ray_lengths(camera: Camera) -> Float32:
+    """(H, W) lengths of the rays of `camera` to depth 1."""
     k = camera.intrinsics
     u, v = (np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy
     return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)
 
 
 @lru_cache(maxsize=4)
-def _tiles_needed(focal: float) -> tuple[Mask, ...]:
+def tiles_needed(focal: float) -> tuple[Mask, ...]:
     """Of every narrow view the tiles that `sample` reads for pinholes of any direction."""
     import cv2
 
     ahead = axes_ahead()[:, 2]
-    round_about = np.ones((2 * _ROUND + 1,) * 2, np.uint8)
-    found = []
-    for i, camera in enumerate(_cameras(np.zeros(3), focal)):
-        cosines = camera.rays() @ ahead.T
-        counts = cosines[..., i] >= cosines.max(axis=-1) - BLEND
+    round_about = np.ones((2 * ROUND + 1,) * 2, np.uint8)
+    found: list[Mask] = []
+    for i, camera in enumerate(narrow_cameras(np.zeros(3), focal)):
+        if _ALIKE[i]:
+            found.append(found[i - _ALIKE[i]])
+            continue
+        rays = camera.rays()
+        cosines = rays @ ahead[ahead @ ahead[i] >= math.cos(2 * _FARTHEST)].T
+        counts = rays @ ahead[i] >= cosines.max(axis=-1) - BLEND
         found.append(tiles_of(cv2.dilate(counts.astype(np.uint8), round_about).astype(bool)))
     return tuple(found)

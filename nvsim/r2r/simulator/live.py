@@ -1,4 +1,4 @@
-"""Views drawn live from the trained models of a project."""
+"""Views drawn live from the trained models of a project, in the way in which its strips are drawn."""
 
 from __future__ import annotations
 
@@ -9,23 +9,20 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.mapping.climbing import Trodden
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews, scan_name
 from nvsim.project.thresholds import thresholds_of
 from nvsim.project.work import lacks
+from nvsim.r2r.observations.floor_distance import distances
+from nvsim.r2r.observations.skybox import UNITS_A_METRE
 from nvsim.r2r.simulator.errors import InvalidValue
 from nvsim.r2r.simulator.images import Drawn, Goal, View
 from nvsim.r2r.simulator.nav_graph import GraphOfProject, Scans
+from nvsim.r2r.simulator.places_seen import PlacesSeen
 from nvsim.r2r.simulator.scan import Scan
 from nvsim.r2r.simulator.standing import Standing
-from nvsim.render.model import render_model
-
-DEPTH_UNIT = 4000
-"""Per metre: Matterport3D's depth is in 0.25 mm."""
-_STANDS = 0.5  # alpha from which a pixel's depth is the Gaussians', else that of the floor behind them
 
 
 class ProjectImages:
@@ -49,6 +46,7 @@ class ProjectImages:
         except InputError as error:
             raise InvalidValue(str(error)) from error
         self._ground: Standing | None = None
+        self._seen = PlacesSeen()
 
     def scans(self) -> Scans:
         return self._graph
@@ -61,6 +59,7 @@ class ProjectImages:
 
     def close(self) -> None:
         self._scene = self._support = self._ground = None
+        self._seen.clear()
 
     # Drawing ------------------------------------------------------------------------------------------------------
 
@@ -73,24 +72,17 @@ class ProjectImages:
         focal = view.height / 2 / np.tan(view.vfov / 2)
         intrinsics = Intrinsics(view.width, view.height, focal, focal, view.width / 2, view.height / 2)
         camera = Camera(intrinsics, look(position, heading, elevation))
-        channels = frozenset({"rgb", "alpha", "depth"} if view.depth else {"rgb"})
         try:
-            output = render_model(self._scene.model_at(camera.position)[1], camera, channels)
+            model = self._scene.model_at(camera.position)[1]
+            colour, solid = self._seen.image(model, camera, view.depth)
         except InputError as error:
             raise InvalidValue(str(error)) from error
-        assert output.rgb is not None
-        rgb = (np.clip(output.rgb[..., ::-1], 0, 1) * 255 + 0.5).astype(np.uint8)
+        rgb = (colour[..., ::-1] + np.float32(0.5)).astype(np.uint8)
         if not view.depth:
             return rgb, None
-        assert output.alpha is not None and output.depth is not None
-        rays = camera.rays()
-        # A floor-aware model has no Gaussians on the floor: there the ray meets the floor's surface.
-        surface = self._floor
-        if isinstance(surface, StackedFloor):
-            surface = surface.storeys[int(surface.storey_at(camera.position))]
-        floor = surface.meet(camera.position, rays) * (rays @ camera.rotation[:, 2].astype(np.float32))
-        metres = np.where(output.alpha >= _STANDS, output.depth, floor)
-        depth = np.where(np.isfinite(metres), np.minimum(metres * DEPTH_UNIT + 0.5, 65535), 0)
+        along = camera.rays() @ camera.rotation[:, 2].astype(np.float32)
+        metres = distances(solid, camera, model.floor) * along
+        depth = np.minimum(metres * UNITS_A_METRE + np.float32(0.5), 65535)
         return rgb, depth.astype(np.uint16)[..., None]
 
     def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:

@@ -1,0 +1,68 @@
+"""Beside the options of an export of features: the layouts, who reads each, and what of what is installed makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtGui import QFont
+from PySide6.QtWidgets import QFrame, QVBoxLayout, QWidget
+
+from app.look import colors
+from app.look.labels import Label
+from nvsim.networks.folder import models_folder
+from nvsim.r2r.features.installed import lacking, maker_of, role
+from nvsim.r2r.features.layouts import LAYOUTS, Layout
+
+WIDTH = 330  # pixels
+
+
+class FeatureMakersPanel(QFrame):
+    """makers  of each layout the words about what makes it."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFrameShape(QFrame.Shape.StyledPanel)
+        self.setFixedWidth(WIDTH)
+        column = QVBoxLayout(self)
+        column.setSpacing(2)
+        self._names: dict[str, Label] = {}
+        self.makers: dict[str, Label] = {}
+        for layout in LAYOUTS.values():
+            self._names[layout.name] = self._words()
+            self.makers[layout.name] = self._words()
+            self._names[layout.name].setText(f"{layout.name}: {layout.readers}")
+            self._names[layout.name].setToolTip(f"{layout.file}, {_numbers(layout)}")
+            for label in (self._names[layout.name], self.makers[layout.name]):
+                column.addWidget(label)
+            column.addSpacing(6)
+        self.folder = self._words()
+        self.folder.setText(
+            f"Of each layout, a network with a description beside it may lie in {models_folder()}, as "
+            f"{role(LAYOUTS['clip-b16'])}.onnx and .toml."
+        )
+        column.addWidget(self.folder)
+        column.addStretch(1)
+        self.show_makers((), None, False)
+
+    def show_makers(self, chosen: Sequence[str], model: Path | None, projection: bool) -> None:
+        """Says what makes each layout; the `chosen` ones are bold."""
+        for layout in LAYOUTS.values():
+            name, words = self._names[layout.name], self.makers[layout.name]
+            bold = QFont(name.font())
+            bold.setBold(layout.name in chosen)
+            name.setFont(bold)
+            missing = lacking(layout)
+            words.setText(missing or f"by {maker_of(layout, model, projection).words}")
+            words.setStyleSheet(f"color: {colors.WARNING_TEXT}" if missing else "")
+
+    def _words(self) -> Label:
+        label = Label(self)
+        label.setWordWrap(True)
+        return label
+
+
+def _numbers(layout: Layout) -> str:
+    return (
+        f"{layout.tokens} x {layout.width} numbers a candidate" if layout.tokens else f"{layout.width} numbers a view"
+    )

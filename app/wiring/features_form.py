@@ -1,0 +1,47 @@
+"""The form of an export of features with the layouts and what would make each beside its options."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QObject
+
+from app.forms.fields import command_of
+from app.forms.form import CommandForm
+from app.panels.feature_makers import FeatureMakersPanel
+from app.wiring.part import Workspace
+from nvsim.cli.arguments import parse
+from nvsim.r2r.features.installed import lacking
+from nvsim.r2r.features.layouts import LAYOUTS
+
+FEATURES = "export features"
+
+
+class FeaturesForm(QObject):
+    """Lives as long as `form`."""
+
+    def __init__(self, form: CommandForm, workspace: Workspace) -> None:
+        super().__init__(form)
+        self._form, self._workspace = form, workspace
+        self.panel = FeatureMakersPanel(form)
+        form.stand_beside(self.panel)
+        form.resize(form.width() + 120, form.height())  # the help of its options is long
+        form.tried.connect(self._on_tried)
+
+    def _on_tried(self, arguments: Sequence[str]) -> None:
+        project = self._workspace.document.project
+        if project is None:
+            return
+        a = parse(command_of(FEATURES), ["--project", str(project), *arguments], FEATURES)
+        self.panel.show_makers(a.layout, a.model, a.projection)
+        sentence = next((said for said in (lacking(LAYOUTS[name]) for name in a.layout) if said), "")
+        self._form.hold(sentence or self._without_scan(a.folder or project.absolute().parent / "scans"))
+
+    def _without_scan(self, folder: Path) -> str:
+        """What a job that is under way may yet mend does not hold the form."""
+        if any(h.state in ("running", "queued") for h in self._workspace.jobs.handles):
+            return ""
+        if any((place / "scans.txt").is_file() for place in (folder / "connectivity", folder)):
+            return ""
+        return f"{folder} holds no exported scan; export the scan first, or name another folder."

@@ -1,0 +1,99 @@
+"""Features of the views that show a viewpoint's candidates, as NavGPT-2 reads them: all patches of each.
+
+Format: an LMDB whose key SCAN_VIEWPOINT holds msgpack of the bytes `data`, `type` (of numpy) and `shape` (candidates,
+tokens, width) of an array; its rows stand in the order of the numbers in `scanvp_candidates.json`.
+Source: NavGPT-2, map_nav_src/utils/data.py (reader) and map_nav_src/r2r/env.py (order).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log, Progress
+from nvsim.files import atomic
+from nvsim.r2r.features.backbone import Backbone, Float32
+from nvsim.r2r.features.candidates import candidates_of
+from nvsim.r2r.features.exported_scan import ExportedScan
+from nvsim.r2r.features.extraction import STAGE, read_ahead, said_of, through
+from nvsim.r2r.features.feature_files import about_of
+from nvsim.r2r.features.installed import lacking
+from nvsim.r2r.features.layouts import Layout
+from nvsim.r2r.features.lmdb_file import growing_lmdb
+from nvsim.r2r.features.view_source import ViewSource
+from nvsim.r2r.features.width import Width
+
+
+def extract_candidates(
+    scans: Sequence[ExportedScan], layout: Layout, backbone: Backbone, folder: Path, listen: Listener
+) -> list[Path]:
+    """Writes the features of the candidates of all viewpoints of `scans` to the file of `layout` in `folder`; returns
+    what was written. A backbone of one row a view has it repeated for each token.
+
+    Raises InputError for views that are missing (before anything is computed) or damaged, for a backbone of another
+    number of tokens, without the package lmdb, and when the disk refuses.
+    """
+    if sentence := lacking(layout):
+        raise InputError(sentence)
+    if backbone.tokens not in (1, layout.tokens):
+        raise InputError(
+            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, and the layout {layout.name} has "
+            f"{layout.tokens}, or one that is repeated; name another output in its description."
+        )
+    target = folder / layout.file
+    fit = Width(backbone.width, layout.width)
+    repeated = backbone.tokens < layout.tokens
+    rows = f"one row of a view, repeated {layout.tokens} times" if repeated else f"{layout.tokens} rows of a view"
+    about = said_of(layout, backbone, f"{rows}, {layout.width} numbers each: {fit.words}")
+    about["order"] = "candidates of a viewpoint by their number in scanvp_candidates.json"
+    places = [
+        (f"{scan.id}_{scan.viewpoints[i]}", source, i, views)
+        for scan, source in ((scan, ViewSource(scan)) for scan in scans)
+        for i, views in enumerate(_views_of(scan))
+    ]
+    if not places:
+        raise InputError("The scans have no viewpoint that is included; there is nothing to compute.")
+    marks = [source.fingerprint(i) + views.astype(np.uint8).tobytes() for _, source, i, views in places]
+    numbers = layout.tokens * layout.width
+    maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
+    room = 4 * numbers * sum(len(views) for *_, views in places)
+    with growing_lmdb(target, maker, room, len(places)) as file:
+        todo = [n for n, place in enumerate(places) if not file.has(place[0], marks[n])]
+        done = len(places) - len(todo)
+        if done:
+            listen(Log(f"{done} of {len(places)} viewpoints are there from before", STAGE))
+        with contextlib.closing(read_ahead([places[n][1:3] for n in todo], backbone)) as read:
+            for n, (prepared, _) in zip(todo, read):
+                key, _, _, views = places[n]
+                array = np.empty((len(views), layout.tokens, layout.width), np.float32)
+                array[:] = _tokens(backbone, fit, [prepared[view] for view in views])
+                file.put(key, marks[n], array)
+                done += 1
+                listen(Progress(STAGE, done, len(places), key))
+        file.finish({place[0] for place in places})
+    atomic.write_text(about_of(target), json.dumps(about, indent=1) + "\n")
+    words = f"{len(places)} viewpoints, {layout.tokens} times {layout.width} numbers a candidate"
+    listen(Done(STAGE, words, {"written": [str(target)], "viewpoints": len(places), **about}))
+    return [target, about_of(target)]
+
+
+def _views_of(scan: ExportedScan) -> list[NDArray[np.int64]]:
+    """Of every viewpoint the views that show its candidates, in the order of their numbers."""
+    found = candidates_of(scan.positions, scan.edges)
+    return [found.view[found.source == i] for i in range(len(scan.viewpoints))]
+
+
+def _tokens(backbone: Backbone, fit: Width, prepared: Sequence[NDArray[np.generic]]) -> Float32:
+    """(N, tokens or 1, width of the layout) of N prepared views."""
+    if not prepared:
+        return np.empty((0, 1, 1), np.float32)
+    rows = through(backbone, prepared)[:, : backbone.tokens * backbone.width]
+    fitted = fit(rows.reshape(-1, backbone.width))
+    return fitted.reshape(len(prepared), backbone.tokens, -1)

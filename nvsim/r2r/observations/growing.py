@@ -1,0 +1,110 @@
+"""What a model shows around one place as far as somebody looked: the narrow views of a surround, of which each image
+adds the tiles that it needs. It is the image that a whole surround gives, at the cost of what it shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.r2r.observations.skybox import as_bytes
+from nvsim.r2r.observations.surround import (
+    CHANNELS,
+    ROUND,
+    narrow_cameras,
+    ray_lengths,
+    sample_view,
+    seen_by,
+    tiles_needed,
+)
+from nvsim.render.backends import Backend, chosen
+from nvsim.render.equirectangular import axes_ahead
+from nvsim.render.kernel_types import Float32, Mask
+from nvsim.render.layout import TILE
+from nvsim.render.model import render_model
+from nvsim.render.workspace import pixels_of
+from nvsim.splats.types import SubmapModel
+
+
+class GrowingSurround:
+    """The narrow views around `position` (3,), metres, world, of `focal` pixels to the unit, with alpha and distances
+    where `solid` says so. Not for several threads at once.
+
+    bytes  that its arrays may come to take
+    """
+
+    def __init__(self, position: NDArray[np.floating], focal: float, solid: bool, backend: Backend = "auto") -> None:
+        self._cameras, self._needed = narrow_cameras(np.asarray(position, np.float64), focal), tiles_needed(focal)
+        self._focal, self._backend = self._cameras[0].intrinsics.fx, backend
+        self._nominal = focal
+        side, count = self._cameras[0].intrinsics.width, len(self._cameras)
+        # Eight bits are what an image has in the end, and a quarter of the memory.
+        self._colours = np.empty((count, side, side, 3), np.uint8)
+        self._solids = np.empty((count, side, side, 2) if solid else (0, side, side, 2), np.float32)
+        self._drawn = np.zeros((count, *self._needed[0].shape), np.bool_)
+
+    @property
+    def bytes(self) -> int:
+        return self._colours.nbytes + self._solids.nbytes
+
+    def image(self, model: SubmapModel, camera: Camera) -> tuple[Float32, Float32]:
+        """(H, W, 3) the view of `camera`, which stands at the position, 0 to 255; and (H, W, 2) alpha and alpha times
+        metres along the ray, or (0, 0, 2). `model` draws what nobody looked at before.
+
+        Raises InputError when the backend cannot run here."""
+        near = seen_by(camera)
+        outside = _outside(camera, self._nominal)
+        whole = chosen(self._backend) == "gsplat"  # which draws whole views only
+        todo = [(int(i), self._needed[i] & ~outside[i] & ~self._drawn[i]) for i in near]
+        todo = [(i, tiles) for i, tiles in todo if tiles.any()]
+        if todo and not whole:  # a card keeps the arrays of a model without appearance
+            model = replace(model, gaussians=model.gaussians_at(camera.position), appearance=None)
+        for i, tiles in todo:
+            self._draw(model, i, self._needed[i] if whole else tiles)
+        k = camera.intrinsics
+        colour = np.empty((k.height, k.width, 3), np.float32)
+        solid = np.empty((k.height, k.width, 2) if len(self._solids) else (0, 0, 2), np.float32)
+        sample_view(self._colours, self._solids, self._focal, camera, 1, colour, solid)
+        return colour, solid
+
+    def _draw(self, model: SubmapModel, index: int, tiles: Mask) -> None:
+        whole = self._cameras[index]
+        lines, columns = (np.flatnonzero(tiles.any(axis=axis)) for axis in (1, 0))
+        box = slice(lines[0], lines[-1] + 1), slice(columns[0], columns[-1] + 1)
+        rows, across = (slice(TILE * int(b.start), TILE * int(b.stop)) for b in box)
+        k = whole.intrinsics.part(across.start, rows.start, across.stop - across.start, rows.stop - rows.start)
+        camera, solid = Camera(k, whole.camera_to_world), len(self._solids) > 0
+        view = render_model(model, camera, CHANNELS if solid else frozenset({"rgb"}), tiles[box], self._backend)
+        assert view.rgb is not None
+        new = pixels_of(tiles[box], k.height, k.width)[..., None]
+        np.copyto(self._colours[index, rows, across], as_bytes(view.rgb), where=new)
+        if solid:
+            assert view.alpha is not None and view.depth is not None
+            along = view.alpha * view.depth * ray_lengths(camera)
+            np.copyto(self._solids[index, rows, across], np.stack([view.alpha, along], axis=-1), where=new)
+        self._drawn[index] |= tiles
+
+
+def _outside(camera: Camera, focal: float) -> Mask:
+    """(18, lines, columns) tiles of the narrow views that no ray of `camera` goes through, nor close by."""
+    k = camera.intrinsics
+    a, b = k.width / 2 / k.fx, k.height / 2 / k.fy
+    sides = np.array([[1, 0, a], [-1, 0, a], [0, 1, b], [0, -1, b], [0, 0, 1]], np.float32)  # inwards, of the pyramid
+    sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+    corners = _corners(focal)  # (18, lines + 1, columns + 1, 3)
+    beyond = corners @ (sides @ camera.rotation.T.astype(np.float32)).T < -np.float32((ROUND + 1) / focal)
+    four = beyond[:, 1:, 1:] & beyond[:, :-1, 1:] & beyond[:, 1:, :-1] & beyond[:, :-1, :-1]
+    return np.asarray(four.any(axis=-1), np.bool_)
+
+
+@lru_cache(maxsize=4)
+def _corners(focal: float) -> Float32:
+    """Unit directions, world, of the corners of the tiles."""
+    k = narrow_cameras(np.zeros(3), focal)[0].intrinsics
+    at = (np.arange(0, k.width + 1, TILE) - k.cx) / k.fx
+    local = np.stack([*np.broadcast_arrays(at[None, :], at[:, None]), np.ones((len(at), len(at)))], axis=-1)
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    return np.asarray(np.einsum("lcj,kji->klci", local, axes_ahead()), np.float32)
