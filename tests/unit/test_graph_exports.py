@@ -125,3 +125,23 @@ def test_the_command_writes_every_format_and_forces_what_is_refused(
     assert list(read_connectivity(out / "house_connectivity.json").viewpoints) == [*PLACES, "d"]
     assert (out / "scans.txt").read_text() == "house\n"
     assert main(["export", "graph", str(path), "--format", "geojson", "--latitude", "4"]) == 2
+
+
+def test_what_is_wrong_with_one_scan_of_a_folder_does_not_keep_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lonely = edits.place_viewpoint(GRAPH, (9, 9, 1.5), id="d")
+    given, out = tmp_path / "given", tmp_path / "out"
+    for name, graph in (("one", GRAPH), ("two", lonely), ("three", GRAPH), ("four", GRAPH), ("five", GRAPH)):
+        write_connectivity(replace(graph, scan=name), given)
+    (given / "four_connectivity.json").write_text("[")
+    command = ["export", "graph", str(given), "--format", "r2r", "--out", str(out)]
+    assert main(command) == 2
+    assert (out / "scans.txt").read_text().split() == ["one", "three", "five"]
+    told = capsys.readouterr()
+    assert told.out.count("Wrote") == 3 and len(told.err.splitlines()) == 1
+    assert "2 of 5 scans were not written (two: Viewpoint d has no edge" in told.err and "; four: " in told.err
+    assert main([*command, "--force"]) == 2, "a file that cannot be read stays out"
+    assert "1 of 5" in capsys.readouterr().err and "two" in (out / "scans.txt").read_text().split()
+    for name in ("one", "three", "five", "two"):
+        assert (out / f"{name}_connectivity.json").read_bytes() == (given / f"{name}_connectivity.json").read_bytes()
