@@ -95,12 +95,13 @@ def _write_r2r(source: Source, arguments: Arguments) -> Path:
     from nvsim.graph.connectivity import SUFFIX, write_connectivity
     from nvsim.graph.exports import refuse
     from nvsim.graph.foreign import ForeignFile
+    from nvsim.graph.sight import lines_of_sight
 
     graph = replace(source.graph, scan=source.name)
     if not arguments.force:
         refuse(graph, source.context)
     if is_project(arguments.graph):
-        return write_connectivity(graph, arguments.out)
+        return write_connectivity(graph, arguments.out, lines_of_sight(graph, source.occupancy))
     return ForeignFile.open(source.path).save(graph, arguments.out / f"{source.name}{SUFFIX}")
 
 

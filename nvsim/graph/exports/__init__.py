@@ -5,4 +5,14 @@ from nvsim.graph.exports.graphml import write_graphml
 from nvsim.graph.exports.picture import draw, write_png, write_svg
 from nvsim.graph.exports.refusal import choking, left_out, refuse
 
-__all__ = ["Anchor", "choking", "draw", "left_out", "refuse", "write_geojson", "write_graphml", "write_png", "write_svg"]
+__all__ = [
+    "Anchor",
+    "choking",
+    "draw",
+    "left_out",
+    "refuse",
+    "write_geojson",
+    "write_graphml",
+    "write_png",
+    "write_svg",
+]
