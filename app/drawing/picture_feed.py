@@ -61,8 +61,10 @@ class PictureFeed(QObject):
         return self._rest.isActive() or self.link.busy
 
     def show(self, source: RenderSource | None) -> None:
-        """Draws this reconstruction from now on; None draws none."""
-        self.picture = self.image = None
+        """Draws this reconstruction from now on; None draws none. Of the same project, whose models were written again,
+        the last image stays until the next is there, or the camera moves."""
+        if source is None or source != self.source:
+            self.picture = self.image = None
         self.source = source
         if source is None:
             self.link.close()
@@ -76,7 +78,8 @@ class PictureFeed(QObject):
     def follow(self) -> bool:
         """The camera moved. Returns whether an image of it will come, so that nothing is to be painted before."""
         self._rest.start()
-        if self.picture is None and not self.link.ready:
+        if not self.link.ready:
+            self.picture = self.image = None  # it shows another place than the graph over it would
             return False
         self._ask(moving=True)
         return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class Coloring:
     viewpoints: Mapping[str, int]
     edges: Mapping[tuple[str, str], int]
 
-    @property
+    @cached_property
     def counts(self) -> NDArray[np.int64]:
         """(G,) viewpoints of each group; edges where it has no viewpoints."""
         found = [np.bincount(list(of.values()), minlength=len(self.groups)) for of in (self.viewpoints, self.edges)]

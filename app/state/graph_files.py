@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.errors import InputError
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, words_of_saving
@@ -100,6 +101,15 @@ class ForeignGraph:
     def save_copy(self, graph: NavGraph, path: Path) -> None:
         """Writes `graph` to another file and leaves this one as it is. Raises InputError when it cannot be written."""
         copy.copy(self._file).save(graph, path)
+
+    def export(self, graph: NavGraph, folder: Path) -> Path:
+        """Writes `graph` under the same name into another folder; returns the file. Raises InputError when that is its
+        own folder, or it cannot be written."""
+        path = folder / self.path.name
+        if path.resolve() == self.path.resolve():
+            raise InputError(f"{path} is the file that is open; save it, or choose another folder.")
+        self.save_copy(graph, path)
+        return path
 
     def sight(self, unknown: bool = True) -> Visible | None:
         return self._file.sight(unknown)

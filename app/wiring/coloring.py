@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -11,10 +12,12 @@ from PySide6.QtCore import QPointF, QRectF, QSettings, Qt
 from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.actions import Action
+from app.painting.drawing_cache import DrawingCache
+from app.painting.graph_ink import LARGE
 from app.painting.picking import NEAR
 from app.painting.primitives import Primitives, disc
 from app.state.document import Document
-from app.state.graph_arrays import GraphArrays
+from app.state.graph_arrays import GraphArrays, extremes
 from app.state.graph_coloring import Coloring, coloring
 from app.state.reasons import Reason, with_graph, with_occupancy
 from app.views.graph_surface import GraphSurface
@@ -55,6 +58,7 @@ class ColoringPart(Part):
         self._rows: tuple[GraphArrays, Coloring, NDArray[np.int64], NDArray[np.int64]] | None = None
         self._primitives = Primitives()
         self._discs: dict[str, object] = {}
+        self._kept: dict[GraphSurface, DrawingCache] = {}
         workspace.modes.beneath.append(self.paint)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -68,6 +72,7 @@ class ColoringPart(Part):
 
     def _choose(self, by: str, _: bool = False) -> None:
         self.by = by
+        self._kept.clear()
         self.workspace.settings.setValue("graph_colors", by)
         self.workspace.modes.refresh()
 
@@ -92,7 +97,23 @@ class ColoringPart(Part):
             return
         if self._rows is None or self._rows[0] is not arrays or self._rows[1] is not found:
             self._rows = arrays, found, *_groups(arrays, found)
-        _, _, viewpoints, edges = self._rows
+        if len(arrays.edges) > LARGE:
+            low, high = extremes(arrays.feet)
+            corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+            # What a camera makes of eight corners says where it stands.
+            place = tuple(np.column_stack(surface.project(corners)).ravel().tolist()), float(surface.disc_radii().max())
+            if surface not in self._kept:
+                self._kept[surface] = DrawingCache(surface.widget, surface.widget.update)
+            size = surface.widget.size()
+            draw = partial(self._draw, surface)
+            self._kept[surface].paint(painter, size.width(), size.height(), place, draw, self._rows)
+        else:
+            self._draw(surface, painter)
+        _paint_legend(painter, found)
+
+    def _draw(self, surface: GraphSurface, painter: QPainter, within: QRectF | None = None) -> None:
+        assert self._rows is not None
+        arrays, found, viewpoints, edges = self._rows
         ends = arrays.feet[arrays.edges]
         lines, index, _ = surface.segments(ends[:, 0], ends[:, 1])
         pixels, depths = surface.project(arrays.feet)
@@ -108,7 +129,6 @@ class ColoringPart(Part):
             if group.color not in self._discs:
                 self._discs[group.color] = disc(group.color, "#11151a")
             self._primitives.draw_sprites(painter, pixels[rows], radii[rows] / 12, self._discs[group.color])  # type: ignore[arg-type]
-        _paint_legend(painter, found)
 
 
 def _groups(arrays: GraphArrays, found: Coloring) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

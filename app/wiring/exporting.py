@@ -17,6 +17,7 @@ from app.forms.form import CommandForm
 from app.jobs.scan_estimate import DATASET, VERB
 from app.look.front import bring_up
 from app.panels.form import Form
+from app.state.graph_files import ForeignGraph
 from app.state.graph_reasons import with_editing
 from app.state.stages import enabled
 from app.wiring.features_form import FEATURES, FeaturesForm
@@ -169,14 +170,24 @@ class ExportPart(Part):
         from nvsim.graph import exports
 
         if kind == "r2r":
-            from nvsim.graph.connectivity import write_connectivity
-
-            if not force:
-                exports.refuse(graph)
-            return write_connectivity(graph, path)
+            return self._write_r2r(graph, path, force)
         if kind == "graphml":
             return exports.write_graphml(graph, path)
         if kind == "geojson":
             return exports.write_geojson(graph, path)
         picture = exports.draw(self._shown(graph), self.workspace.document.contents.occupancy)
         return exports.write_png(picture, path) if kind == "png" else exports.write_svg(picture, path)
+
+    def _write_r2r(self, graph: NavGraph, folder: Path, force: bool) -> Path:
+        from nvsim.graph import exports
+        from nvsim.graph.connectivity import write_connectivity
+        from nvsim.graph.findings import Context
+        from nvsim.graph.sight import lines_of_sight
+
+        document = self.workspace.document
+        file, occupancy = document.editing.file, document.contents.occupancy
+        if not force:
+            exports.refuse(graph, None if file is None else file.context(Context()))
+        if isinstance(file, ForeignGraph):  # its poses and lists stay what they are
+            return file.export(graph, folder)
+        return write_connectivity(graph, folder, lines_of_sight(graph, occupancy))

@@ -92,7 +92,7 @@ def read_connectivity(path: Path) -> NavGraph:
         included = _flags([entry.get("included", True)], 1, f"{where}: included")[0]
         viewpoints[id] = Viewpoint(id, position_in(entry.get("pose"), where), height, -1, included, "file")
         rows.append(_flags(entry.get("unobstructed"), len(entries), f"{where}: unobstructed"))
-    return NavGraph(_scan_of(path), viewpoints, _edges(list(viewpoints), rows, path))
+    return NavGraph(scan_of(path), viewpoints, _edges(list(viewpoints), rows, path))
 
 
 def check_scan_id(scan: str) -> None:
@@ -146,7 +146,8 @@ def scan_files(root: Path, names: Sequence[str] = ()) -> dict[str, Path]:
     return found
 
 
-def _scan_of(path: Path) -> str:
+def scan_of(path: Path) -> str:
+    """The scan id, from the name of a connectivity file."""
     return path.name.removesuffix(SUFFIX) if path.name.endswith(SUFFIX) else path.stem
 
 

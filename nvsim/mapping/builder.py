@@ -17,6 +17,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
+from nvsim.mapping.covered import Covered
 from nvsim.mapping.edit_carryover import keep_edits
 from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
@@ -106,7 +107,7 @@ def build_map(
         explorer.beside()
     draft, searched = search.draft, time.monotonic()
     if config.settle and not should_stop():
-        Settling(survey, should_stop, explorer.progress).run()
+        Settling(survey, should_stop, explorer.settling).run()
     if not draft.viewpoints and not should_stop():
         raise NowhereToStand(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
@@ -115,6 +116,8 @@ def build_map(
     for id in isolated:
         draft.remove(id)
     graph = keep_edits(draft.graph(), previous)
+    if not should_stop():
+        explorer.finish()
     seconds = time.monotonic() - started
     words: dict[str, int] = {}
     for evidence in graph.evidence.values():
@@ -184,6 +187,8 @@ class _Explorer:
         self._search, self._walk, self._config = search, walk, config
         self._listen, self._should_stop = listen, should_stop
         self._tried: set[int] = set()
+        self._covered = Covered(walk.places, search.draft, config.cover_distance, self.is_covered)
+        self._said = ""
         self._keep, self._kept, self._pause = keep, time.monotonic(), _KEEPING
 
     def begin(self, place: NDArray[np.floating]) -> None:
@@ -253,15 +258,38 @@ class _Explorer:
     def _start(self, place: int) -> bool:
         self._tried.add(place)
         if not self._search.start(self._walk.places[place]):
+            self._covered.give_up(place)
             return False
         self._search.run(self._should_stop, self.progress)
         self.progress()
         return True
 
     def progress(self) -> None:
-        found = len(self._search.draft.viewpoints)
-        done = found - self._search.waiting
-        self._listen(Progress(STAGE, max(0, done), max(1, found), f"{found} viewpoints"))
+        """Says how many places of the trajectory are left, and where none is, how many viewpoints wait."""
+        self._covered.look(self._search.expanded)
+        left, waiting = self._covered.left, self._search.waiting
+        if left:
+            self._say(f"{left} place{'s' if left > 1 else ''} of the walk left")
+        else:
+            self._say(f"{waiting} of them to look from" if waiting else "joining them")
+        self._keep_now_and_then()
+
+    def settling(self) -> None:
+        self._say("arranging them")
+        self._keep_now_and_then()
+
+    def finish(self) -> None:
+        self._say("")
+
+    def _say(self, then: str) -> None:
+        """Progress in places of the trajectory, full only at the end, that is without `then`."""
+        found, places = len(self._search.draft.viewpoints), len(self._walk.places)
+        words = f"{found} viewpoint{'' if found == 1 else 's'}" + (f", {then}" if then else "")
+        if words != self._said:
+            self._said = words
+            self._listen(Progress(STAGE, min(places - self._covered.left, places - bool(then)), places, words))
+
+    def _keep_now_and_then(self) -> None:
         now = time.monotonic()
         if now - self._kept > self._pause:
             self._keep()

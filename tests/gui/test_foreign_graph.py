@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
 from app.session import Session
+from app.wiring.exporting import ExportPart
 from app.wiring.foreign import ForeignPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.new_project import NewProjectPart
@@ -223,3 +225,27 @@ def test_a_graph_that_is_dropped_on_the_window_opens(session: Session, folder: P
         with qtbot.waitSignal(session.window.projectChosen) as chosen:
             part.take([what])
         assert chosen.args == [what]
+
+
+def test_a_foreign_scan_keeps_its_poses_and_lists_and_stays_where_it_is(
+    session: Session, tmp_path: Path, qtbot: QtBot
+) -> None:
+    """Poses turned by a quarter, and a list of who sees whom that names more than edges."""
+    (tmp_path / "given").mkdir()
+    given = tmp_path / "given" / "tilted_connectivity.json"
+    entries = [
+        {"image_id": id, "pose": [0, 0, 1, x, -1, 0, 0, 0, 0, -1, 0, 1.5, 0, 0, 0, 1], "included": True,
+         "visible": [k != i for k in range(3)], "unobstructed": [abs(k - i) == 1 for k in range(3)], "height": 1.5}
+        for i, (id, x) in enumerate({"a": 0, "b": 2, "c": 4}.items())
+    ]  # fmt: skip
+    given.write_text(json.dumps(entries))
+    opened(session, given, qtbot)
+    part = session.window.part(ExportPart)
+    session.document.editing.run("remove_edges", {"pairs": [["a", "b"]]})
+    assert not part.export("r2r", tmp_path, force=False), "a is alone now"
+    assert not part.export("r2r", given.parent, force=True) and json.loads(given.read_text()) == entries
+    assert part.export("r2r", tmp_path, force=True)
+    found = json.loads((tmp_path / given.name).read_text())
+    assert [e["pose"] for e in found] == [e["pose"] for e in entries]
+    assert [e["visible"] for e in found] == [e["visible"] for e in entries]
+    assert found[0]["unobstructed"] == [False] * 3

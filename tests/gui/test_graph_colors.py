@@ -12,6 +12,7 @@ from app.state.document import Document
 from app.state.graph_coloring import coloring
 from app.wiring.coloring import ColoringPart
 from app.wiring.window import MainWindow
+from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
 from nvsim.graph.components import components
 from nvsim.graph.edits import EditError
@@ -60,3 +61,29 @@ def test_the_map_shows_them_with_a_legend_and_the_next_window_too(
     assert sum(pixel in colors for pixel in seen) > 0.8 * len(seen)
     window.close()
     assert make_window(document).part(ColoringPart).by == "degree"
+
+
+def test_a_large_graph_is_not_drawn_anew_while_it_and_the_view_stay(
+    window: MainWindow, document: Document, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is kept is what would be drawn; the plain graph is drawn by nobody but its own item."""
+    document.set_contents(replace(document.contents, graph=random_graph(1500), occupancy=None))
+    part, view = window.part(ColoringPart), window.modes.canvases[1].surface.widget
+    drawn: list[object] = []
+    draw = part._draw
+    monkeypatch.setattr(part, "_draw", lambda *arguments: (drawn.append(arguments[0]), draw(*arguments)))
+    view.grab()
+    assert not drawn and not part._kept, "one colour: its own item keeps the drawing"
+    window.actions_table["color_degree"].trigger()
+    pictures = [view.grab().toImage() for _ in range(4)]
+    count = len(drawn)
+    assert count <= 3 and pictures[3] == view.grab().toImage() and len(drawn) == count
+    apart = [
+        abs(int(v) - int(w)) for a, b in [(pictures[0], pictures[3])] for v, w in zip(a.constBits(), b.constBits())
+    ]
+    assert np.mean(apart) < 1, "kept or painted directly, it looks the same"
+    document.editing.run("remove_edges", {"pairs": [list(key) for key in list(document.graph.edges)[:3000]]})
+    assert view.grab().toImage() != pictures[3] and len(drawn) > count
+    count, moved = len(drawn), view.grab().toImage()
+    window.modes.canvases[1].surface._view.plot.getViewBox().scaleBy((0.5, 0.5))
+    assert view.grab().toImage() != moved and len(drawn) > count

@@ -172,3 +172,22 @@ def test_another_project_places_the_camera_anew(view: SceneView, document: Docum
     document.set_contents(Contents(Path("other.nvsim")))
     document.set_contents(demo_room.contents(Path("other.nvsim"), scene=False))
     assert math.dist(view.pose.position, (7, 4.5, 1.5)) < 40
+
+
+def test_the_last_image_stays_while_models_that_were_trained_again_are_loaded(view: SceneView, qtbot: QtBot) -> None:
+    source = demo_room.RoomSource()
+    view.show_source(source)
+    qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=20_000)
+    before = view.picture
+    view.show_source(demo_room.RoomSource())
+    assert view.picture is before and view.feed.note, "nothing goes blank, and it says what it waits for"
+    qtbot.waitUntil(lambda: view.picture is not before and not view.drawing, timeout=20_000)
+    assert view.picture is not None and not view.feed.note
+    view.show_source(demo_room.RoomSource())
+    view.navigation.set_pose(ViewPose((3, 3, 3)))
+    assert view.picture is None and np.allclose(view.overlay_camera.position, (3, 3, 3)), "the graph follows the camera"
+    view.show_source(source)
+    view.show_source(None)
+    assert view.picture is None
+    view.show_source(demo_room.RoomSource(burn=0.001))
+    assert view.picture is None, "another reconstruction"

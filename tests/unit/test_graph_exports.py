@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +20,7 @@ from nvsim.graph import edits
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.exports import Anchor, choking, draw, refuse, write_geojson, write_graphml, write_png, write_svg
 from nvsim.graph.findings import Context
+from nvsim.graph.sight import lines_of_sight
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import OccupancyMap
 
@@ -125,3 +128,55 @@ def test_the_command_writes_every_format_and_forces_what_is_refused(
     assert list(read_connectivity(out / "house_connectivity.json").viewpoints) == [*PLACES, "d"]
     assert (out / "scans.txt").read_text() == "house\n"
     assert main(["export", "graph", str(path), "--format", "geojson", "--latitude", "4"]) == 2
+
+
+def test_what_is_wrong_with_one_scan_of_a_folder_does_not_keep_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lonely = edits.place_viewpoint(GRAPH, (9, 9, 1.5), id="d")
+    given, out = tmp_path / "given", tmp_path / "out"
+    for name, graph in (("one", GRAPH), ("two", lonely), ("three", GRAPH), ("four", GRAPH), ("five", GRAPH)):
+        write_connectivity(replace(graph, scan=name), given)
+    (given / "four_connectivity.json").write_text("[")
+    command = ["export", "graph", str(given), "--format", "r2r", "--out", str(out)]
+    assert main(command) == 2
+    assert (out / "scans.txt").read_text().split() == ["one", "three", "five"]
+    told = capsys.readouterr()
+    assert told.out.count("Wrote") == 3 and len(told.err.splitlines()) == 1
+    assert "2 of 5 scans were not written (two: Viewpoint d has no edge" in told.err and "; four: " in told.err
+    assert main([*command, "--force"]) == 2, "a file that cannot be read stays out"
+    assert "1 of 5" in capsys.readouterr().err and "two" in (out / "scans.txt").read_text().split()
+    for name in ("one", "three", "five", "two"):
+        assert (out / f"{name}_connectivity.json").read_bytes() == (given / f"{name}_connectivity.json").read_bytes()
+
+
+def test_visible_is_line_of_sight_where_a_map_can_tell() -> None:
+    cells = np.zeros((60, 200), np.uint8)
+    cells[:40, 50] = 1  # a wall at x = 5 up to y = 4
+    occupancy = OccupancyMap(cells, 0.1, (0.0, 0.0))
+    places = {
+        "a": (1, 1, 1.5),
+        "b": (4, 1, 1.5),
+        "c": (8, 1, 1.5),
+        "d": (8, 5, 1.5),
+        "e": (18.5, 5, 1.5),
+        "f": (4, 2, 4.5),
+    }
+    graph = NavGraph("s", {id: Viewpoint(id, p) for id, p in places.items()}, {k.key: k for k in (edge("b", "c"),)})
+    seen = lines_of_sight(graph, occupancy)
+    assert seen is not None and lines_of_sight(graph, None) is None
+    for a, b in itertools.permutations(graph.viewpoints.values(), 2):
+        along = np.linspace(a.position, b.position, 5000)  # small steps in place of a walk from cell to cell
+        clear = not occupancy.at(along[:, :2]).any() and np.ptp(along[:, 2]) < 1
+        wanted = {a.id, b.id} == {"b", "c"} or (clear and math.dist(a.position, b.position) < 16)
+        assert seen(a, b) == wanted, f"{a.id} {b.id}"
+    told = {a + b for a in places for b in places if a < b and seen(graph.viewpoints[a], graph.viewpoints[b])}
+    assert {"ab", "bc", "cd"} <= told and not told & {"ac", "ad", "ae", "af"}
+
+
+def test_an_exported_project_says_who_sees_whom_by_its_map(tmp_path: Path) -> None:
+    write_connectivity(
+        GRAPH, tmp_path, lines_of_sight(GRAPH, OccupancyMap(np.zeros((99, 99), np.uint8), 0.1, (-1, -1)))
+    )
+    a, b, c = json.loads((tmp_path / "house_connectivity.json").read_text())
+    assert a["visible"] == [False, True, True] and a["unobstructed"] == [False, True, False]

@@ -10,7 +10,7 @@ from columns import Columns, fill, flat_floor, room
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.events import Event, Warning
+from nvsim.events import Event, Progress, Warning
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
@@ -226,3 +226,18 @@ def test_a_build_from_kept_evidence_ends_the_same_and_renders_only_the_rest(monk
     resumed = build_map(world, positions, flat_floor, world.support, SMALL, scan="test", previous=half)
     assert same_graph(resumed.graph, whole.graph)
     assert 0 < resumed.report["rendered_viewpoints"] < whole.report["rendered_viewpoints"]
+
+
+def test_progress_never_goes_back_and_is_full_only_at_the_end() -> None:
+    """Two rooms with no door between, so that there are several searches, and a place where nobody can stand."""
+    occupancy = fill(room(14, 6), 6.8, 0, 7.2, 6, OCCUPIED)
+    occupancy = fill(occupancy, 12.2, 2.6, 13.2, 3.4, OCCUPIED)
+    world, heard = Columns(occupancy), list[Event]()
+    positions = np.concatenate([walk((1, 3), (6, 3)), walk((8, 3), (13, 3))])
+    result = build_map(world, positions, flat_floor, world.support, SMALL, scan="test", listen=heard.append)
+    steps = [e for e in heard if isinstance(e, Progress)]
+    assert len({e.total for e in steps}) == 1 and len(steps) > 10
+    done = [e.done for e in steps]
+    assert done == sorted(done) and done[0] < done[-1] == steps[-1].total and done.count(done[-1]) == 1
+    assert steps[-1].detail == f"{len(result.graph.viewpoints)} viewpoints" and result.report["starts"] >= 2
+    assert any("of the walk left" in e.detail for e in steps) and any("arranging" in e.detail for e in steps)

@@ -1,5 +1,5 @@
 """Write a navigation graph for other programs: GraphML, GeoJSON, an image of it on its map (SVG, PNG), or R2R
-connectivity. What agents would choke on is not written as R2R, unless with --force."""
+connectivity. What agents would choke on is not written as R2R, unless with --force; other scans of a folder are."""
 
 from __future__ import annotations
 
@@ -47,21 +47,32 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-
-    from nvsim.cli.graph_source import one_source, sources
+    from nvsim.cli.graph_source import is_project, one_source
+    from nvsim.graph.connectivity import scan_of
+    from nvsim.graph.exports import left_out
+    from nvsim.graph.foreign import connectivity_files
 
     named = _FILES.get(arguments.out.suffix.lower())
     if named is not None:
         source = one_source(arguments.graph, arguments.occupancy, arguments.heights)
-        written = [_write(source, replace(arguments, format=named), arguments.out)]
-    else:
-        written = [
-            _write(source, arguments)
-            for source in sources(arguments.graph, None, arguments.occupancy, arguments.heights)
-        ]
-    for path in written:
-        print(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
+        _say(_write(source, replace(arguments, format=named), arguments.out), arguments)
+        return 0
+    files = [arguments.graph] if is_project(arguments.graph) else connectivity_files(arguments.graph)
+    failures: dict[str, InputError] = {}
+    for file in files:
+        try:
+            _say(_write(one_source(file, arguments.occupancy, arguments.heights), arguments), arguments)
+        except InputError as error:
+            if len(files) == 1:
+                raise
+            failures[scan_of(file)] = error
+    if failures:
+        raise left_out(failures, len(files))
     return 0
+
+
+def _say(path: Path, arguments: Arguments) -> None:
+    print(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
 
 
 def _write(source: Source, arguments: Arguments, path: Path | None = None) -> Path:
@@ -84,12 +95,13 @@ def _write_r2r(source: Source, arguments: Arguments) -> Path:
     from nvsim.graph.connectivity import SUFFIX, write_connectivity
     from nvsim.graph.exports import refuse
     from nvsim.graph.foreign import ForeignFile
+    from nvsim.graph.sight import lines_of_sight
 
     graph = replace(source.graph, scan=source.name)
     if not arguments.force:
         refuse(graph, source.context)
     if is_project(arguments.graph):
-        return write_connectivity(graph, arguments.out)
+        return write_connectivity(graph, arguments.out, lines_of_sight(graph, source.occupancy))
     return ForeignFile.open(source.path).save(graph, arguments.out / f"{source.name}{SUFFIX}")
 
 

@@ -3,6 +3,16 @@
 from nvsim.graph.exports.geojson import Anchor, write_geojson
 from nvsim.graph.exports.graphml import write_graphml
 from nvsim.graph.exports.picture import draw, write_png, write_svg
-from nvsim.graph.exports.refusal import choking, refuse
+from nvsim.graph.exports.refusal import choking, left_out, refuse
 
-__all__ = ["Anchor", "choking", "draw", "refuse", "write_geojson", "write_graphml", "write_png", "write_svg"]
+__all__ = [
+    "Anchor",
+    "choking",
+    "draw",
+    "left_out",
+    "refuse",
+    "write_geojson",
+    "write_graphml",
+    "write_png",
+    "write_svg",
+]

@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, read_bytes, shown
-from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans
+from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans, scan_of
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.foreign.beside import Beside, look_beside
@@ -73,7 +73,7 @@ class ForeignFile:
     @property
     def scan(self) -> str:
         """The scan id, from the name of the file."""
-        return self.path.name.removesuffix(SUFFIX) if self.path.name.endswith(SUFFIX) else self.path.stem
+        return scan_of(self.path)
 
     @cached_property
     def beside(self) -> Beside:

@@ -13,17 +13,20 @@ from nvsim.project.stages.mapped import scan_name
 
 
 def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force: bool = False) -> Path:
-    """Writes `<scan>_connectivity.json` and scans.txt; returns the path of the former.
+    """Writes `<scan>_connectivity.json` and scans.txt; returns the path of the former. `visible` is line of sight on
+    the project's occupancy map, where it has one.
 
     `frame` "capture" undoes the alignment. Raises InputError when that frame is not upright, there is no graph, or
     agents would choke on it and `force` is not set.
     """
     from nvsim.graph.connectivity import write_connectivity
     from nvsim.graph.exports import refuse
+    from nvsim.graph.sight import lines_of_sight
 
     graph = replace(project.need_graph(), scan=scan or scan_name(project))
     if not force:
         refuse(graph)
+    visible = lines_of_sight(graph, project.occupancy())  # asked by name, so that the frame does not matter
     if frame == "capture":
         alignment = project.need_capture().alignment
         if np.degrees(np.arccos(np.clip(alignment.rotation[2, 2], -1, 1))) > 2.0:
@@ -38,4 +41,4 @@ def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force:
             x, y, z = to_capture_frame(np.array([v.position]), alignment)[0]
             moved[id] = replace(v, position=(float(x), float(y), float(z)), height=v.height / alignment.scale)
         graph = replace(graph, viewpoints=moved)
-    return write_connectivity(graph, out)
+    return write_connectivity(graph, out, visible)

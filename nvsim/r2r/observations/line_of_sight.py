@@ -12,12 +12,12 @@ from nvsim.files.decoding import decoded
 from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import look
 from nvsim.geometry.skybox_faces import face_axes
+from nvsim.graph.sight import FARTHEST_SEEN
 from nvsim.graph.types import Viewpoint
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METRE
 
 _NEAR = 0.25  # metres before a viewpoint at which a surface hides it
-_FARTHEST = 16.0  # metres; the depth files end there
 
 
 def visible_from(places: ScanPlaces, viewpoint: Viewpoint, others: Sequence[Viewpoint]) -> NDArray[np.bool_]:
@@ -30,7 +30,7 @@ def visible_from(places: ScanPlaces, viewpoint: Viewpoint, others: Sequence[View
     lengths = np.linalg.norm(ways, axis=1)
     rows, columns = strip_pixels(ways, depth.shape[0])
     seen = depth[rows, columns] / UNITS_A_METRE
-    return np.asarray((lengths > 0) & (lengths < _FARTHEST) & ((seen == 0) | (seen > lengths - _NEAR)))
+    return np.asarray((lengths > 0) & (lengths < FARTHEST_SEEN) & ((seen == 0) | (seen > lengths - _NEAR)))
 
 
 def strip_pixels(ways: NDArray[np.floating], side: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
