@@ -31,6 +31,7 @@ from app.wiring.proposing import ProposePart
 from app.wiring.results import ResultPart
 from app.wiring.selecting import SelectPart
 from app.wiring.storeys import StoreyPart
+from app.wiring.tasks import TaskPart
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.view import ViewPart
 from app.wiring.views import ViewsPart
@@ -61,6 +62,7 @@ PARTS: tuple[type[Part], ...] = (
     StoreyPart,
     CheckPart,
     ComparePart,
+    TaskPart,
     ExportPart,
     ForeignPart,
     ProposePart,

@@ -8,7 +8,7 @@ from nvsim.r2r.tasks.task import JoinedTask, Task
 
 
 def fault(task: Task, distances: Distances) -> str:
-    """Why `task` is broken in the graph of `distances`, "" where it is not. A joined path need not be a shortest one."""
+    """Why `task` is broken in the graph of `distances`; "" where it is not. A joined path may be longer than needed."""
     wrong = distances.wrong_step(task.path)
     if wrong or isinstance(task, JoinedTask) or len(task.path) < 2:
         return wrong
