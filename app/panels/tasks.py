@@ -118,26 +118,29 @@ class TaskPanel(QWidget):
         self.table.setSelectionMode(QTableView.SelectionMode.SingleSelection)
         self.table.horizontalHeader().setStretchLastSection(True)
         self.table.verticalHeader().hide()
-        for column, width in enumerate((70, 50, 46, 54, 80, 44, 44)):
+        self.table.verticalHeader().setDefaultSectionSize(22)
+        self.table.setMinimumHeight(60)
+        for column, width in enumerate((56, 44, 44, 50, 70, 44, 44)):
             self.table.setColumnWidth(column, width)
+            self.table.setColumnHidden(column, column in (5, 6))
         self.words = Label("Open a folder of tasks: R2R_train.json and so on.")
         self.words.setWordWrap(True)
         self.editor = QPlainTextEdit()
         self.editor.setPlaceholderText("One instruction a line")
-        self.editor.setMaximumHeight(90)
+        self.editor.setFixedHeight(48)
         self.slider = QSlider(Qt.Orientation.Horizontal)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 8)
-        column.addLayout(
+        box = QVBoxLayout(self)
+        box.setContentsMargins(8, 8, 8, 8)
+        box.addLayout(
             _row(*(_button(t, s) for t, s in (("Open…", self.opened), ("Trajectories…", self.played),
                                               ("Undo", self.undone), ("Export accepted", self.exported))))
         )  # fmt: skip
-        column.addLayout(_row(self.text, self.split, self.state, self.order))
+        box.addLayout(_row(self.text, self.split, self.state, self.order))
         for widget in (self.table, self.words, self.editor, self.slider):
-            column.addWidget(widget, 1 if widget is self.table else 0)
+            box.addWidget(widget, 1 if widget is self.table else 0)
         self.text.textChanged.connect(self.refilter)
-        for box in (self.split, self.state, self.order):
-            box.currentIndexChanged.connect(self.refilter)
+        for choice in (self.split, self.state, self.order):
+            choice.currentIndexChanged.connect(self.refilter)
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_row())
         self.table.pressed_key.connect(self._on_key)
         self.slider.valueChanged.connect(self.stepped)
@@ -158,6 +161,8 @@ class TaskPanel(QWidget):
     def refilter(self, _: object = None) -> None:
         """Lists what the filters let through; the chosen task stays chosen where it is among them."""
         before, model = self.current, self.model
+        for column in (5, 6):
+            self.table.setColumnHidden(column, not model.episodes)
         model.beginResetModel()
         model.rows = [e for e in self.entries if self._passes(e)]
         if self.order.currentIndex() == 1:
