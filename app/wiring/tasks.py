@@ -73,7 +73,7 @@ class TaskPart(Part):
             self.play(Path(name))
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("tasks", "Tasks", self.panel, "left", "frames"),)
+        return (Dock("tasks", "Tasks", self.panel, "right", tab="details"),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"tasks": lambda: self.workspace.window.show_dock("tasks")}
