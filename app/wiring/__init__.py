@@ -33,6 +33,7 @@ from app.wiring.proposing import ProposePart
 from app.wiring.results import ResultPart
 from app.wiring.selecting import SelectPart
 from app.wiring.storeys import StoreyPart
+from app.wiring.tasks import TaskPart
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.view import ViewPart
 from app.wiring.views import ViewsPart
@@ -65,6 +66,7 @@ PARTS: tuple[type[Part], ...] = (
     CheckPart,
     FeedbackPart,
     ComparePart,
+    TaskPart,
     ExportPart,
     ForeignPart,
     ProposePart,

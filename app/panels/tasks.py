@@ -1,0 +1,249 @@
+"""The tasks of the scan: a list to filter and go through by keys, and the instructions of the chosen one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtGui import QColor, QKeyEvent
+from PySide6.QtWidgets import (
+    QComboBox,
+    QHBoxLayout,
+    QLineEdit,
+    QPlainTextEdit,
+    QPushButton,
+    QSlider,
+    QTableView,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.look import colors
+from app.look.labels import Label
+from nvsim.r2r.reviewing.folder import Entry
+from nvsim.r2r.reviewing.playback import Episode
+from nvsim.r2r.reviewing.review import Review
+
+_HEADS = ("Split", "Path", "Edges", "Metres", "State", "NE", "SPL", "Instruction")
+_KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
+_Index = QModelIndex | QPersistentModelIndex
+
+
+class TaskModel(QAbstractTableModel):
+    def __init__(self) -> None:
+        super().__init__()
+        self.rows: list[Entry] = []
+        self.review = Review()
+        self.faults: Mapping[tuple[str, int, str], str] = {}
+        self.episodes: Mapping[str, Episode] = {}
+
+    def episode(self, entry: Entry) -> Episode | None:
+        """The worst of the task's instructions."""
+        found = [self.episodes[id] for id in entry.task.instr_ids if id in self.episodes]
+        return max(found, key=lambda e: (e.ne, -e.spl), default=None)
+
+    def rowCount(self, parent: _Index = QModelIndex()) -> int:  # noqa: B008
+        return 0 if parent.isValid() else len(self.rows)
+
+    def columnCount(self, parent: _Index = QModelIndex()) -> int:  # noqa: B008
+        return len(_HEADS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
+        if role == Qt.ItemDataRole.DisplayRole and orientation == Qt.Orientation.Horizontal:
+            return _HEADS[section]
+        return None
+
+    def data(self, index: _Index, role: int = 0) -> Any:
+        entry = self.rows[index.row()]
+        fault = self.faults.get(entry.key, "")
+        if role == Qt.ItemDataRole.DisplayRole:
+            return self._text(entry, index.column(), fault)
+        if role == Qt.ItemDataRole.ToolTipRole and fault:
+            return f"Broken: {fault}"
+        if role == Qt.ItemDataRole.ForegroundRole and index.column() == 4:
+            state = self.review[entry.key].state
+            ink = colors.BLOCKED_TEXT if fault or state == "rejected" else colors.OPEN_TEXT
+            return QColor(ink)
+        return None
+
+    def _text(self, entry: Entry, column: int, fault: str) -> str:
+        task, verdict = entry.task, self.review[entry.key]
+        did = self.episode(entry)
+        texts = self.review.reviewed(entry.key, task).instructions
+        state = "broken" if fault else verdict.state + (" *" if verdict.instructions is not None else "")
+        return (
+            entry.split.removeprefix("R2R_"),
+            str(task.path_id),
+            str(len(task.path) - 1),
+            "" if task.distance is None else f"{task.distance:.1f}",
+            state,
+            "" if did is None else f"{did.ne:.1f}",
+            "" if did is None else f"{did.spl:.2f}",
+            texts[0][:80] if texts else "",
+        )[column]
+
+
+class _Table(QTableView):
+    pressed_key = Signal(int)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if event.key() in (*_KEYS, Qt.Key.Key_E, Qt.Key.Key_Return, Qt.Key.Key_Left, Qt.Key.Key_Right) and (
+            event.modifiers() == Qt.KeyboardModifier.NoModifier
+        ):
+            self.pressed_key.emit(event.key())
+        else:
+            super().keyPressEvent(event)
+
+
+class TaskPanel(QWidget):
+    """opened(), played(), undone(), exported(): buttons. chosen(): another task or none. judged(state), written(texts):
+    of the chosen task. stepped(int): the step of the path or trajectory to stand at. visited(): show the whole path."""
+
+    opened, played, undone, exported, chosen, visited = (Signal() for _ in range(6))
+    judged, written, stepped = Signal(str), Signal(list), Signal(int)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("taskPanel")
+        self.model, self.entries = TaskModel(), tuple[Entry, ...]()
+        self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
+        self.text.setPlaceholderText("Filter by words or path id")
+        self.state.addItems(["every state", "open", "accepted", "rejected", "edited", "broken"])
+        self.order.addItems(["in file order", "worst first"])
+        self.split.addItem("every split")
+        self.table = _Table()
+        self.table.setModel(self.model)
+        self.table.setSelectionBehavior(QTableView.SelectionBehavior.SelectRows)
+        self.table.setSelectionMode(QTableView.SelectionMode.SingleSelection)
+        self.table.horizontalHeader().setStretchLastSection(True)
+        self.table.verticalHeader().hide()
+        self.table.verticalHeader().setDefaultSectionSize(22)
+        self.table.setMinimumHeight(60)
+        for column, width in enumerate((56, 44, 44, 50, 70, 44, 44)):
+            self.table.setColumnWidth(column, width)
+            self.table.setColumnHidden(column, column in (5, 6))
+        self.words = Label("Open a folder of tasks: R2R_train.json and so on.")
+        self.words.setWordWrap(True)
+        self.editor = QPlainTextEdit()
+        self.editor.setPlaceholderText("One instruction a line")
+        self.editor.setFixedHeight(48)
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        box = QVBoxLayout(self)
+        box.setContentsMargins(8, 8, 8, 8)
+        box.addLayout(
+            _row(*(_button(t, s) for t, s in (("Open…", self.opened), ("Trajectories…", self.played),
+                                              ("Undo", self.undone), ("Export accepted", self.exported))))
+        )  # fmt: skip
+        box.addLayout(_row(self.text, self.split, self.state, self.order))
+        for widget in (self.table, self.words, self.editor, self.slider):
+            box.addWidget(widget, 1 if widget is self.table else 0)
+        self.text.textChanged.connect(self.refilter)
+        for choice in (self.split, self.state, self.order):
+            choice.currentIndexChanged.connect(self.refilter)
+        self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_row())
+        self.table.pressed_key.connect(self._on_key)
+        self.slider.valueChanged.connect(self.stepped)
+
+    @property
+    def current(self) -> Entry | None:
+        row = self.table.currentIndex().row()
+        return self.model.rows[row] if 0 <= row < len(self.model.rows) else None
+
+    def show_entries(self, entries: tuple[Entry, ...], review: Review) -> None:
+        self.entries, self.model.review = entries, review
+        self.split.blockSignals(True)
+        self.split.clear()
+        self.split.addItems(["every split", *sorted({e.split for e in entries})])
+        self.split.blockSignals(False)
+        self.refilter()
+
+    def refilter(self, _: object = None) -> None:
+        """Lists what the filters let through; the chosen task stays chosen where it is among them."""
+        before, model = self.current, self.model
+        for column in (5, 6):
+            self.table.setColumnHidden(column, not model.episodes)
+        model.beginResetModel()
+        model.rows = [e for e in self.entries if self._passes(e)]
+        if self.order.currentIndex() == 1:
+            model.rows.sort(key=lambda e: -d.ne if (d := model.episode(e)) else 1.0)
+        model.endResetModel()
+        if model.rows:
+            self.table.selectRow(model.rows.index(before) if before in model.rows else 0)
+        else:
+            self._on_row()
+
+    def refresh(self) -> None:
+        """States, faults or episodes are others."""
+        if self.state.currentIndex() or self.order.currentIndex():
+            self.refilter()
+        else:
+            self.table.viewport().update()
+        self._say()
+
+    def _passes(self, entry: Entry) -> bool:
+        verdict, wanted = self.model.review[entry.key], self.state.currentText()
+        words = self.text.text().lower()
+        texts = self.model.review.reviewed(entry.key, entry.task).instructions
+        return (
+            (self.split.currentIndex() <= 0 or entry.split == self.split.currentText())
+            and (not words or str(entry.task.path_id) == words or any(words in t.lower() for t in texts))
+            and {"open": not verdict.state, "edited": verdict.instructions is not None,
+                 "broken": bool(self.model.faults.get(entry.key))}.get(wanted, wanted in ("every state", verdict.state))
+        )  # fmt: skip
+
+    def _on_row(self) -> None:
+        self.keep()
+        entry = self.current
+        self.edited = entry
+        texts = () if entry is None else self.model.review.reviewed(entry.key, entry.task).instructions
+        self.editor.setPlainText("\n".join(texts))
+        self.editor.document().setModified(False)
+        did = None if entry is None else self.model.episode(entry)
+        self.slider.blockSignals(True)
+        self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
+        self.slider.setValue(0)
+        self.slider.blockSignals(False)
+        self._say()
+        self.chosen.emit()
+
+    edited: Entry | None = None  # whose instructions the editor holds
+
+    def keep(self) -> None:
+        """Gives out what was typed, if anything was."""
+        if self.edited is not None and self.editor.document().isModified():
+            self.editor.document().setModified(False)
+            self.written.emit([t.strip() for t in self.editor.toPlainText().splitlines() if t.strip()])
+
+    def _say(self) -> None:
+        entry = self.current
+        if entry is None:
+            return
+        fault, did = self.model.faults.get(entry.key, ""), self.model.episode(entry)
+        parts = [f"{len(self.model.rows):,} of {len(self.entries):,} tasks", f"Broken: {fault}" if fault else ""]
+        if did is not None:
+            parts.append(f"{'success' if did.success else 'failure'}, NE {did.ne:.2f} m, SPL {did.spl:.2f}")
+        self.words.setText(". ".join(p for p in parts if p) + ".")
+
+    def _on_key(self, key: int) -> None:
+        if key == Qt.Key.Key_E:
+            self.editor.setFocus()
+        elif key == Qt.Key.Key_Return:
+            self.visited.emit()
+        elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
+            self.slider.setValue(self.slider.value() + (1 if key == Qt.Key.Key_Right else -1))
+        else:
+            self.judged.emit(_KEYS[Qt.Key(key)])
+
+
+def _button(text: str, signal: Any) -> QPushButton:
+    button = QPushButton(text)
+    button.clicked.connect(lambda: signal.emit())
+    return button
+
+
+def _row(*widgets: QWidget) -> QHBoxLayout:
+    row = QHBoxLayout()
+    for widget in widgets:
+        row.addWidget(widget)
+    return row

@@ -1,0 +1,245 @@
+"""Tasks of the scan in the window: their paths over both views, verdicts about them, and what agents made of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QPainter
+from PySide6.QtWidgets import QFileDialog
+
+from app.actions import Action
+from app.look import colors
+from app.modes.ink import dots, line
+from app.panels.tasks import TaskPanel
+from app.state.graph_reasons import with_editing
+from app.views.graph_surface import GraphSurface
+from app.wiring.part import Dock, Part, Workspace
+from nvsim.errors import InputError
+from nvsim.graph.selection import GraphSelection
+from nvsim.r2r.metrics.distances import Distances
+from nvsim.r2r.metrics.submission import Pose, read_submission
+from nvsim.r2r.reviewing.faults import fault
+from nvsim.r2r.reviewing.folder import Entry, Folder, export_reviewed, read_folder
+from nvsim.r2r.reviewing.playback import episodes
+from nvsim.r2r.reviewing.review import Review
+
+SETTLE = 250  # milliseconds after an edit until broken tasks are looked for
+
+
+class TaskPart(Part):
+    ACTIONS = (
+        Action("tasks", "&Tasks", "Paths and instructions of the scan, and what agents made of them", "&Graph", 2,
+               "Shift+F9", enabled=with_editing),
+    )  # fmt: skip
+    _came = Signal(object)  # what a thread hands over, to call here
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.panel = panel = TaskPanel()
+        self._review_file: Path | None = None
+        self._trajectories: dict[str, list[Pose]] = {}
+        self._turn = 0
+        self._came.connect(lambda then: then(), Qt.ConnectionType.QueuedConnection)
+        panel.opened.connect(self._choose)
+        panel.played.connect(self._choose_trajectories)
+        panel.undone.connect(self.undo)
+        panel.exported.connect(self.export)
+        panel.chosen.connect(workspace.modes.refresh)
+        panel.judged.connect(self.judge)
+        panel.written.connect(self.rewrite)
+        panel.stepped.connect(self.step)
+        panel.visited.connect(self.visit)
+        self._soon = QTimer(self, singleShot=True, interval=SETTLE)
+        self._soon.timeout.connect(self.look)
+        workspace.document.graphChanged.connect(lambda _: self._soon.start())
+        workspace.document.projectChanged.connect(self._leave)
+        workspace.modes.layers.append(self.paint)
+
+    def _choose(self) -> None:
+        name = QFileDialog.getExistingDirectory(self.workspace.window, "Folder of tasks")
+        if name:
+            self.open(Path(name))
+
+    def _choose_trajectories(self) -> None:
+        name, _ = QFileDialog.getOpenFileName(self.workspace.window, "Trajectories", "", "Submission (*.json)")
+        if name:
+            self.play(Path(name))
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (Dock("tasks", "Tasks", self.panel, "right", tab="details"),)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"tasks": lambda: self.workspace.window.show_dock("tasks")}
+
+    def store(self, settings: object) -> None:
+        self.panel.keep()
+
+    def open(self, path: Path) -> None:
+        """Reads a file or folder of tasks in the background; what cannot be read becomes a notice."""
+        self._behind(lambda: read_folder(path), self._show)
+
+    def play(self, path: Path) -> None:
+        """The same of a submission."""
+        self._behind(lambda: read_submission(path), self._take)
+
+    def _behind(self, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
+        self._turn += 1
+        turn = self._turn
+
+        def run() -> None:
+            try:
+                found = work()
+            except InputError as error:
+                why = str(error)
+                self._came.emit(lambda: self.workspace.notices.error(why))
+                return
+            self._came.emit(lambda: then(found) if turn == self._turn else None)
+
+        Thread(target=run, daemon=True).start()
+
+    def _show(self, folder: Folder) -> None:
+        graph = self.workspace.document.graph
+        mine = tuple(e for e in folder.entries if graph is not None and e.task.scan == graph.scan)
+        if not mine:
+            scans = ", ".join(sorted({e.task.scan for e in folder.entries})[:4])
+            here = "" if graph is None else graph.scan
+            self.workspace.notices.warning(f"No task is of the scan {here}; those there are of {scans}.")
+            return
+        self.panel.keep()
+        self._review_file = folder.review_file
+        self.panel.show_entries(mine, folder.review)
+        self.workspace.window.show_dock("tasks")
+        self.look()
+
+    def _take(self, trajectories: dict[str, list[Pose]]) -> None:
+        self._trajectories = trajectories
+        self.look()
+
+    def look(self) -> None:
+        """Finds broken tasks and scores trajectories anew, in the background."""
+        graph, entries, walked = self.workspace.document.graph, self.panel.entries, self._trajectories
+        if graph is None or not entries:
+            return
+
+        def work() -> tuple[Any, Any]:
+            distances = Distances(graph)
+            return (
+                {e.key: why for e in entries if (why := fault(e.task, distances))},
+                episodes([e.task for e in entries], walked, distances) if walked else {},
+            )
+
+        self._behind(work, self._mark)
+
+    def _mark(self, found: tuple[Any, Any]) -> None:
+        model = self.panel.model
+        model.faults, model.episodes = found
+        self.panel.refilter()
+
+    def _leave(self) -> None:
+        self.panel.keep()
+        self._turn += 1
+        self._review_file, self._trajectories = None, {}
+        self.panel.show_entries((), Review())
+
+    # Verdicts ----------------------------------------------------------------------------------------------------
+
+    def judge(self, state: str) -> None:
+        """Of the chosen task; the same once more takes it back."""
+        entry, review = self.panel.current, self.panel.model.review
+        if entry is not None:
+            review.set_state(entry.key, "" if review[entry.key].state == state else state)
+            self._keep()
+
+    def rewrite(self, texts: list[str]) -> None:
+        entry, review = self.panel.edited, self.panel.model.review
+        if entry is not None:
+            review.set_instructions(entry.key, None if tuple(texts) == entry.task.instructions else texts)
+            self._keep()
+
+    def undo(self) -> None:
+        self.panel.keep()
+        if self.panel.model.review.undo() is not None:
+            self._keep()
+            self.panel.refilter()
+
+    def _keep(self) -> None:
+        try:
+            if self._review_file is not None:
+                self.panel.model.review.write(self._review_file)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+        self.panel.refresh()
+
+    def export(self) -> None:
+        """Writes accepted tasks beside the review."""
+        self.panel.keep()
+        if self._review_file is None:
+            return
+        try:
+            files = export_reviewed(self.panel.entries, self.panel.model.review, self._review_file.parent)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return
+        self.workspace.notices.info(f"Wrote {', '.join(f.name for f in files)} into {self._review_file.parent}.")
+
+    # Views -------------------------------------------------------------------------------------------------------
+
+    def _places(self, ids: list[str]) -> NDArray[np.float64]:
+        """(N, 3) metres on the floor, of those that are in the graph."""
+        arrays = self.workspace.document.shown_arrays
+        rows = [arrays.index[id] for id in ids if id in arrays.index]
+        return arrays.feet[rows].reshape(-1, 3)
+
+    def _walked(self, entry: Entry) -> list[str]:
+        did = self.panel.model.episode(entry)
+        return [pose[0] for pose in did.poses] if did else list(entry.task.path)
+
+    def step(self, number: int) -> None:
+        """Stands at that step of the trajectory, or of the path, and looks where it goes."""
+        entry, graph = self.panel.current, self.workspace.document.graph
+        ids = [] if entry is None else self._walked(entry)
+        if entry is None or graph is None or number >= len(ids) or ids[number] not in graph.viewpoints:
+            return
+        here, heading = np.array(graph.viewpoints[ids[number]].position), entry.task.heading
+        did = self.panel.model.episode(entry)
+        if did is not None:
+            heading = did.poses[number][1]
+        elif number and ids[number - 1] in graph.viewpoints:
+            way = here - np.array(graph.viewpoints[ids[number - 1]].position)
+            heading = math.atan2(way[0], way[1])
+        self.workspace.scene.go_to_position(here, heading)
+        self.workspace.modes.refresh()
+
+    def visit(self) -> None:
+        """Selects the viewpoints of the path and brings them into view."""
+        entry, document = self.panel.current, self.workspace.document
+        if entry is not None:
+            there = frozenset(id for id in entry.task.path if id in document.graph_arrays.index)
+            document.editing.select(GraphSelection(there))
+            self.workspace.scene.focus_on_selection()
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        entry = self.panel.current
+        if entry is None or not self.panel.isVisible():
+            return
+        path, did = self._places(list(entry.task.path)), self.panel.model.episode(entry)
+        if not len(path):
+            return
+        line(painter, surface, path[:-1], path[1:], colors.SELECTED, 4.0, Qt.PenStyle.SolidLine)
+        heading = entry.task.heading
+        ahead = path[0] + 0.9 * np.array([math.sin(heading), math.cos(heading), 0.0])
+        line(painter, surface, path[0], ahead, colors.CAMERA, 3.0, Qt.PenStyle.SolidLine)
+        dots(painter, surface, path[:1], colors.OPEN, 6.0)
+        dots(painter, surface, path[-1:], colors.BLOCKED, 7.0)
+        if did is not None:
+            walked = self._places(self._walked(entry))
+            line(painter, surface, walked[:-1], walked[1:], colors.AGENT, 2.6)
+        at = self._walked(entry)[self.panel.slider.value() : self.panel.slider.value() + 1]
+        dots(painter, surface, self._places(at), colors.AGENT, 8.0, filled=False)
