@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QKeyEvent
 from PySide6.QtWidgets import (
     QComboBox,
@@ -27,6 +27,7 @@ from nvsim.r2r.reviewing.review import Review
 
 _HEADS = ("Split", "Path", "Edges", "Metres", "State", "NE", "SPL", "Instruction")
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
+_PAUSE = 1500  # milliseconds without a key until what is typed is kept
 _Index = QModelIndex | QPersistentModelIndex
 
 
@@ -144,6 +145,9 @@ class TaskPanel(QWidget):
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_row())
         self.table.pressed_key.connect(self._on_key)
         self.slider.valueChanged.connect(self.stepped)
+        self._typed = QTimer(self, singleShot=True, interval=_PAUSE)
+        self._typed.timeout.connect(self.keep)
+        self.editor.textChanged.connect(self._typed.start)
 
     @property
     def current(self) -> Entry | None:
@@ -163,10 +167,17 @@ class TaskPanel(QWidget):
         before, model = self.current, self.model
         for column in (5, 6):
             self.table.setColumnHidden(column, not model.episodes)
-        model.beginResetModel()
-        model.rows = [e for e in self.entries if self._passes(e)]
+        rows = [e for e in self.entries if self._passes(e)]
         if self.order.currentIndex() == 1:
-            model.rows.sort(key=lambda e: -d.ne if (d := model.episode(e)) else 1.0)
+            rows.sort(key=lambda e: -d.ne if (d := model.episode(e)) else 1.0)
+        if rows == model.rows and before is not None:  # what is typed and the step stay
+            self.table.viewport().update()
+            self._steps()
+            self._say()
+            self.chosen.emit()
+            return
+        model.beginResetModel()
+        model.rows = rows
         model.endResetModel()
         if model.rows:
             self.table.selectRow(model.rows.index(before) if before in model.rows else 0)
@@ -194,18 +205,27 @@ class TaskPanel(QWidget):
 
     def _on_row(self) -> None:
         self.keep()
-        entry = self.current
-        self.edited = entry
+        self.edited = self.current
+        self.fill()
+        self._steps(0)
+        self._say()
+        self.chosen.emit()
+
+    def fill(self) -> None:
+        """Puts the instructions of the chosen task, as they are kept, into the editor."""
+        entry = self.edited
         texts = () if entry is None else self.model.review.reviewed(entry.key, entry.task).instructions
         self.editor.setPlainText("\n".join(texts))
         self.editor.document().setModified(False)
+
+    def _steps(self, at: int | None = None) -> None:
+        """As many as the trajectory or the path has; stands `at` one, or where it stood."""
+        entry = self.current
         did = None if entry is None else self.model.episode(entry)
         self.slider.blockSignals(True)
         self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
-        self.slider.setValue(0)
+        self.slider.setValue(self.slider.value() if at is None else at)
         self.slider.blockSignals(False)
-        self._say()
-        self.chosen.emit()
 
     edited: Entry | None = None  # whose instructions the editor holds
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from threading import Thread
@@ -45,7 +46,8 @@ class TaskPart(Part):
         self.panel = panel = TaskPanel()
         self._review_file: Path | None = None
         self._trajectories: dict[str, list[Pose]] = {}
-        self._turn = 0
+        self._all: tuple[Entry, ...] = ()  # of other scans too
+        self._turns: Counter[str] = Counter()
         self._came.connect(lambda then: then(), Qt.ConnectionType.QueuedConnection)
         panel.opened.connect(self._choose)
         panel.played.connect(self._choose_trajectories)
@@ -83,15 +85,16 @@ class TaskPart(Part):
 
     def open(self, path: Path) -> None:
         """Reads a file or folder of tasks in the background; what cannot be read becomes a notice."""
-        self._behind(lambda: read_folder(path), self._show)
+        self._behind("open", lambda: read_folder(path), self._show)
 
     def play(self, path: Path) -> None:
         """The same of a submission."""
-        self._behind(lambda: read_submission(path), self._take)
+        self._behind("play", lambda: read_submission(path), self._take)
 
-    def _behind(self, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
-        self._turn += 1
-        turn = self._turn
+    def _behind(self, what: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
+        """Does `work` in a thread, and hands what it found to `then`, unless `what` was begun anew meanwhile."""
+        self._turns[what] += 1
+        turn = self._turns[what]
 
         def run() -> None:
             try:
@@ -100,7 +103,7 @@ class TaskPart(Part):
                 why = str(error)
                 self._came.emit(lambda: self.workspace.notices.error(why))
                 return
-            self._came.emit(lambda: then(found) if turn == self._turn else None)
+            self._came.emit(lambda: then(found) if turn == self._turns[what] else None)
 
         Thread(target=run, daemon=True).start()
 
@@ -113,7 +116,7 @@ class TaskPart(Part):
             self.workspace.notices.warning(f"No task is of the scan {here}; those there are of {scans}.")
             return
         self.panel.keep()
-        self._review_file = folder.review_file
+        self._review_file, self._all = folder.review_file, folder.entries
         self.panel.show_entries(mine, folder.review)
         self.workspace.window.show_dock("tasks")
         self.look()
@@ -135,7 +138,7 @@ class TaskPart(Part):
                 episodes([e.task for e in entries], walked, distances) if walked else {},
             )
 
-        self._behind(work, self._mark)
+        self._behind("look", work, self._mark)
 
     def _mark(self, found: tuple[Any, Any]) -> None:
         model = self.panel.model
@@ -144,8 +147,8 @@ class TaskPart(Part):
 
     def _leave(self) -> None:
         self.panel.keep()
-        self._turn += 1
-        self._review_file, self._trajectories = None, {}
+        self._turns.update(("open", "play", "look"))
+        self._review_file, self._all, self._trajectories = None, (), {}
         self.panel.show_entries((), Review())
 
     # Verdicts ----------------------------------------------------------------------------------------------------
@@ -168,6 +171,7 @@ class TaskPart(Part):
         if self.panel.model.review.undo() is not None:
             self._keep()
             self.panel.refilter()
+            self.panel.fill()
 
     def _keep(self) -> None:
         try:
@@ -178,12 +182,12 @@ class TaskPart(Part):
         self.panel.refresh()
 
     def export(self) -> None:
-        """Writes accepted tasks beside the review."""
+        """Writes accepted tasks, of every scan, beside the review."""
         self.panel.keep()
         if self._review_file is None:
             return
         try:
-            files = export_reviewed(self.panel.entries, self.panel.model.review, self._review_file.parent)
+            files = export_reviewed(self._all, self.panel.model.review, self._review_file.parent)
         except InputError as error:
             self.workspace.notices.error(str(error))
             return

@@ -10,7 +10,7 @@ from pytestqt.qtbot import QtBot
 from app.wiring.tasks import TaskPart
 from app.wiring.window import MainWindow
 from nvsim.r2r.metrics.submission import write_submission
-from nvsim.r2r.reviewing.review import read_review
+from nvsim.r2r.reviewing.review import Review, read_review
 from nvsim.r2r.tasks.task import Task
 from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
 
@@ -19,7 +19,11 @@ def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot
     graph = window.part(TaskPart).workspace.document.graph
     assert graph is not None
     edges = list(graph.edges)[:2]
-    write_tasks(tmp_path / "R2R_train.json", [Task(i, graph.scan, e, 0.5, ("Go on.",)) for i, e in enumerate(edges)])
+    tasks = [Task(i, graph.scan, e, 0.5, ("Go on.",)) for i, e in enumerate(edges)]
+    write_tasks(tmp_path / "R2R_train.json", [*tasks, Task(9, "elsewhere", ("x", "y"), 0.5, ("Go on.",))])
+    review = Review()
+    review.set_state(("R2R_train", 9, "elsewhere"), "accepted")
+    review.write(tmp_path / "reviewed" / "tasks_review.json")
     part = window.part(TaskPart)
     part.open(tmp_path)
     panel = part.panel
@@ -31,12 +35,20 @@ def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot
     key = panel.entries[0].key
     kept = read_review(tmp_path / "reviewed" / "tasks_review.json")[key]
     assert kept.state == "accepted" and kept.instructions == ("Walk on.",)
-    assert read_tasks(tmp_path / "reviewed" / "R2R_train.json")[0].instructions == ("Walk on.",)
+    written = read_tasks(tmp_path / "reviewed" / "R2R_train.json")
+    assert [(t.scan, t.instructions) for t in written] == [(graph.scan, ("Walk on.",)), ("elsewhere", ("Go on.",))]
     write_submission(tmp_path / "s.json", {"0_0": [(edges[0][0], 0.0, 0.0), (edges[0][1], 0.0, 0.0)]})
     part.play(tmp_path / "s.json")
     qtbot.waitUntil(lambda: "0_0" in panel.model.episodes)
     assert panel.model.episodes["0_0"].spl == 1.0 and "SPL 1.00" in panel.words.text()
     qtbot.keyClick(panel.table, Qt.Key.Key_Right)
     assert panel.slider.value() == 1
+    panel.editor.setPlainText("Half a sen")
+    panel.editor.document().setModified(True)
     part.workspace.document.editing.run("remove_viewpoints", {"ids": [edges[0][0]]})
     qtbot.waitUntil(lambda: "not in the graph" in panel.model.faults.get(key, ""))
+    assert panel.slider.value() == 1 and panel.editor.toPlainText() == "Half a sen"
+    qtbot.waitUntil(lambda: part.panel.model.review[key].instructions == ("Half a sen",))
+    part.undo()
+    assert panel.model.review[key].instructions == ("Walk on.",)
+    assert panel.editor.toPlainText() == "Walk on."
