@@ -64,6 +64,17 @@ def test_turning_on_the_spot_draws_only_what_comes_into_view(model: SubmapModel)
     np.testing.assert_allclose(again, once, atol=1.01)  # all of it was there
 
 
+def test_an_image_does_not_depend_on_what_was_looked_at_before(model: SubmapModel) -> None:
+    random = np.random.default_rng(4)
+    used = GrowingSurround(HERE, FOCAL, True)
+    for turn, up in random.uniform((-3.1, -0.5), (3.1, 0.5), (12, 2)):
+        camera = looking(turn, up)
+        for one, other in zip(
+            used.image(model, camera), GrowingSurround(HERE, FOCAL, True).image(model, camera), strict=True
+        ):
+            assert np.array_equal(one, other)
+
+
 def test_places_are_kept_as_long_as_memory_allows(model: SubmapModel) -> None:
     one = GrowingSurround(HERE, 96, False).bytes
     seen = PlacesSeen(3 * one)

@@ -71,20 +71,17 @@ class GrowingSurround:
         return colour, solid
 
     def _draw(self, model: SubmapModel, index: int, tiles: Mask) -> None:
-        whole = self._cameras[index]
-        lines, columns = (np.flatnonzero(tiles.any(axis=axis)) for axis in (1, 0))
-        box = slice(lines[0], lines[-1] + 1), slice(columns[0], columns[-1] + 1)
-        rows, across = (slice(TILE * int(b.start), TILE * int(b.stop)) for b in box)
-        k = whole.intrinsics.part(across.start, rows.start, across.stop - across.start, rows.stop - rows.start)
-        camera, solid = Camera(k, whole.camera_to_world), len(self._solids) > 0
-        view = render_model(model, camera, CHANNELS if solid else frozenset({"rgb"}), tiles[box], self._backend)
+        # The whole camera, though some tiles alone are drawn: a part of it rounds otherwise, and what is shown would
+        # depend on what was looked at before.
+        camera, solid = self._cameras[index], len(self._solids) > 0
+        view = render_model(model, camera, CHANNELS if solid else frozenset({"rgb"}), tiles, self._backend)
         assert view.rgb is not None
-        new = pixels_of(tiles[box], k.height, k.width)[..., None]
-        np.copyto(self._colours[index, rows, across], as_bytes(view.rgb), where=new)
+        new = pixels_of(tiles, camera.intrinsics.height, camera.intrinsics.width)[..., None]
+        np.copyto(self._colours[index], as_bytes(view.rgb), where=new)
         if solid:
             assert view.alpha is not None and view.depth is not None
             along = view.alpha * view.depth * ray_lengths(camera)
-            np.copyto(self._solids[index, rows, across], np.stack([view.alpha, along], axis=-1), where=new)
+            np.copyto(self._solids[index], np.stack([view.alpha, along], axis=-1), where=new)
         self._drawn[index] |= tiles
 
 
