@@ -16,10 +16,7 @@ FloatArray = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """An undistorted pinhole: focal lengths and principal point in pixels.
-
-    beyond  pixels by which the image of which this is a `part` goes on to the left, to the right, above and below
-    """
+    """An undistorted pinhole: focal lengths and principal point in pixels."""
 
     width: int
     height: int
@@ -27,20 +24,11 @@ class Intrinsics:
     fy: float
     cx: float
     cy: float
-    beyond: tuple[float, float, float, float] = (0, 0, 0, 0)
 
     def scaled(self, width: int, height: int) -> Intrinsics:
         """The same view sampled at another size (pixels)."""
         sx, sy = width / self.width, height / self.height
-        left, right, above, below = self.beyond
-        beyond = left * sx, right * sx, above * sy, below * sy
-        return Intrinsics(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy, beyond)
-
-    def part(self, left: int, top: int, width: int, height: int) -> Intrinsics:
-        """The `width` x `height` pixels from column `left` and row `top` on: they are drawn as in the whole image."""
-        l, r, a, b = self.beyond
-        beyond = l + left, r + self.width - left - width, a + top, b + self.height - top - height
-        return Intrinsics(width, height, self.fx, self.fy, self.cx - left, self.cy - top, beyond)
+        return Intrinsics(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy)
 
     def within(self, longest_side: int) -> Intrinsics:
         """The same view, shrunk so that neither side exceeds `longest_side` pixels; never enlarged."""

@@ -27,10 +27,8 @@ def pack(camera: Camera, antialiased: bool) -> NDArray[np.float32]:
     view[0:9] = camera.world_to_camera[:3, :3].reshape(-1)
     view[9:12] = camera.world_to_camera[:3, 3]
     view[12:18] = k.fx, k.fy, k.cx, k.cy, k.width, k.height
-    left, right, above, below = k.beyond
-    across, down = _MARGIN * (k.width + left + right), _MARGIN * (k.height + above + below)
-    view[18:20] = -(k.cx + left + across) / k.fx, (k.width - k.cx + right + across) / k.fx
-    view[20:22] = -(k.cy + above + down) / k.fy, (k.height - k.cy + below + down) / k.fy
+    view[18:20] = -(k.cx + _MARGIN * k.width) / k.fx, (k.width - k.cx + _MARGIN * k.width) / k.fx
+    view[20:22] = -(k.cy + _MARGIN * k.height) / k.fy, (k.height - k.cy + _MARGIN * k.height) / k.fy
     view[22:25] = camera.position
     view[25:28] = EPS2D, antialiased, NEAR
     # Rows of the Jacobian are at most focal / z times this long.
