@@ -1,4 +1,4 @@
-"""Views from as much of a surround as they need, against the whole surround; views put together from straight patches."""
+"""Views from as much of a surround as they need, against the whole; views put together from straight patches."""
 
 from __future__ import annotations
 
