@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QFrame, QVBoxLayout, QWidget
 
 from app.look import colors
 from app.look.labels import Label
+from app.look.plain_text import tip
 from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.installed import lacking, maker_of, role
 from nvsim.r2r.features.layouts import LAYOUTS, Layout
@@ -32,7 +33,7 @@ class FeatureMakersPanel(QFrame):
             self._names[layout.name] = self._words()
             self.makers[layout.name] = self._words()
             self._names[layout.name].setText(f"{layout.name}: {layout.readers}")
-            self._names[layout.name].setToolTip(f"{layout.file}, {_numbers(layout)}")
+            self._names[layout.name].setToolTip(tip(f"{layout.file}, {_numbers(layout)}"))
             for label in (self._names[layout.name], self.makers[layout.name]):
                 column.addWidget(label)
             column.addSpacing(6)

@@ -9,7 +9,6 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QKeyEvent
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
     QLineEdit,
     QPlainTextEdit,
     QPushButton,
@@ -21,6 +20,8 @@ from PySide6.QtWidgets import (
 
 from app.look import colors
 from app.look.labels import Label
+from app.look.plain_text import tip
+from app.look.wrapping import WrappingRow
 from nvsim.r2r.reviewing.folder import Entry
 from nvsim.r2r.reviewing.playback import Episode
 from nvsim.r2r.reviewing.review import Review
@@ -61,7 +62,7 @@ class TaskModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.DisplayRole:
             return self._text(entry, index.column(), fault)
         if role == Qt.ItemDataRole.ToolTipRole and fault:
-            return f"Broken: {fault}"
+            return tip(f"Broken: {fault}")
         if role == Qt.ItemDataRole.ForegroundRole and index.column() == 4:
             state = self.review[entry.key].state
             ink = colors.BLOCKED_TEXT if fault or state == "rejected" else colors.OPEN_TEXT
@@ -262,8 +263,8 @@ def _button(text: str, signal: Any) -> QPushButton:
     return button
 
 
-def _row(*widgets: QWidget) -> QHBoxLayout:
-    row = QHBoxLayout()
+def _row(*widgets: QWidget) -> WrappingRow:
+    row = WrappingRow()
     for widget in widgets:
         row.addWidget(widget)
     return row

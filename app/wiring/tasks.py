@@ -60,9 +60,12 @@ class TaskPart(Part):
         panel.visited.connect(self.visit)
         self._soon = QTimer(self, singleShot=True, interval=SETTLE)
         self._soon.timeout.connect(self.look)
-        workspace.document.graphChanged.connect(lambda _: self._soon.start())
+        workspace.document.graphChanged.connect(self._on_graph)
         workspace.document.projectChanged.connect(self._leave)
         workspace.modes.layers.append(self.paint)
+
+    def _on_graph(self, _: object) -> None:
+        self._soon.start()
 
     def _choose(self) -> None:
         name = QFileDialog.getExistingDirectory(self.workspace.window, "Folder of tasks")

@@ -131,7 +131,9 @@ def assert_same(hands: Hands, sim: Simulator) -> None:
         assert getattr(shown, name) == getattr(given, name), name
     assert place(shown.location) == place(given.location)
     assert [place(p) for p in shown.navigableLocations] == [place(p) for p in given.navigableLocations]
-    assert np.array_equal(hands.walk.pixels, given.rgb)
+    # Kernels that two processes compiled at the same time may round a grey value differently.
+    apart = np.abs(hands.walk.pixels.astype(int) - given.rgb)
+    assert apart.max() <= 1 and np.count_nonzero(apart) < 100
 
 
 # What is shown ----------------------------------------------------------------------------------------------------

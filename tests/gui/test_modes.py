@@ -234,7 +234,7 @@ def test_measuring_says_metres_and_edits_nothing(hand: Hand) -> None:
     hand.hover((3.0, 2.0, 0.0))
     hand.click((5.0, 6.0, 0.0), ALT)
     assert hand.window.modes.current.metres == pytest.approx(5.0, abs=0.12)
-    assert "5.0" in hand.window.statusBar().currentMessage()
+    assert f"{hand.window.modes.current.metres:.2f} m" in hand.window.statusBar().currentMessage()
     hand.key(Qt.Key.Key_Backspace)
     assert hand.window.modes.current.metres == 0
     hand.window.actions_table["cancel"].trigger()
