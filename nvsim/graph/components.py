@@ -13,17 +13,10 @@ def components(graph: NavGraph) -> list[list[str]]:
     seen: set[str] = set()
     groups = []
     for start in order:
-        if start in seen:
-            continue
-        seen.add(start)
-        group, front = [start], [start]
-        while front:
-            for id in graph.neighbours(front.pop()):
-                if id in order and id not in seen:
-                    seen.add(id)
-                    group.append(id)
-                    front.append(id)
-        groups.append(sorted(group, key=order.__getitem__))
+        if start not in seen:
+            group = _reached(graph, start)
+            seen.update(group)
+            groups.append(sorted(group, key=order.__getitem__))
     return sorted(groups, key=lambda g: (-len(g), order[g[0]]))
 
 
@@ -32,16 +25,17 @@ def parted_by(graph: NavGraph, key: EdgeKey) -> int:
     there is another way, or an end is excluded."""
     if not all(graph.viewpoints[end].included for end in key):
         return 0
-    sides = []
-    for start, other in (key, key[::-1]):
-        seen, front = {start}, [start]
-        while front:
-            here = front.pop()
-            for id in graph.neighbours(here):
-                if {here, id} != {start, other} and id not in seen and graph.viewpoints[id].included:
-                    seen.add(id)
-                    front.append(id)
-        if other in seen:
-            return 0
-        sides.append(len(seen))
-    return min(sides)
+    one = _reached(graph, key[0], key)
+    return 0 if key[1] in one else min(len(one), len(_reached(graph, key[1], key)))
+
+
+def _reached(graph: NavGraph, start: str, without: EdgeKey | None = None) -> set[str]:
+    """Ids of the included viewpoints that the included `start` can reach, itself among them, not over one edge."""
+    seen, front, cut = {start}, [start], set(without or ())
+    while front:
+        here = front.pop()
+        for id in graph.neighbours(here):
+            if id not in seen and graph.viewpoints[id].included and {here, id} != cut:
+                seen.add(id)
+                front.append(id)
+    return seen
