@@ -12,7 +12,7 @@ from app.frames.canvas import Tool
 from app.frames.corrector import Corrector
 from app.frames.frame_data import Failure, FrameData, Reader
 from app.frames.layers import CANDIDATES, OF_DEPTH, FrameLayer, standard_layers
-from app.frames.model import coverage_words
+from app.frames.model import frame_words
 from app.frames.page import FramePage
 from app.frames.rendering import FrameRender
 from app.frames.state import FrameState
@@ -309,7 +309,7 @@ class FrameBrowser(QObject):
         name = capture.frames[self.index].name
         where = f"frame {self.index + 1:,} of {len(capture.frames):,}"
         self.page.title.setText(
-            f"<b>{marked(plain(name))}</b>&nbsp;&nbsp; {where}, {coverage_words(self._state, self.index)}"
+            f"<b>{marked(plain(name))}</b>&nbsp;&nbsp; {where}, {frame_words(self._state, self.index)}"
         )
 
     def _say_hint(self) -> None:

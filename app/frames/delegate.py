@@ -1,13 +1,16 @@
-"""A row of the frame list: thumbnail, name, submap, and a bar for how much floor the mask shows."""
+"""A row of the frame list: thumbnail, name, submap, a bar for how much floor the mask shows, and of a held-out frame
+that it is one and its scores."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QModelIndex, QObject, QPersistentModelIndex, QRect, QRectF, QSize, Qt
+from PySide6.QtCore import QModelIndex, QObject, QPersistentModelIndex, QPointF, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetrics, QPainter, QPalette, QPixmap
 from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
 
-from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, SUBMAP_ROLE
+from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, HELD_OUT_ROLE, SCORE_ROLE, SUBMAP_ROLE
+from app.frames.scores import Score
 from app.look import colors
+from app.painting.primitives import chip
 
 PICTURE = QSize(84, 63)
 _MARGIN = 4
@@ -37,6 +40,9 @@ class FrameDelegate(QStyledItemDelegate):
         _paint_picture(painter, picture, index.data(Qt.ItemDataRole.DecorationRole), palette)
         strip = QRect(picture.left(), picture.top(), 4, picture.height())
         painter.fillRect(strip, QColor(colors.submap_color(int(index.data(SUBMAP_ROLE)))))
+        held_out, score = bool(index.data(HELD_OUT_ROLE)), index.data(SCORE_ROLE)
+        if held_out:
+            _paint_mark(painter, picture)
 
         text_role = QPalette.ColorRole.HighlightedText if selected else QPalette.ColorRole.Text
         quiet = palette.color(text_role)
@@ -44,7 +50,8 @@ class FrameDelegate(QStyledItemDelegate):
         metrics: QFontMetrics = option.fontMetrics
         left, right = picture.right() + 10, rect.right() - 8
         line = metrics.height() + 2
-        top = rect.center().y() - (2 * line + 8) // 2
+        lines = 3 if held_out else 2
+        top = rect.center().y() - (lines * line + 8) // 2
         painter.setPen(palette.color(text_role))
         name = metrics.elidedText(str(index.data()), Qt.TextElideMode.ElideLeft, right - left)
         painter.drawText(QRect(left, top, right - left, line), Qt.AlignmentFlag.AlignVCenter, name)
@@ -56,7 +63,31 @@ class FrameDelegate(QStyledItemDelegate):
         words = metrics.elidedText(words, Qt.TextElideMode.ElideRight, right - left)
         painter.drawText(QRect(left, top + line, right - left, line), Qt.AlignmentFlag.AlignVCenter, words)
         _paint_bar(painter, QRectF(left, top + 2 * line + 3, right - left, 5), share, palette, selected)
+        if held_out:
+            painter.setPen(quiet)
+            words = _score_words(score, metrics, right - left)
+            place = QRect(left, top + 2 * line + 9, right - left, line)
+            painter.drawText(place, Qt.AlignmentFlag.AlignVCenter, words)
         painter.restore()
+
+
+def _score_words(score: object, metrics: QFontMetrics, width: int) -> str:
+    if not isinstance(score, Score):
+        return metrics.elidedText("not evaluated", Qt.TextElideMode.ElideRight, width)
+    short = f"{score.psnr:.1f} dB, {score.ssim:.2f}"
+    return score.words if metrics.horizontalAdvance(score.words) <= width else short
+
+
+def _paint_mark(painter: QPainter, picture: QRect) -> None:
+    """Says on the thumbnail that the frame is held out."""
+    painter.save()
+    font = painter.font()
+    font.setPointSizeF(max(6.5, font.pointSizeF() - 2))
+    painter.setFont(font)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    at = QPointF(picture.left() + 7, picture.bottom() - 2)
+    chip(painter, at, "held out", QColor("#1f2730"), QColor(colors.SELECTED))
+    painter.restore()
 
 
 def _paint_picture(painter: QPainter, place: QRect, pixmap: object, palette: QPalette) -> None:

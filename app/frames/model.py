@@ -16,6 +16,22 @@ _ROOT = QModelIndex()
 COVERAGE_ROLE = Qt.ItemDataRole.UserRole + 1
 CORRECTED_ROLE = Qt.ItemDataRole.UserRole + 2
 SUBMAP_ROLE = Qt.ItemDataRole.UserRole + 3
+HELD_OUT_ROLE = Qt.ItemDataRole.UserRole + 4
+SCORE_ROLE = Qt.ItemDataRole.UserRole + 5
+
+KINDS: tuple[tuple[str, str], ...] = (
+    ("All frames", ""),
+    ("Held out", "held out"),
+    ("Trained on", "trained on"),
+    ("Corrected", "corrected"),
+)
+"""Words, and the kind of frame that `FrameFilter.show_kind` takes."""
+ORDERS: tuple[tuple[str, str], ...] = (
+    ("In order", ""),
+    ("Worst PSNR", "psnr"),
+    ("Worst SSIM", "ssim"),
+)
+"""Words, and the name of the score that rises along the list; "" for the order of the capture."""
 
 COVERAGES: tuple[tuple[str, float, float], ...] = (
     ("Any floor", -1.0, 2.0),
@@ -28,7 +44,8 @@ COVERAGES: tuple[tuple[str, float, float], ...] = (
 
 
 class FrameModel(QAbstractListModel):
-    """A row for each frame of the capture: name, thumbnail, submap, floor coverage, whether it was corrected."""
+    """A row for each frame of the capture: name, thumbnail, submap, floor coverage, whether it was corrected or held out,
+    its scores."""
 
     def __init__(
         self, document: Document, thumbnails: Thumbnails, state: FrameState, parent: QObject | None = None
@@ -54,7 +71,8 @@ class FrameModel(QAbstractListModel):
     def _on_state(self) -> None:
         rows = self.rowCount()
         if rows:
-            self.dataChanged.emit(self.index(0), self.index(rows - 1), [COVERAGE_ROLE, CORRECTED_ROLE, SUBMAP_ROLE])
+            roles = [COVERAGE_ROLE, CORRECTED_ROLE, SUBMAP_ROLE, HELD_OUT_ROLE, SCORE_ROLE]
+            self.dataChanged.emit(self.index(0), self.index(rows - 1), roles)
 
     def rowCount(self, parent: _Index = _ROOT) -> int:
         capture = self._document.contents.capture
@@ -73,10 +91,14 @@ class FrameModel(QAbstractListModel):
             return self._state.coverage.get(row, -1.0)
         if role == CORRECTED_ROLE:
             return row in self._state.corrected
+        if role == HELD_OUT_ROLE:
+            return row in self._state.held_out
+        if role == SCORE_ROLE:
+            return self._state.score(row)
         if role == SUBMAP_ROLE:
             return int(self._document.trajectory.submaps[row])
         if role == Qt.ItemDataRole.ToolTipRole:
-            return tip(f"{plain(capture.frames[row].image_path)}\n{coverage_words(self._state, row)}")
+            return tip(f"{plain(capture.frames[row].image_path)}\n{frame_words(self._state, row)}")
         return None
 
 
@@ -87,8 +109,20 @@ def coverage_words(state: FrameState, frame: int) -> str:
     return f"{words}, corrected by hand" if frame in state.corrected else words
 
 
+def frame_words(state: FrameState, frame: int) -> str:
+    """ "23 % floor, held out: PSNR 24.1 dB, SSIM 0.83"."""
+    words = coverage_words(state, frame)
+    if frame not in state.held_out:
+        return words
+    score = state.score(frame)
+    if score is None:
+        return f"{words}, held out of training"
+    return f"{words}, held out: {score.words}{' of earlier models' if state.outdated else ''}"
+
+
 class FrameFilter(QSortFilterProxyModel):
-    """Rows by name, submap (with the frames it shares with its neighbours), coverage and correction."""
+    """Rows by name, submap (with the frames it shares with its neighbours), coverage, correction and whether they are
+    held out of training; in the order of the capture, or the worst shown first."""
 
     def __init__(self, document: Document, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -97,7 +131,9 @@ class FrameFilter(QSortFilterProxyModel):
         self._submap: int | None = None
         self._members: frozenset[int] = frozenset()
         self._coverage = COVERAGES[0][1:]
-        self._corrected = False
+        self._kind = ""
+        self._by = ""
+        self.setSortRole(SCORE_ROLE)
         document.contentsChanged.connect(self._on_contents)
 
     def show_name(self, text: str) -> None:
@@ -116,22 +152,38 @@ class FrameFilter(QSortFilterProxyModel):
         self._coverage = (above, up_to)
         self.invalidate()
 
-    def show_corrected_only(self, only: bool) -> None:
-        self._corrected = only
+    def show_kind(self, kind: str) -> None:
+        """One of those in KINDS; "" shows all."""
+        self._kind = kind
         self.invalidate()
+
+    def show_order(self, by: str) -> None:
+        """By one of the scores in ORDERS, the lowest first and frames without one last; "" as in the capture."""
+        self._by = by
+        self.invalidate()
+        self.sort(0 if by else -1)
+
+    def lessThan(self, left: _Index, right: _Index) -> bool:
+        return self._rank(left) < self._rank(right)
+
+    def _rank(self, index: _Index) -> tuple[float, int]:
+        score = index.data(SCORE_ROLE)
+        return (float("inf") if score is None else getattr(score, self._by), index.row())
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "submaps" in parts and self._submap is not None:
             self.show_submap(self._submap)
 
     def filterAcceptsRow(self, row: int, parent: _Index) -> bool:
-        anything = (self._coverage == COVERAGES[0][1:]) and not self._corrected and not self._text
+        anything = (self._coverage == COVERAGES[0][1:]) and not self._kind and not self._text
         if anything and self._submap is None:
             return True
         index = self.sourceModel().index(row, 0)
         if self._submap is not None and row not in self._members:
             return False
-        if self._corrected and not index.data(CORRECTED_ROLE):
+        if self._kind == "corrected" and not index.data(CORRECTED_ROLE):
+            return False
+        if self._kind in ("held out", "trained on") and (self._kind == "held out") != index.data(HELD_OUT_ROLE):
             return False
         above, up_to = self._coverage
         if (above, up_to) != COVERAGES[0][1:] and not above < float(index.data(COVERAGE_ROLE)) <= up_to:

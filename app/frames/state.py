@@ -1,17 +1,19 @@
-"""What is known of every frame beyond the capture: how much floor its mask shows, and whether a user corrected it."""
+"""What is known of every frame beyond the capture: how much floor its mask shows, whether a user corrected it, whether
+it is held out of training, and how well the models show it then."""
 
 from __future__ import annotations
 
 from PySide6.QtCore import QObject, Signal
 
 from app.frames.link import FrameLink
+from app.frames.scores import Score, Scores
 from app.state.document import Document
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.results import layout_of
 
 
 class FrameState(QObject):
-    """changed(): coverage or corrections of some frames are others now."""
+    """changed(): coverage, corrections or scores of some frames are others now."""
 
     changed = Signal()
 
@@ -20,6 +22,7 @@ class FrameState(QObject):
         self._document, self._link = document, link
         self.coverage: dict[int, float] = {}  # frame -> share of its pixels that are floor
         self.corrected: frozenset[int] = frozenset()
+        self._scores = Scores()
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         link.coverageRead.connect(self._on_coverage)
@@ -30,15 +33,44 @@ class FrameState(QObject):
         self.corrected = self.corrected | {frame} if corrected else self.corrected - {frame}
         self.changed.emit()
 
+    def show_scores(self, scores: Scores) -> None:
+        """What an evaluation measured of the frames."""
+        if scores != self._scores:
+            self._scores = scores
+            self.changed.emit()
+
+    @property
+    def held_out(self) -> frozenset[int]:
+        """The frames that no model is trained on."""
+        return self._document.contents.held_out
+
+    def score(self, frame: int) -> Score | None:
+        """Of a held-out frame that was measured; None of any other."""
+        return self._scores.of.get(frame) if frame in self.held_out else None
+
+    @property
+    def measured(self) -> bool:
+        """Whether there is a held-out frame with a score."""
+        return not self.held_out.isdisjoint(self._scores.of)
+
+    @property
+    def outdated(self) -> bool:
+        """Whether the scores are those of models that are no longer in use."""
+        return self._scores.at < self._document.contents.made
+
     def _on_project(self) -> None:
-        self.coverage, self.corrected = {}, frozenset()
+        self.coverage, self.corrected, self._scores = {}, frozenset(), Scores()
         path = self._document.path
         self._link.open(path if path is not None and path.is_dir() else None)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         # The submaps are read anew whenever a stage begins or ends, the floors among them.
         capture, path = self._document.contents.capture, self._document.path
-        if not parts & {"capture", "submaps"} or path is None:
+        if path is None:
+            return
+        if not parts & {"capture", "submaps"}:
+            if "scene_stamp" in parts:  # the scores may be of earlier models now
+                self.changed.emit()
             return
         if "capture" in parts:
             self.coverage = {}

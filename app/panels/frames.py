@@ -1,11 +1,11 @@
-"""The frames of the capture: find them by name, submap and floor, and open one beside the render from its camera."""
+"""The frames of the capture: find them by name, submap, floor and whether they are held out of training, the worst
+shown first, and open one beside the render from its camera."""
 
 from __future__ import annotations
 
 from PySide6.QtCore import QModelIndex, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
-    QCheckBox,
     QComboBox,
     QHBoxLayout,
     QLineEdit,
@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 
 from app.frames.delegate import FrameDelegate
 from app.frames.link import FrameLink
-from app.frames.model import COVERAGES, FrameFilter, FrameModel
+from app.frames.model import COVERAGES, KINDS, ORDERS, FrameFilter, FrameModel
 from app.frames.state import FrameState
 from app.frames.thumbnails import Thumbnails
 from app.look import colors
@@ -26,6 +26,10 @@ from app.look.icons import swatch
 from app.look.labels import Label
 from app.look.plain_text import tip
 from app.state.document import Document
+
+
+_KIND = "Held out: no model is trained on it, and evaluations measure how it is shown. Corrected: its floor mask, by hand"
+_ORDER = "By how well the models show frames that they were not trained on; frames without a score come last"
 
 
 class _List(QListView):
@@ -79,9 +83,14 @@ class FramePanel(QWidget):
         for words, above, up_to in COVERAGES:
             self.coverage.addItem(words, (above, up_to))
         self.coverage.currentIndexChanged.connect(lambda _: self.filter.show_coverage(*self.coverage.currentData()))
-        self.corrected = QCheckBox("Corrected", self)
-        self.corrected.setToolTip("Only frames whose floor mask was corrected by hand")
-        self.corrected.toggled.connect(self.filter.show_corrected_only)
+        self.kind = _choice(self, _KIND)
+        for words, kind in KINDS:
+            self.kind.addItem(words, kind)
+        self.kind.currentIndexChanged.connect(lambda _: self.filter.show_kind(self.kind.currentData()))
+        self.order = _choice(self, _ORDER)
+        for words, by in ORDERS:
+            self.order.addItem(words, by)
+        self.order.currentIndexChanged.connect(lambda _: self._on_order())
         self.count = Label(self)
         self.count.setForegroundRole(self.count.palette().ColorRole.PlaceholderText)
         self.list = _List(self)
@@ -99,22 +108,25 @@ class FramePanel(QWidget):
         self.filter.modelReset.connect(self._say_count)
         document.selectionChanged.connect(self._show_selection)
         document.contentsChanged.connect(self._on_contents)
-        choices, rest = QHBoxLayout(), QHBoxLayout()
-        for row in (choices, rest):
+        self.state.changed.connect(self._offer_order)
+        above, choices, kinds = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
+        for row in (above, choices, kinds):
             row.setSpacing(4)
         choices.addWidget(self.submap, 1)
         choices.addWidget(self.coverage, 1)
-        rest.addWidget(self.corrected)
-        rest.addStretch(1)
-        rest.addWidget(self.count)
+        kinds.addWidget(self.kind, 1)
+        kinds.addWidget(self.order, 1)
+        above.addWidget(self.search, 1)
+        above.addWidget(self.count)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(4, 4, 4, 0)
-        layout.setSpacing(4)
-        layout.addWidget(self.search)
+        layout.setSpacing(3)
+        layout.addLayout(above)
         layout.addLayout(choices)
-        layout.addLayout(rest)
+        layout.addLayout(kinds)
         layout.addWidget(self.list, 1)
         self._on_contents(frozenset({"submaps"}))
+        self._offer_order()
         self._say_count()
 
     def _missing(self) -> str:
@@ -136,6 +148,19 @@ class FramePanel(QWidget):
             self.submap.setCurrentIndex(max(0, found))
         if found < 0 and chosen is not None:
             self.filter.show_submap(None)
+
+    def _on_order(self) -> None:
+        self.filter.show_order(self.order.currentData())
+        self.list.scrollToTop()
+
+    def _offer_order(self) -> None:
+        """An order by scores needs some."""
+        measured = self.state.measured
+        if not measured:
+            self.order.setCurrentIndex(0)
+        self.order.setEnabled(measured)
+        why = "no held-out frame was measured; Jobs > Evaluate views measures them"
+        self.order.setToolTip(tip(_ORDER + ("" if measured else f"\nNot now: {why}.")))
 
     def _set_filtering(self, filtering: bool) -> None:
         self._filtering = filtering

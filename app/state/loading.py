@@ -50,6 +50,8 @@ class Contents:
     context       what the findings about the graph are held against; None where only thresholds and map are known
     results       name of a stored evaluation -> when it ended and its figures
     live          whether all that is to be seen is in training still
+    held_out      the frames of the capture that no model is trained on
+    made          when the newest model in use, or else the capture, was written: seconds since the epoch, 0 for none
     outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
     cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
@@ -72,6 +74,8 @@ class Contents:
     outline: NDArray[np.float64] | None = None
     thresholds: MappingConfig = field(default_factory=MappingConfig)
     live: bool = False
+    held_out: frozenset[int] = frozenset()
+    made: float = 0.0
     results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
     graph_file: GraphFile | None = None
     cloud: Cloud | None = None
@@ -232,6 +236,10 @@ class ProjectReader:
             self._contents = replace(self._contents, **{part: value})
             if part in ("capture", "cloud", "occupancy"):
                 self._contents = prepared(self._contents)
+            if part == "capture":
+                self._contents = replace(self._contents, held_out=self._held_out())
+            if part in ("capture", "scene_stamp"):
+                self._contents = replace(self._contents, made=self._made())
             if part == "stages":
                 self._contents = replace(
                     self._contents, outdated=states.outdated, former=states.former, kept=states.kept
@@ -276,6 +284,17 @@ class ProjectReader:
         assert isinstance(created, tuple)
         figures = self._project.results()
         return {name: (at, figures[name]) for name, at in created if name in figures}
+
+    def _held_out(self) -> frozenset[int]:
+        from nvsim.project.config import held_out
+        from nvsim.project.stages.imported import capture_config
+
+        capture = self._contents.capture
+        return frozenset() if capture is None else held_out(len(capture.frames), capture_config(self._project).hold_out)
+
+    def _made(self) -> float:
+        files = [self._project.layout.imported / "capture.json", *(f / "model.json" for f in self._folders().values())]
+        return max((stamp[0] / 1e9 for file in files if (stamp := _file_stamp(file)) is not None), default=0.0)
 
     def _folders(self) -> dict[int, Path]:
         from nvsim.project.results import model_folders

@@ -11,13 +11,16 @@ from app.actions import Action
 from app.frames.browser import TOOLS, FrameBrowser
 from app.frames.canvas import MODES
 from app.frames.link import FrameLink
+from app.frames.scores import newest_scores
 from app.frames.state import FrameState
 from app.painting.tones import CHANNELS
 from app.panels.frames import FramePanel
 from app.panels.help import open_help
 from app.state.reasons import with_frame, with_masks, with_page
+from app.state.results import Result
 from app.state.view_states import PageState
 from app.wiring.part import Dock, Part, Workspace
+from app.wiring.results import ResultPart
 
 _MENU = "F&rame"
 _MODES = {
@@ -172,6 +175,7 @@ class FramePart(Part):
                 *(table[f"mask_{name}"] for name in ("undo", "redo", "revert", "candidate")),
             ],
         )
+        self.workspace.part(ResultPart).gathered.connect(self._on_results)
         for channel in CHANNELS:
             table[channel].triggered.connect(self.browser.render.soon)
         self.browser.page.layers.remember(str(settings.value("frame/layers", "")))
@@ -209,6 +213,9 @@ class FramePart(Part):
             self.browser.open(state.frame)
         elif state.frame is None and now is not None:
             self._leave()
+
+    def _on_results(self, results: list[Result]) -> None:
+        self.state.show_scores(newest_scores(results))
 
     def _open(self) -> None:
         frame = self.workspace.document.frame_at_hand

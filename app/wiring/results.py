@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from PySide6.QtCore import Signal
+
 from app.jobs.queue import JobHandle
 from app.panels.results import ResultPanel
 from app.state.results import Result, result_of_job, stored_result
@@ -10,6 +12,10 @@ from nvsim.project.work import EVALUATIONS
 
 
 class ResultPart(Part):
+    """gathered(list of Result): all there are."""
+
+    gathered = Signal(object)
+
     def docks(self) -> tuple[Dock, ...]:
         w = self.workspace
         self.panel = ResultPanel(w.notices)
@@ -47,7 +53,9 @@ class ResultPart(Part):
                 found.append(self._read[handle.number])
         stored = self.workspace.document.contents.results
         fresh = [stored_result(name, at, figures) for name, (at, figures) in stored.items()]
-        self.panel.show_results([r for r in (*found, *fresh) if r is not None])
+        results = [r for r in (*found, *fresh) if r is not None]
+        self.panel.show_results(results)
+        self.gathered.emit(results)
 
     def _go_to_frame(self, frame: int) -> None:
         self.workspace.document.select(frame=frame)

@@ -16,14 +16,17 @@ import numpy as np
 import pytest
 from demo_project import write_project
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QImage
 from pytestqt.qtbot import QtBot
 
 from app.frames.files import thumbnail_path
 from app.frames.link import FrameLink
-from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SUBMAP_ROLE
+from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SCORE_ROLE, SUBMAP_ROLE, frame_words
+from app.frames.scores import Score, Scores, newest_scores
 from app.panels.frames import FramePanel
 from app.state.document import Document
-from app.state.loading import Contents
+from app.state.loading import Contents, ProjectReader
+from app.state.results import Result, tables_of
 from nvsim.capture.store import save_capture
 from nvsim.project.corrections import save_correction
 from nvsim.project.layout import Layout
@@ -123,9 +126,71 @@ def test_frames_are_found_by_how_much_floor_they_show(panel: FramePanel) -> None
         found.append([panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())])
     assert len(found[0]) == 120 and found[1:] == [[0], [1], [2], [3, 4]]
     panel.coverage.setCurrentIndex(0)
-    panel.corrected.setChecked(True)
+    panel.kind.setCurrentText("Corrected")
     assert panel.filter.rowCount() == 1 and panel.filter.index(0, 0).data(CORRECTED_ROLE)
-    panel.corrected.setChecked(False)
+    panel.kind.setCurrentIndex(0)
+
+
+def shown_rows(panel: FramePanel) -> list[int]:
+    return [panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())]
+
+
+def evaluated(at: float, **psnr: float) -> Result:
+    """An evaluation with rows for the frames f4, f12, ... as `evaluate views` prints them."""
+    rows = [{"frame": int(f[1:]), "submap": 0, "psnr": v, "ssim": round(1 - v / 100, 3)} for f, v in psnr.items()]
+    return Result("job 1", "Evaluate views", at, tables_of({"psnr": 1.0, "per_frame": rows}))
+
+
+def test_held_out_frames_are_found_and_the_worst_stands_first(panel: FramePanel, document: Document) -> None:
+    document.set_contents(replace(document.contents, held_out=frozenset({4, 12, 20}), made=50.0))
+    panel.kind.setCurrentText("Held out")
+    assert shown_rows(panel) == [4, 12, 20]
+    assert not panel.order.isEnabled() and "Jobs > Evaluate views" in panel.order.toolTip()
+    older, newer = evaluated(60.0, f4=1.0), evaluated(100.0, f4=24.0, f12=19.0, f33=3.0)
+    panel.state.show_scores(newest_scores([newer, older]))
+    assert panel.order.isEnabled()
+    panel.order.setCurrentText("Worst PSNR")
+    assert shown_rows(panel) == [12, 4, 20], "a frame without a score comes last"
+    panel.order.setCurrentText("Worst SSIM")
+    assert shown_rows(panel) == [4, 12, 20]
+    assert panel.model.index(12).data(SCORE_ROLE) == Score(19.0, 0.81)
+    assert panel.model.index(33).data(SCORE_ROLE) is None, "it is not held out any more"
+    assert frame_words(panel.state, 12).endswith("held out: PSNR 19.0 dB, SSIM 0.81")
+    assert frame_words(panel.state, 20).endswith("held out of training")
+    panel.kind.setCurrentText("Trained on")
+    assert len(shown_rows(panel)) == 117 and 12 not in shown_rows(panel)
+    # Models that were made since then are others than those that were measured.
+    document.set_contents(replace(document.contents, made=200.0, scene_stamp="others"))
+    assert frame_words(panel.state, 12).endswith("SSIM 0.81 of earlier models")
+    panel.state.show_scores(Scores())
+    assert panel.order.currentData() == "" and not panel.order.isEnabled()
+
+
+def test_a_held_out_row_shows_its_mark_and_figures_in_little_room(panel: FramePanel, document: Document) -> None:
+    def pixels() -> bytes:
+        return bytes(panel.list.viewport().grab().toImage().convertToFormat(QImage.Format.Format_RGB32).constBits())
+
+    bare = pixels()
+    document.set_contents(replace(document.contents, held_out=frozenset({0}), made=1.0))
+    panel.state.show_scores(newest_scores([evaluated(2.0, f1=20.0)]))
+    marked = pixels()
+    panel.state.show_scores(newest_scores([evaluated(2.0, f0=20.0)]))
+    assert len({bare, marked, pixels()}) == 3
+
+
+def test_an_evaluation_of_something_else_gives_frames_no_score() -> None:
+    floor = Result("job 2", "Evaluate floor", 9.0, tables_of({"per_frame": [{"frame": 1, "iou": 0.5}]}))
+    assert newest_scores([floor, evaluated(3.0, f1=20.0)]).at == 3.0
+    assert newest_scores([floor]) == Scores()
+
+
+def test_what_is_held_out_is_read_with_the_project(tmp_path: Path) -> None:
+    project = with_images(tmp_path, 20)
+    reader = ProjectReader(project)
+    *_, contents = reader.updates()
+    reader.close()
+    assert contents.held_out == {4, 12}
+    assert abs(contents.made - (Layout(project).model(0) / "model.json").stat().st_mtime) < 5
 
 
 def test_hiding_the_selected_frame_selects_no_other(panel: FramePanel, document: Document) -> None:
