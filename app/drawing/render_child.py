@@ -23,6 +23,7 @@ from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.drawing.renderer_choice import AUTOMATIC, CPU
 from app.drawing.territory import Territory
 from app.drawing.warming import Warming
+from app.painting.tones import CHANNELS, MEASURED, measured, picture
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.project.layout import Layout
@@ -99,7 +100,8 @@ class ProjectModels:
 class Request:
     """number rises; channel is one of tones.CHANNELS; moving says that the eye has not come to rest; renderer is one of
     renderer_choice.PREFERENCES; view names who asks, so that a newer wish replaces only its own;
-    budget is the most Gaussians that are drawn, 0 for all."""
+    budget is the most Gaussians that are drawn, 0 for all; values asks for the numbers behind the colours too, where
+    there are some."""
 
     number: int
     camera: Camera
@@ -108,18 +110,21 @@ class Request:
     renderer: str = AUTOMATIC
     view: str = "scene"
     budget: int = 0
+    values: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
     """pixels (H, W, 4) uint8 in the order blue, green, red, 255, as QImage's Format_RGB32 has it in memory;
-    milliseconds it took to draw, and who drew it: renderer_choice.CPU or OPENGL."""
+    milliseconds it took to draw, and who drew it: renderer_choice.CPU or OPENGL; values as tones.measured has them where
+    they were asked for."""
 
     request: Request
     pixels: NDArray[np.uint8]
     submap: int
     milliseconds: float
     renderer: str = CPU
+    values: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True)
@@ -202,6 +207,10 @@ def _send_remarks(painter: Painter, connection: Connection) -> None:
 def _answer(painter: Painter, request: Request) -> Picture | Trouble:
     begin = time.perf_counter()
     try:
+        if request.values and request.channel in MEASURED:
+            submap, view = painter.look(request.camera, CHANNELS[request.channel])
+            pixels, values = picture(view, request.channel), measured(view, request.channel)
+            return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), CPU, values)
         submap, pixels, renderer = painter.paint(
             request.camera, request.channel, request.renderer, request.moving, request.budget
         )

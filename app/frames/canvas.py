@@ -1,12 +1,12 @@
 """The photo of a frame and the render from its camera on one canvas: wipe, blink, difference, side by side; layers over
-both; one zoom for all."""
+both; one zoom for all. What is shown in colours that stand for numbers has its legend, and the value under the cursor."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from PySide6.QtCore import QPointF, QRect, QRectF, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QWheelEvent
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QRegion, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
 from app.frames.brush import Box
@@ -14,7 +14,9 @@ from app.frames.layers import FrameLayer
 from app.frames.panes import Pane, Zoom, panes
 from app.frames.pictures import Painted, difference
 from app.look.plain_text import lines
+from app.painting.legend import legend_box, paint_legend, paint_words, words_box
 from app.painting.primitives import chip
+from app.painting.scales import Reading
 
 MODES = ("photo", "render", "wipe", "blink", "difference", "beside")
 BLINK = 600  # milliseconds
@@ -120,6 +122,87 @@ class Canvas(QWidget):
         self._phase = not self._phase
         self.update()
 
+    # Values -----------------------------------------------------------------------------------------------------
+
+    def _what(self, number: int) -> str:
+        """What the pane of that number shows."""
+        both = {"beside": ("photo", "render")[number], "blink": ("photo", "render")[self._phase]}
+        return both.get(self.mode, self.mode)
+
+    def _readings(self, what: str) -> list[tuple[str, Reading]]:
+        """What of a pane that shows `what` stands for numbers: a name and the numbers, the topmost first."""
+        found = []
+        if what != "difference":
+            found = [(layer.title, layer.painted) for layer in self._layers if layer.shown and layer.painted is not None]
+        if what in ("render", "wipe"):
+            found.insert(0, ("Render", self._render))
+        elif what == "difference":
+            found.insert(0, ("Difference", self._difference))
+        return [(name, painted.reading) for name, painted in reversed(found) if painted and painted.reading]
+
+    @property
+    def legends(self) -> list[Reading]:
+        """The scales of everything that is shown, each once."""
+        shown = [r for number in range(len(self.panes())) for _, r in self._readings(self._what(number))]
+        return list({id(r): r for r in shown}.values())
+
+    @property
+    def values(self) -> list[tuple[str, Reading, Any]]:
+        """What lies under the cursor: names, numbers and their values; nothing beside the image."""
+        if self._hover is None or self._photo is None:
+            return []
+        for number, pane in enumerate(self.panes()):
+            if pane.rect.contains(self._hover):
+                what = self._what(number)
+                if what == "wipe" and self._hover.x() < pane.rect.left() + self.divider * pane.rect.width():
+                    what = "photo"
+                x, y = pane.to_image(self._hover)
+                share = x / self._size[0], y / self._size[1]
+                found = [(name, r, r.at(*share)) for name, r in self._readings(what)]
+                return [row for row in found if row[2] is not None]
+        return []
+
+    @property
+    def value_words(self) -> list[str]:
+        """The values under the cursor, in words; several say whose they are."""
+        found = self.values
+        if len(found) == 1:
+            return [found[0][1].scale.words(found[0][2])]
+        return [f"{name}: {reading.scale.words(value)}" for name, reading, value in found]
+
+    def _corners(self) -> list[tuple[Reading, QPointF]]:
+        """Where the legends stand: at the lower left, one over the other."""
+        at, placed = QPointF(8.0, self.height() - 8.0), []
+        for reading in self.legends:
+            placed.append((reading, QPointF(at)))
+            at.setY(legend_box(self.font(), reading.scale, at).top() - 4)
+        return placed
+
+    def _hover_at(self, point: QPointF | None) -> None:
+        """The cursor is there now; only what says values is painted again."""
+        before, self._hover = self._hover_box(), point
+        region = QRegion(before.united(self._hover_box()).toAlignedRect().adjusted(-2, -2, 2, 2))
+        for reading, corner in self._corners():
+            region += legend_box(self.font(), reading.scale, corner).toAlignedRect().adjusted(-2, -2, 2, 2)
+        self.update(region)
+
+    def _hover_box(self) -> QRectF:
+        words = self.value_words if self._says_values else []
+        return words_box(self.font(), words, self._hover, QRectF(self.rect())) if words and self._hover else QRectF()
+
+    @property
+    def _says_values(self) -> bool:
+        """Beside the cursor, unless it does something."""
+        return self.tool is None and self._dragged is None and not self._wiping
+
+    def _paint_values(self, painter: QPainter) -> None:
+        under = {id(reading): value for _, reading, value in self.values}
+        for reading, corner in self._corners():
+            paint_legend(painter, reading.scale, corner, under.get(id(reading)))
+        words = self.value_words if self._says_values else []
+        if words and self._hover is not None:
+            paint_words(painter, words, self._hover, QRectF(self.rect()))
+
     # Painting ---------------------------------------------------------------------------------------------------
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -136,13 +219,12 @@ class Canvas(QWidget):
             painter.setClipRect(pane.rect.intersected(QRectF(event.rect())))
             self._paint_pane(painter, pane, number)
             painter.restore()
+        self._paint_values(painter)
         painter.end()
 
     def _paint_pane(self, painter: QPainter, pane: Pane, number: int) -> None:
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, pane.scale < 3)
-        what = {"beside": ("photo", "render")[number], "blink": ("photo", "render")[self._phase]}.get(
-            self.mode, self.mode
-        )
+        what = self._what(number)
         edge = pane.rect.left() + self.divider * pane.rect.width()
         if what == "wipe":
             self._paint_picture(painter, pane, "photo")
@@ -240,7 +322,7 @@ class Canvas(QWidget):
             self.setCursor(Qt.CursorShape.ClosedHandCursor)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        self._hover = event.position()
+        self._hover_at(event.position())
         pane = self.pane_at(event.position())
         if pane is None:
             return

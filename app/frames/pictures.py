@@ -7,16 +7,18 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QImage
 
 from app.frames.brush import Box, Mask
+from app.painting.scales import CONFIRMED, DEPTH, MOST_VIEWS, NORMALS, OF_CHANNEL, Reading, of_difference
 from app.painting.tones import DEPTH_RANGE, ramp
 
 _RGB32 = QImage.Format.Format_RGB32
-_MOST_VIEWS = 8  # that confirm a depth: more are as bright
 
 
 class Painted:
-    """An image and the memory that it shows: pixels (H, W) uint32, 0xAARRGGBB, premultiplied."""
+    """An image and the memory that it shows: pixels (H, W) uint32, 0xAARRGGBB, premultiplied; and the numbers behind the
+    colours, where they stand for some."""
 
-    def __init__(self, pixels: NDArray[np.uint32], opaque: bool) -> None:
+    def __init__(self, pixels: NDArray[np.uint32], opaque: bool, reading: Reading | None = None) -> None:
+        self.reading = reading
         self.pixels = np.ascontiguousarray(pixels)
         height, width = self.pixels.shape
         kind = _RGB32 if opaque else QImage.Format.Format_ARGB32_Premultiplied
@@ -50,9 +52,10 @@ def photo(image: NDArray[np.uint8]) -> Painted:
     return Painted(pixels.view(np.uint32)[..., 0], opaque=True)
 
 
-def render(pixels: NDArray[np.uint8]) -> Painted:
-    """(H, W, 4) uint8 blue, green, red, 255, as a Picture has them."""
-    return Painted(np.ascontiguousarray(pixels).view(np.uint32)[..., 0], opaque=True)
+def render(pixels: NDArray[np.uint8], channel: str = "rgb", values: NDArray[np.float32] | None = None) -> Painted:
+    """(H, W, 4) uint8 blue, green, red, 255, as a Picture has them, and the numbers behind them."""
+    reading = None if values is None else Reading(OF_CHANNEL[channel], values)
+    return Painted(np.ascontiguousarray(pixels).view(np.uint32)[..., 0], opaque=True, reading=reading)
 
 
 def tint(mask: Mask, color: str) -> Painted:
@@ -73,7 +76,8 @@ def normals(values: NDArray[np.float32]) -> Painted:
     """(H, W, 3) unit vectors as colours, transparent where they are zero."""
     known = (np.abs(values).sum(axis=-1) > 0.1).astype(np.uint32)
     wide = np.clip((values + 1) * 127.5, 0, 255).astype(np.uint32)
-    return Painted(known * (0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]), opaque=False)
+    pixels = known * (0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2])
+    return Painted(pixels, opaque=False, reading=Reading(NORMALS, values))
 
 
 def depth(metres: NDArray[np.float32]) -> Painted:
@@ -81,18 +85,18 @@ def depth(metres: NDArray[np.float32]) -> Painted:
     near, far = DEPTH_RANGE
     known = metres > 0
     share = np.log(far / np.clip(np.where(known, metres, far), near, far)) / np.log(far / near)
-    return _ramped(share, known)
+    return _ramped(share, known, Reading(DEPTH, metres))
 
 
 def confidence(views: NDArray[np.uint8]) -> Painted:
     """(H, W) counts from dark to bright, transparent where they are 0."""
-    return _ramped(views / _MOST_VIEWS, views > 0)
+    return _ramped(views / MOST_VIEWS, views > 0, Reading(CONFIRMED, views))
 
 
-def _ramped(share: NDArray[np.floating], known: NDArray[np.bool_]) -> Painted:
+def _ramped(share: NDArray[np.floating], known: NDArray[np.bool_], reading: Reading) -> Painted:
     rgb = ramp(share).astype(np.uint32)
     pixels = 0xFF000000 | rgb[..., 0] << 16 | rgb[..., 1] << 8 | rgb[..., 2]
-    return Painted((known.astype(np.uint32) * pixels).astype(np.uint32), opaque=False)
+    return Painted((known.astype(np.uint32) * pixels).astype(np.uint32), opaque=False, reading=reading)
 
 
 def difference(photographed: Painted, rendered: Painted, gain: float) -> Painted:
@@ -108,4 +112,4 @@ def difference(photographed: Painted, rendered: Painted, gain: float) -> Painted
     most = np.maximum(np.maximum(off[..., 0], off[..., 1]), off[..., 2])
     colors = ramp(np.clip(np.arange(256) * (gain / 255), 0, 1)).astype(np.uint32)
     table = 0xFF000000 | colors[:, 0] << 16 | colors[:, 1] << 8 | colors[:, 2]
-    return Painted(table.astype(np.uint32)[most], opaque=True)
+    return Painted(table.astype(np.uint32)[most], opaque=True, reading=Reading(of_difference(gain), most))

@@ -41,10 +41,11 @@ class FrameRender(QObject):
         height, width = matter.image.shape[:2]
         size = max(1, round(width * min(1.0, scale))), max(1, round(height * min(1.0, scale)))
         camera, scene = matter.frame.camera.scaled(*size), self._scene
-        scene.link.ask(Request(next(self._numbers), camera, scene.channel, False, scene.renderer, _VIEW))
+        number = next(self._numbers)
+        scene.link.ask(Request(number, camera, scene.channel, False, scene.renderer, _VIEW, values=True))
 
     def _on_picture(self, picture: Picture) -> None:
         if picture.request.view != _VIEW or self._matter is None:
             return
         if np.array_equal(picture.request.camera.camera_to_world, self._matter.frame.camera_to_world):
-            self.rendered.emit(render(picture.pixels))
+            self.rendered.emit(render(picture.pixels, picture.request.channel, picture.values))

@@ -1,4 +1,5 @@
-"""The panorama of a viewpoint with the regions of interest in it; drag turns it, the wheel comes nearer."""
+"""The panorama of a viewpoint with the regions of interest in it; drag turns it, the wheel comes nearer. Alpha and
+normals have their legend, and the value under the cursor."""
 
 from __future__ import annotations
 
@@ -27,7 +28,10 @@ from app.inspector.sphere import angles, fine, met
 from app.inspector.state import Inspection
 from app.look import colors
 from app.look.plain_text import lines, tip
+from app.painting.legend import legend_box, paint_legend
 from app.painting.primitives import chip
+from app.painting.scales import OF_CHANNEL
+from app.painting.tones import alpha_shown, normal_shown
 from app.state.directions import Direction
 
 _TURN = 2 * math.pi
@@ -60,6 +64,7 @@ class PanoramaView(QWidget):
         self._shown: tuple[object, str] = (None, "")
         self._pressed: QPointF | None = None
         self._dragged = False
+        self._hover: QPointF | None = None
         inspection.changed.connect(self.update)
         inspection.pointed.connect(self.update)
         panoramas.arrived.connect(self.update)
@@ -115,6 +120,41 @@ class PanoramaView(QWidget):
             self._middle() - (point.y() - self.height() / 2) / self._scale,
         )
 
+    # Values ----------------------------------------------------------------------------------------------------
+
+    @property
+    def value(self) -> object:
+        """Of the pixel under the cursor: a number of alpha, (3,) of normals; None of colours and where nothing is."""
+        panorama = self._panoramas.current if self._inspection.viewpoint is not None else None
+        if panorama is None or self._hover is None or not {"alpha", self.channel} <= panorama.pixels.keys():
+            return None
+        heading, elevation = self.to_angles(self._hover)
+        row, column = (0.5 - elevation / math.pi), (heading / _TURN + 0.5) % 1.0
+        height, width = panorama.pixels["alpha"].shape[:2]
+        at = min(max(int(row * height), 0), height - 1), int(column * width) % width
+        alpha = alpha_shown(panorama.pixels["alpha"][at])
+        if self.channel == "normal":
+            return normal_shown(panorama.pixels["normal"][at], alpha)
+        return alpha if self.channel == "alpha" else None
+
+    @property
+    def value_words(self) -> str:
+        """The value under the cursor, "" where there is none."""
+        value = self.value
+        return "" if value is None else OF_CHANNEL[self.channel].words(value)
+
+    def _paint_value(self, painter: QPainter) -> None:
+        scale = OF_CHANNEL.get(self.channel)
+        if scale is None:
+            return
+        box = legend_box(painter.font(), scale, QPointF())
+        if box.width() + 12 <= self.width():
+            paint_legend(painter, scale, QPointF(self.width() - box.width() - 6, self.height() - 6), self.value)
+        words = self.value_words
+        if words:
+            low = self.height() - 6 - (painter.fontMetrics().height() + 8 if self._panoramas.drawing else 0)
+            chip(painter, QPointF(6, low), words, QColor("#e8edf2"), QColor(16, 20, 26, 190))
+
     # Painting --------------------------------------------------------------------------------------------------
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -136,6 +176,8 @@ class PanoramaView(QWidget):
             self._paint_regions(painter)
         self.neighbours.paint(painter, self._middle(), self._scale, self.height(), self._heading, self.width())
         self._paint_words(painter, panorama is not None)
+        if panorama is not None and self.channel in panorama.pixels:
+            self._paint_value(painter)
         painter.end()
 
     def _boxes(self) -> list[QRectF]:
@@ -224,6 +266,9 @@ class PanoramaView(QWidget):
             self._pressed, self._dragged = event.position(), False
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        self._hover = event.position()
+        if self.channel in OF_CHANNEL:
+            self.update()
         if self._pressed is None:
             near = self.neighbours.under(event.position())
             if near != self.neighbours.hovered:
@@ -276,6 +321,8 @@ class PanoramaView(QWidget):
 
     def leaveEvent(self, event: QEvent) -> None:
         self._inspection.point(None)
+        self._hover = None
+        self.update()
         super().leaveEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:

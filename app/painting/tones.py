@@ -15,6 +15,8 @@ CHANNELS = {
     "hole": frozenset({"rgb", "alpha"}),
     "submap": frozenset({"rgb", "alpha", "depth"}),
 }
+MEASURED = ("alpha", "depth", "normal")
+"""The channels whose colours stand for numbers."""
 DEPTH_RANGE = (0.3, 20.0)  # metres, logarithmic, near is bright
 
 # Ten anchors from dark blue over green to pale yellow, brightness rising throughout.
@@ -36,6 +38,12 @@ def ramp(share: NDArray[np.floating]) -> NDArray[np.float32]:
     low = np.minimum(position.astype(np.intp), len(_RAMP) - 2)
     part = (position - low)[..., None].astype(np.float32)
     return _RAMP[low] * (1 - part) + _RAMP[low + 1] * part
+
+
+def measured(view: RenderOutput, channel: str) -> NDArray[np.float32] | None:
+    """(H, W) alpha or depth in metres, (H, W, 3) normals: the numbers behind `picture`; None of other channels."""
+    values: NDArray[np.float32] | None = getattr(view, channel) if channel in MEASURED else None
+    return values
 
 
 def picture(view: RenderOutput, channel: str) -> NDArray[np.uint8]:
@@ -66,6 +74,20 @@ def picture(view: RenderOutput, channel: str) -> NDArray[np.uint8]:
     result[..., :3] = rgb[..., ::-1]
     result[..., 3] = 255
     return result
+
+
+def alpha_shown(pixel: NDArray[np.uint8]) -> float:
+    """The alpha that a pixel (4,) of `picture` shows, known to 1 / 255."""
+    return float(pixel[0]) / 255
+
+
+def normal_shown(pixel: NDArray[np.uint8], alpha: float) -> NDArray[np.float32]:
+    """(3,) the normal that a pixel (4,) of `picture` shows where `alpha` is known, to 0.004 / alpha; zeros where there
+    is too little to show."""
+    if alpha < 0.1:
+        return np.zeros(3, np.float32)
+    rgb = (pixel[2::-1].astype(np.float32) - (1 - alpha) * _EMPTY) / np.float32(alpha)
+    return np.clip(rgb / np.float32(127.5) - 1, -1, 1).astype(np.float32)
 
 
 def _over_empty(rgb: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -24,6 +24,7 @@ from app.frames.browser import FrameBrowser
 from app.frames.canvas import MODES
 from app.frames.link import FrameLink
 from app.frames.panes import Zoom, panes
+from app.painting.scales import ALPHA, CONFIRMED, DEPTH
 from app.state.document import Document
 from app.wiring.frames import FramePart
 from app.wiring.window import MainWindow
@@ -185,6 +186,40 @@ def test_the_divider_shows_the_photo_on_its_left_and_the_render_on_its_right(ope
     qtbot.mouseRelease(canvas, LEFT, pos=QPoint(3, start.y()))
     assert canvas.divider < 0.05
     assert colors(grabbed(browser), left) == [(255, 255, 255)]
+
+
+def hover(qtbot: QtBot, browser: FrameBrowser, x: float, y: float) -> list[str]:
+    """What is said under the cursor at x, y, in shares of the image."""
+    canvas = browser.page.canvas
+    (box,) = (pane.image_rect for pane in canvas.panes()[:1])
+    at = QPointF(box.left() + x * box.width(), box.top() + y * box.height())
+    qtbot.mouseMove(canvas, at.toPoint())
+    QApplication.processEvents()
+    return canvas.value_words
+
+
+def test_a_render_of_measured_values_says_the_one_under_the_cursor_on_its_own_side_of_the_divider(
+    opened, qtbot: QtBot
+) -> None:
+    window, browser = opened
+    canvas = browser.page.canvas
+    alpha = np.tile(np.linspace(0, 1, 320, dtype=np.float32), (240, 1))
+    grey = np.repeat(np.uint8(255 * alpha)[..., None], 4, axis=2)
+    bare = grabbed(browser)
+    canvas.show_render(pictures.render(grey, "alpha", alpha))
+    assert hover(qtbot, browser, 0.75, 0.5) == ["alpha 0.75"]
+    assert hover(qtbot, browser, 0.25, 0.5) == [], "the photo is there"
+    window.actions_table["frame_render"].trigger()
+    assert hover(qtbot, browser, 0.25, 0.5) == ["alpha 0.25"]
+    assert [reading.scale for reading in canvas.legends] == [ALPHA]
+    corner = QPoint(14, canvas.height() - 20)
+    assert bare.pixelColor(corner) != grabbed(browser).pixelColor(corner), "the legend stands in the corner"
+    window.actions_table["frame_difference"].trigger()
+    grabbed(browser)
+    (words,) = hover(qtbot, browser, 0.5, 0.5)
+    assert words.startswith("off by ") and words.endswith(" of 255")
+    canvas.leaveEvent(None)
+    assert canvas.value_words == []
 
 
 def test_both_panes_show_the_same_place_at_any_zoom(opened) -> None:
@@ -413,6 +448,20 @@ def test_the_depth_of_the_images_is_a_layer_where_there_is_one(opened, room: Pat
         unknown, far, near = (painted["depth"].image.pixelColor(x, 30) for x in (20, 50, 70))
         assert unknown.alpha() == 0 and near.lightness() > far.lightness() > 0
         assert painted["views"].image.pixelColor(70, 30).alpha() == 255
+        canvas = browser.page.canvas
+        window.actions_table["frame_photo"].trigger()
+        assert hover(qtbot, browser, 0.9, 0.5) == [], "a photo has no values"
+        browser.page.layers.boxes["depth"].setChecked(True)
+        assert hover(qtbot, browser, 0.9, 0.5) == ["1.00 m"] and hover(qtbot, browser, 0.6, 0.5) == ["10.00 m"]
+        assert hover(qtbot, browser, 0.2, 0.5) == ["no depth"]
+        browser.page.layers.boxes["views"].setChecked(True)
+        assert hover(qtbot, browser, 0.9, 0.5) == [
+            "Confidence of the depth: confirmed by 5 images", "Depth of the images: 1.00 m",
+        ]  # fmt: skip
+        assert [reading.scale for reading in canvas.legends] == [CONFIRMED, DEPTH]
+        for name in ("depth", "views"):
+            browser.page.layers.boxes[name].setChecked(False)
+        assert canvas.legends == []
         (folder / "000003.png").write_bytes(b"no image")
         browser.open(2)
         qtbot.waitUntil(lambda: browser.matter is not None and browser.matter.index == 2, timeout=10_000)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import demo_room
 import numpy as np
 import pytest
 from PySide6.QtGui import QColor
 
+from app.drawing.painter import Painter
+from app.drawing.render_child import Picture, Request, _answer
 from app.frames import pictures
 from app.frames.brush import Box
-from app.painting.tones import ramp
+from app.painting.scales import ALPHA, CONFIRMED, DEPTH, NORMALS, of_difference
+from app.painting.tones import MEASURED, alpha_shown, normal_shown, picture, ramp
+from nvsim.render.types import RenderOutput
 
 RNG = np.random.default_rng(5)
 
@@ -52,6 +57,58 @@ def test_the_difference_is_that_of_the_channel_that_differs_most(qapp, gain: flo
     expected = ramp(np.clip(most * gain / 255, 0, 1)).astype(int)
     shown = np.array([[pixel(found, x, y)[:3] for x in range(10)] for y in range(6)])
     assert np.array_equal(shown, expected)
+
+
+@pytest.mark.parametrize("metres", [0.3, 0.5, 2.41, 7.0, 20.0])
+def test_the_bar_has_the_colour_of_the_image_where_the_value_lies(qapp, metres: float) -> None:
+    red, green, blue, _ = pixel(pictures.depth(np.full((1, 1), metres, np.float32)), 0, 0)
+    share = DEPTH.share(metres)
+    at = DEPTH.colours[round(share * (len(DEPTH.colours) - 1))]
+    assert np.abs(at.astype(int) - (red, green, blue)).max() <= 6
+    views = round(share * 8) or 1
+    shown = pixel(pictures.confidence(np.full((1, 1), views, np.uint8)), 0, 0)[:3]
+    at = CONFIRMED.colours[round(CONFIRMED.share(views) * (len(CONFIRMED.colours) - 1))]
+    assert np.abs(at.astype(int) - shown).max() <= 6
+
+
+def test_every_swatch_of_the_normals_has_the_colour_of_its_direction(qapp) -> None:
+    ways = {"up": (0, 0, 1), "N": (0, 1, 0), "E": (1, 0, 0), "S": (0, -1, 0), "W": (-1, 0, 0), "down": (0, 0, -1)}
+    painted = pictures.normals(np.array([list(ways.values())], np.float32))
+    for x, (name, (rgb, words)) in enumerate(zip(ways, NORMALS.swatches, strict=True)):
+        assert words == name and pixel(painted, x, 0)[:3] == rgb
+
+
+def test_values_are_said_with_their_units() -> None:
+    assert DEPTH.words(2.414) == "2.41 m" and DEPTH.words(0.0) == "no depth"
+    assert ALPHA.words(0.8342) == "alpha 0.83"
+    assert NORMALS.words(np.array([0.1, 0.2, 0.97])) == "normal up 0.97"
+    assert NORMALS.words(np.array([0.0, -0.5, 0.0])) == "normal up 0.00, faces S", "a mean normal is shorter than 1"
+    assert CONFIRMED.words(np.uint8(1)) == "confirmed by 1 image" and CONFIRMED.share(np.uint8(20)) == 1.0
+    assert of_difference(3.0).words(12) == "off by 12 of 255" and of_difference(3.0).share(42.5) == 0.5
+
+
+def test_a_pixel_of_a_render_tells_the_alpha_and_the_normal_that_it_shows() -> None:
+    alpha = np.array([[1.0, 0.6, 0.3, 0.05]], np.float32)
+    normal = np.array([[[0, 0.6, 0.8]]] * 4, np.float32).reshape(1, 4, 3)
+    view = RenderOutput(None, alpha, None, normal)
+    greys, colours = picture(view, "alpha")[0], picture(view, "normal")[0]
+    for column, true in enumerate(alpha[0, :3]):
+        known = alpha_shown(greys[column])
+        assert known == pytest.approx(true, abs=1 / 255)
+        assert normal_shown(colours[column], known) == pytest.approx(normal[0, column], abs=0.04)
+    assert not normal_shown(colours[3], 0.05).any()
+
+
+def test_the_drawing_process_sends_the_numbers_that_were_asked_for() -> None:
+    source = demo_room.RoomSource().open()
+    camera = demo_room.capture(1).frames[0].camera.scaled(32, 24)
+    for channel in ("rgb", "alpha", "depth", "normal", "hole"):
+        for asked in (False, True):
+            answer = _answer(Painter(source), Request(0, camera, channel, False, values=asked))
+            assert isinstance(answer, Picture) and answer.pixels.shape == (24, 32, 4)
+            assert (answer.values is not None) == (asked and channel in MEASURED)
+            if answer.values is not None:
+                assert np.array_equal(answer.values, getattr(demo_room.cast(camera), channel))
 
 
 def test_unknown_normals_are_transparent(qapp) -> None:

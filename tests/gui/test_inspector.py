@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import demo_room
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
+from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication, QDockWidget
 from pytestqt.qtbot import QtBot
 
 from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.inspector.layers import before_the_eye
+from app.inspector.panoramas import Panoramas
 from app.inspector.sphere import angles, met
 from app.state.directions import directions
 from app.state.document import Document
@@ -101,6 +104,36 @@ def test_the_panorama_shows_north_in_the_middle_and_comes_coarse_first() -> None
         ((heading, elevation),) = angles(np.array([place]), np.array(eye))
         column, row = round((heading / (2 * math.pi) + 0.5) * 192), round((0.5 - elevation / math.pi) * 96)
         assert alpha[row, column % 192] == pytest.approx(expected, abs=0.05), place
+
+
+def test_the_value_under_the_cursor_is_what_was_measured_there(
+    part: InspectorPart, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    view = part.panel.view
+    view.resize(400, 200)
+    eye = tuple(part.inspection.eye)
+    drawing = PanoramaDrawing(demo_room.RoomSource().open())
+    drawing.begin(PanoramaRequest("here", eye, (384,)))
+    (made,) = [p for p in (drawing.step() for _ in range(30)) if p is not None]
+    monkeypatch.setattr(Panoramas, "current", made)
+
+    def words(channel: str, *place: float) -> str:
+        view.set_channel(channel)
+        ((x, y),) = view.to_pixels(angles(np.array([place]), part.inspection.eye))
+        at = QPointF(x % (2 * math.pi * view._scale), y)
+        button = Qt.MouseButton.NoButton
+        event = QMouseEvent(
+            QEvent.Type.MouseMove, at, view.mapToGlobal(at), button, button, Qt.KeyboardModifier.NoModifier
+        )
+        QApplication.sendEvent(view, event)
+        view.grab()
+        return view.value_words
+
+    ahead = (eye[0], demo_room.DEPTH, eye[2])  # the wall to the north, which faces south
+    assert words("alpha", *ahead) == "alpha 0.97" and words("rgb", *ahead) == ""
+    assert re.fullmatch(r"normal up -?0\.0[0-2], faces S", words("normal", *ahead))
+    under = (eye[0], eye[1] + 0.5, 0.0)
+    assert words("alpha", *under) == "alpha 0.00" and words("normal", *under) == "no normal"
 
 
 def test_a_newer_panorama_takes_the_place_of_one_that_is_not_finished() -> None:
