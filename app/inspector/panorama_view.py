@@ -37,6 +37,7 @@ from app.state.directions import Direction
 _TURN = 2 * math.pi
 _NEAREST = 6.0  # times as near as the whole turn
 _CLICK = 4.0  # pixels that a press may move and still be a click
+_UNDER_COMPASS = 25.0  # pixels
 _DOWN = -0.5  # radians: where one looks when the panorama is larger than its place; the regions lie below the horizon
 _NAMES = (("N", 0), ("NE", 45), ("E", 90), ("SE", 135), ("S", 180), ("SW", 225), ("W", 270), ("NW", 315))
 
@@ -147,12 +148,12 @@ class PanoramaView(QWidget):
         scale = OF_CHANNEL.get(self.channel)
         if scale is None:
             return
-        box = legend_box(painter.font(), scale, QPointF())
-        if box.width() + 12 <= self.width():
-            paint_legend(painter, scale, QPointF(self.width() - box.width() - 6, self.height() - 6), self.value)
+        # Above, where the ceiling is: the regions lie below.
+        high = legend_box(painter.font(), scale, QPointF()).height()
+        box = paint_legend(painter, scale, QPointF(6, _UNDER_COMPASS + high), self.value)
         words = self.value_words
         if words:
-            low = self.height() - 6 - (painter.fontMetrics().height() + 8 if self._panoramas.drawing else 0)
+            low = box.bottom() + painter.fontMetrics().height() + 7
             chip(painter, QPointF(6, low), words, QColor("#e8edf2"), QColor(16, 20, 26, 190))
 
     # Painting --------------------------------------------------------------------------------------------------

@@ -8,8 +8,8 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QImage, QPainter, QPen
 from app.painting.primitives import chip
 from app.painting.scales import Scale
 
-_WIDTH, _BAR, _MARGIN = 190.0, 9.0, 7.0  # pixels
-_SWATCH = 10.0
+_WIDTH, _BAR, _MARGIN = 172.0, 9.0, 6.0  # pixels
+_SWATCH = 9.0
 _INK, _GROUND = QColor("#e8edf2"), QColor(16, 20, 26, 190)
 _AWAY = 14.0  # pixels between the cursor and what is said beside it
 
@@ -30,7 +30,7 @@ def legend_box(font: QFont, scale: Scale, corner: QPointF) -> QRectF:
 
 def _widths(font: QFont, scale: Scale) -> list[float]:
     metrics = QFontMetricsF(_font(font))
-    return [_SWATCH + 3 + metrics.horizontalAdvance(words) + 8 for _, words in scale.swatches]
+    return [_SWATCH + 3 + metrics.horizontalAdvance(words) + 5 for _, words in scale.swatches]
 
 
 def paint_legend(painter: QPainter, scale: Scale, corner: QPointF, value: object = None) -> QRectF:
