@@ -32,11 +32,14 @@ class Metric:
 
 @dataclass(frozen=True)
 class Preview:
-    """An image written to `path`, to be shown while the stage runs."""
+    """An image written to `path`, to be shown while the stage runs; of a training the step and the submap it shows, -1
+    for none."""
 
     stage: str
     path: str
     caption: str = ""
+    step: int = 0
+    submap: int = -1
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,11 @@
-"""The image that shows how far a training is: image and model side by side, below them what makes up the model."""
+"""The images that show how far a training is: photo and model side by side, below them what makes up the model; the
+newest, and some of the steps before it."""
 
 from __future__ import annotations
 
+import contextlib
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -12,6 +16,10 @@ from nvsim.files.atomic import write_bytes
 from nvsim.render.workspace import LOCK
 from nvsim.training.fit import Fit
 from nvsim.training.views import TrainingView
+
+MOST_STEPS = 20
+KEPT_RUNS = 2
+QUALITY = 92  # of JPEG
 
 
 def preview(fit: Fit, view: TrainingView) -> NDArray[np.uint8]:
@@ -25,11 +33,66 @@ def preview(fit: Fit, view: TrainingView) -> NDArray[np.uint8]:
     return np.concatenate([above, _bytes(below)])
 
 
-def write_preview(fit: Fit, view: TrainingView, path: Path) -> None:
-    """A JPEG at `path`. Raises InputError when the disk refuses."""
-    picture = preview(fit, view)
-    # OpenCV does not survive a path that is not UTF-8, so it never gets to see one.
-    write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
+def psnr_of(picture: NDArray[np.uint8]) -> float:
+    """Decibels between photo and model of a `preview`, rounded to 8 bits."""
+    height, width = picture.shape[0] // 2, picture.shape[1] // 2
+    error = picture[:height, :width].astype(np.float32) - picture[:height, width:]
+    return float(10 * np.log10(255**2 / max(float(np.mean(error**2)), 1e-3)))
+
+
+class PreviewFiles:
+    """The newest image at `path`, and beside it NAME_RUN_STEP.jpg of at most MOST_STEPS steps of this run, spread over
+    it, and of the KEPT_RUNS - 1 runs before.
+
+    run  names the training, hexadecimal, rising with time; one that goes on from a checkpoint has the name it had
+    """
+
+    def __init__(self, path: Path, run: str) -> None:
+        self._path, self._run = path, run
+
+    def write(self, picture: NDArray[np.uint8], step: int) -> Path:
+        """Writes the image of a step; returns where it stays. Raises InputError when the disk refuses."""
+        # OpenCV does not survive a path that is not UTF-8, so it never gets to see one.
+        data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
+        write_bytes(self._path, data)
+        path = self._path.with_name(f"{self._path.stem}_{self._run}_{step:07d}.jpg")
+        write_bytes(path, data)
+        self._tidy(step)
+        return path
+
+    def _tidy(self, step: int) -> None:
+        found = _runs(self._path)
+        for run in sorted(found.keys() - {self._run})[: -(KEPT_RUNS - 1)]:
+            _remove(found[run].values())
+        mine = found.get(self._run, {})
+        _remove(mine.pop(later) for later in [s for s in mine if s > step])  # what came after a checkpoint never was
+        steps = sorted(mine)
+        while len(steps) > MOST_STEPS:
+            # The one whose neighbours are nearest to each other is missed least; first and last stay.
+            least = min(range(1, len(steps) - 1), key=lambda i: (steps[i + 1] - steps[i - 1], i))
+            _remove([mine[steps.pop(least)]])
+
+
+def is_run(name: object) -> bool:
+    """Whether it can name a run."""
+    return isinstance(name, str) and re.fullmatch("[0-9a-f]{1,16}", name) is not None
+
+
+def _runs(path: Path) -> dict[str, dict[int, Path]]:
+    """Run -> step -> file, of all there are beside `path`."""
+    pattern = re.compile(re.escape(path.stem) + r"_([0-9a-f]{1,16})_(\d{1,12})\.jpg")
+    found: dict[str, dict[int, Path]] = {}
+    for file in path.parent.iterdir():
+        match = pattern.fullmatch(file.name)
+        if match is not None:
+            found.setdefault(match[1], {})[int(match[2])] = file
+    return found
+
+
+def _remove(files: Iterable[Path]) -> None:
+    for file in files:
+        with contextlib.suppress(OSError):  # another time
+            file.unlink(missing_ok=True)
 
 
 def _bytes(colours: NDArray[np.floating]) -> NDArray[np.uint8]:

@@ -25,7 +25,7 @@ from nvsim.training.config import TrainingConfig
 from nvsim.training.fit import Fit
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
-from nvsim.training.preview import write_preview
+from nvsim.training.preview import PreviewFiles, is_run, preview, psnr_of
 from nvsim.training.robust.masks import robust_mask
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.views import TrainingView
@@ -50,6 +50,7 @@ def train_submap(
     listen: Listener = silent,
     preview: Path | None = None,
     live: Path | None = None,
+    watched: TrainingView | None = None,
 ) -> SubmapModel:
     """The floor-aware model of one submap (paper, section III-C).
 
@@ -58,7 +59,9 @@ def train_submap(
     floor       the local floor, on which the texture lies and below which nothing is
     checkpoint  a file that is written now and then, and continued from when it belongs to the same inputs
     submap      goes into the events
-    preview     a picture file that is rewritten now and then, see `training.preview`
+    preview     a picture file that is rewritten now and then, with one of each of some steps beside it, see
+                `training.preview`
+    watched     the view that it shows, at best one that is not trained on; left out, one of the views
     live        a folder where the model as it is then is saved beside every picture, for whoever watches
 
     The result depends on the inputs, `seed` and the number of threads alone, interrupted or not, once the kernels are
@@ -84,7 +87,7 @@ def train_submap(
                 listen(Warning(f"{error} Training starts again.", STAGE))
                 run = _Run(views, cloud, floor, config, seed, submap, listen)  # the first may be restored in part
                 run.save_to(checkpoint, key)
-        return run.finish(preview, live)
+        return run.finish(preview, live, watched)
     finally:
         numba.set_num_threads(threads)
         torch.set_num_threads(torch_threads)
@@ -120,6 +123,7 @@ class _Run:
         self._seconds = 0.0
         self._path: Path | None = None
         self._key = ""
+        self._name = f"{int(time.time()):x}"  # of its preview images; nothing else depends on it
 
     def attach(self, path: Path, key: str) -> None:
         """Continues from the file at `path` where it fits, and saves to it from now on. Raises InputError when it is
@@ -140,6 +144,7 @@ class _Run:
             self._rng.bit_generator.state = progress["random"]
             self._order = [range(len(self._views))[index] for index in progress["order"]]
             self._figures = {name: float(progress["figures"][name]) for name in self._figures}
+            self._name = progress["run"] if is_run(progress.get("run")) else self._name
             self._seconds, self._step = float(progress["seconds"]), min(found.step, self._config.steps)
         threads = numba.get_num_threads()
         changed = (
@@ -151,7 +156,9 @@ class _Run:
         """Saves checkpoints to `path` from now on."""
         self._path, self._key = path, key
 
-    def finish(self, preview: Path | None, live: Path | None = None) -> SubmapModel:
+    def finish(
+        self, preview: Path | None, live: Path | None = None, watched: TrainingView | None = None
+    ) -> SubmapModel:
         """All remaining steps."""
         c = self._config
         started = reported = saved = time.monotonic()
@@ -166,7 +173,7 @@ class _Run:
                 self._report(values, (self._step - counted) / max(now - reported, 1e-9))
                 reported, counted = now, self._step
             if preview is not None and (last or now >= due):
-                self._show(preview, None if last else live)
+                self._show(preview, None if last else live, watched)
                 after = time.monotonic()
                 due = after + max(PREVIEW_SECONDS, (after - now) / PREVIEW_SHARE)
             if self._path is not None and (last or now - saved >= c.checkpoint_seconds):
@@ -205,14 +212,17 @@ class _Run:
         for name, value in figures.items():
             self._listen(Metric(STAGE, name, float(value), step, self._submap))
 
-    def _show(self, path: Path, live: Path | None) -> None:
+    def _show(self, path: Path, live: Path | None, watched: TrainingView | None) -> None:
         if live is not None:
             save_model(self.fit.model(self._info()), live)
-        view = self._sizes[min(1, len(self._sizes) - 1)][len(self._views) // 2]
-        write_preview(self.fit, view, path)
-        self._listen(
-            Preview(STAGE, str(path), f"submap {self._submap}, step {self._step}: image, model; alpha, background")
-        )
+        view = watched or self._views[len(self._views) // 2]
+        picture = preview(self.fit, view)
+        written = PreviewFiles(path, self._name).write(picture, self._step)
+        if watched is not None:
+            self._listen(Metric(STAGE, "psnr_held_out", psnr_of(picture), self._step, self._submap))
+        kind = "held-out" if watched is not None else "training"
+        words = f"submap {self._submap}, step {self._step}: {kind} photo {view.name}, model; alpha, background"
+        self._listen(Preview(STAGE, str(written), words, self._step, self._submap))
 
     def _save(self, path: Path) -> None:
         progress: dict[str, Any] = {
@@ -220,6 +230,7 @@ class _Run:
             "order": self._order,
             "figures": self._figures,
             "seconds": self._seconds,
+            "run": self._name,
             "threads": numba.get_num_threads(),
         }
         files.save(path, files.Checkpoint(self._step, files.gather(self._parts), progress), self._key)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numba
+import cv2
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
 from nvsim.training.config import PRESETS, TrainingConfig, preset
 from nvsim.training.fit import STEP_PARTS
+from nvsim.training.preview import MOST_STEPS, PreviewFiles
 from nvsim.training.preview import preview as preview_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
@@ -227,6 +229,62 @@ def test_events_tell_progress_figures_and_picture(room: SyntheticRoom, tmp_path:
     assert metrics == {"loss", "psnr", "gaussians", "steps_per_second"}
     assert [e for e in events if isinstance(e, Preview)]
     assert (tmp_path / "preview.jpg").stat().st_size > 1000
+
+
+def test_the_preview_shows_the_held_out_view_and_says_how_far_it_is_off(
+    room: SyntheticRoom, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trainer, "PREVIEW_SECONDS", 0.0)
+    monkeypatch.setattr(trainer, "PREVIEW_SHARE", 1e9)
+    events: list[Event] = []
+    kept = room.views[1]
+    views = [v for v in room.views if v is not kept]
+    short = replace(SMALL, steps=4, coarse_share=1.0)
+    train_submap(
+        views, room.cloud, room.floor, short, submap=3, listen=events.append, preview=tmp_path / "p.jpg", watched=kept
+    )
+    shown = [e for e in events if isinstance(e, Preview)]
+    assert [(e.submap, e.step) for e in shown] == [(3, 1), (3, 2), (3, 3), (3, 4)]
+    assert len({e.path for e in shown}) == 4 and f"held-out photo {kept.name}" in shown[0].caption
+    picture = cv2.imread(shown[-1].path)
+    height, width = kept.floor.shape  # at full size, also while it trains on smaller images
+    assert picture.shape == (2 * height, 2 * width, 3)
+    assert np.abs(picture[:height, :width, ::-1].astype(int) - kept.image).mean() < 6
+    said = [e.value for e in events if isinstance(e, Metric) and e.name == "psnr_held_out"]
+    off = picture[:height, :width].astype(float) - picture[:height, width:]
+    assert len(said) == 4 and said[-1] == pytest.approx(10 * np.log10(255**2 / (off**2).mean()), abs=0.5)
+
+
+def test_some_steps_of_this_run_and_of_the_one_before_are_kept(tmp_path: Path) -> None:
+    image = np.zeros((8, 8, 3), np.uint8)
+
+    def kept(run: str) -> list[int]:
+        return sorted(int(p.stem.rpartition("_")[2]) for p in tmp_path.glob(f"preview_000_{run}_*.jpg"))
+
+    (tmp_path / "preview_000_notes.jpg").write_bytes(b"somebody's own")
+    for run in ("a0", "a1", "a2"):
+        files = PreviewFiles(tmp_path / "preview_000.jpg", run)
+        for step in range(10, 1010, 10):
+            files.write(image, step)
+    assert kept("a0") == [] and kept("a1") == kept("a2")
+    steps = kept("a2")
+    assert len(steps) == MOST_STEPS and steps[0] == 10 and steps[-1] == 1000
+    gaps = np.diff(steps)
+    assert gaps.max() <= 4 * gaps.min(), "they are spread over the whole run"
+    files.write(image, 500)  # it went on from a checkpoint
+    assert max(kept("a2")) == 500 and 10 in kept("a2")
+    assert (tmp_path / "preview_000_notes.jpg").exists()
+
+
+def test_a_run_that_goes_on_adds_to_the_images_it_had(room: SyntheticRoom, tmp_path: Path) -> None:
+    names = []
+    for steps in (4, 8):
+        run = trainer._Run(room.views, room.cloud, room.floor, replace(SMALL, steps=steps), 0, 0, lambda event: None)
+        run.attach(tmp_path / "c.ckpt", "key")
+        run._name = "b5" if steps == 4 else run._name
+        run.finish(tmp_path / "p.jpg")
+        names.append(run._name)
+    assert names == ["b5", "b5"]
 
 
 def test_training_without_a_cloud_starts_from_the_views(room: SyntheticRoom) -> None:

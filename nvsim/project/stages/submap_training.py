@@ -37,6 +37,7 @@ def train(
     if surface is None:
         raise InputError(f"{layout.surface(index)} is missing; run `nvsim floors --project` again.")
     views = training_views(project, training_frames(project, index), config)
+    watched = watched_frame(project, index)
     ready()
     model = train_submap(
         views,
@@ -48,6 +49,7 @@ def train(
         listen=listen,
         preview=layout.preview(index),
         live=layout.live(index),
+        watched=None if watched is None else training_views(project, [watched], config)[0],
     )
     save_model(model, layout.root / place)
     return time.monotonic() - started, {"gaussians": len(model.gaussians), "views": len(views), **model.info}
@@ -58,6 +60,18 @@ def training_frames(project: Project, index: int) -> list[int]:
     kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
     submap = next(s for s in project.need_submaps() if s.index == index)
     return [i for i in submap.frames if i not in kept_out]
+
+
+def watched_frame(project: Project, index: int) -> int | None:
+    """The held-out frame that shows how far the training of a submap is: the middle one of its core, else of all its
+    frames; None where it has none."""
+    kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
+    submap = next(s for s in project.need_submaps() if s.index == index)
+    for frames in (submap.core, submap.frames):
+        found = [i for i in frames if i in kept_out]
+        if found:
+            return found[len(found) // 2]
+    return None
 
 
 def training_views(project: Project, frames: list[int], config: TrainingConfig) -> list[TrainingView]:
