@@ -49,6 +49,7 @@ class Canvas(QWidget):
         self.mode = "wipe"
         self.note = ""  # what stands in place of the image
         self.render_note = ""  # what stands in place of the render
+        self.names = {"photo": "Photo", "render": "Render"}
         self._size = (0, 0)
         self._photo: Painted | None = None
         self._render: Painted | None = None
@@ -135,7 +136,7 @@ class Canvas(QWidget):
         if what != "difference":
             found = [(layer.title, layer.painted) for layer in self._layers if layer.shown and layer.painted is not None]
         if what in ("render", "wipe"):
-            found.insert(0, ("Render", self._render))
+            found.insert(0, (self.names["render"], self._render))
         elif what == "difference":
             found.insert(0, ("Difference", self._difference))
         return [(name, painted.reading) for name, painted in reversed(found) if painted and painted.reading]
@@ -248,11 +249,12 @@ class Canvas(QWidget):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         if what == "wipe":
             self._paint_divider(painter, pane, edge)
-            _label(painter, QPointF(pane.rect.left() + 10, pane.rect.top() + 30), "Photo")
-            width = painter.fontMetrics().horizontalAdvance("Render") + 22
-            _label(painter, QPointF(pane.rect.right() - width, pane.rect.top() + 30), "Render")
+            _label(painter, QPointF(pane.rect.left() + 10, pane.rect.top() + 30), self.names["photo"])
+            width = painter.fontMetrics().horizontalAdvance(self.names["render"]) + 22
+            _label(painter, QPointF(pane.rect.right() - width, pane.rect.top() + 30), self.names["render"])
         else:
-            _label(painter, QPointF(pane.rect.left() + 10, pane.rect.top() + 30), what.capitalize())
+            name = self.names.get(what, what.capitalize())
+            _label(painter, QPointF(pane.rect.left() + 10, pane.rect.top() + 30), name)
 
     def _paint_picture(self, painter: QPainter, pane: Pane, what: str) -> None:
         assert self._photo is not None

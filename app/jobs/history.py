@@ -35,6 +35,11 @@ class Series:
             self._stride *= 2
 
 
+def image_key(submap: int) -> str:
+    """What `JobReport.images` calls the images of a submap."""
+    return f"submap {submap}"
+
+
 @dataclass(frozen=True)
 class Line:
     """A line of the log: seconds since the epoch, "log", "warning", "error" or "done", one sentence."""
@@ -50,8 +55,7 @@ class JobReport:
     def __init__(self) -> None:
         self.progress: Progress | None = None
         self.series: dict[str, dict[int, Series]] = {}  # metric -> submap -> series
-        self.previews: dict[str, Preview] = {}  # path -> latest
-        self.latest_preview: Preview | None = None
+        self.images: dict[str, dict[int, Preview]] = {}  # what they show -> step -> image; the newest stands last
         self.lines: deque[Line] = deque(maxlen=MOST_LINES)
         self.told = 0  # rises with every line
         self.results: dict[str, dict[str, object]] = {}  # stage -> figures of its last end
@@ -64,7 +68,7 @@ class JobReport:
         elif isinstance(event, Metric):
             self.series.setdefault(event.name, {}).setdefault(event.submap, Series()).add(event.step, event.value)
         elif isinstance(event, Preview):
-            self.previews[event.path] = self.latest_preview = event
+            self._on_image(event)
         elif isinstance(event, Done):
             self.results[event.stage] = event.results
             self._say(at, "done", event.stage, event.summary)
@@ -78,6 +82,12 @@ class JobReport:
                 self._marks.clear()
                 self.failure = ""
             self._say(at, "log", event.stage, event.text)
+
+    def _on_image(self, event: Preview) -> None:
+        name = image_key(event.submap) if event.submap >= 0 else event.path
+        known = self.images.pop(name, {})
+        # It went on from a checkpoint: what came after it never was.
+        self.images[name] = {step: one for step, one in known.items() if step < event.step} | {event.step: event}
 
     def _say(self, at: float, kind: str, stage: str, text: str) -> None:
         self.told += 1

@@ -1,4 +1,5 @@
-"""Loss, PSNR and Gaussians of a training, a line for each submap, as they come; loss and success of an agent."""
+"""Loss, PSNR and Gaussians of a training, a line for each submap, as they come; loss and success of an agent. The lines
+of another run lie dashed beside them, and all can be smoothed."""
 
 from __future__ import annotations
 
@@ -6,10 +7,12 @@ import math
 
 import numpy as np
 import pyqtgraph
-from PySide6.QtCore import QEvent, QTimer
-from PySide6.QtGui import QFontMetricsF, QShowEvent
+from numpy.typing import NDArray
+from PySide6.QtCore import QEvent, Qt, QTimer
+from PySide6.QtGui import QColor, QFontMetricsF, QPen, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
+from app.jobs.history import Series
 from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.labels import Label
@@ -18,6 +21,7 @@ from app.look.plots import dress
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels
+MOST_IN_LARGE = 1500
 _PLOTS = (
     ("loss", "Loss"),
     ("psnr", "PSNR, dB"),
@@ -25,6 +29,27 @@ _PLOTS = (
     ("success", "Success on what is held out"),
     ("spl", "SPL on what is held out"),
 )
+_LARGE_PLOTS = (*_PLOTS[:2], ("psnr_held_out", "PSNR of the held-out photo, dB"), *_PLOTS[2:])
+_UNITS = {
+    "loss": "loss",
+    "psnr": "PSNR / dB",
+    "psnr_held_out": "PSNR / dB",
+    "gaussians": "Gaussians",
+    "success": "share of episodes",
+    "spl": "SPL",
+}
+"""What stands beside the axis of a large plot."""
+
+
+def smoothed(values: NDArray[np.float64], weight: float) -> NDArray[np.float64]:
+    """(N,) the exponential mean of the values so far, each `weight` times as heavy as the one after it; 0 changes
+    nothing. Divided by the sum of the weights, so that it begins at the first value."""
+    result = np.empty_like(values)
+    total = mass = 0.0
+    for i, value in enumerate(values):
+        total, mass = weight * total + value, weight * mass + 1.0
+        result[i] = total / mass
+    return result
 
 
 class StepAxis(pyqtgraph.AxisItem):
@@ -43,31 +68,31 @@ class StepAxis(pyqtgraph.AxisItem):
 
 
 class JobPlots(QWidget):
-    """Shows the series of one job; draws only while it can be seen."""
+    """Shows the series of one job, and of another one beside it; draws only while it can be seen.
 
-    def __init__(self, parent: QWidget | None = None) -> None:
+    large  the axes say what they measure, and plots stand below each other
+    """
+
+    def __init__(self, parent: QWidget | None = None, large: bool = False) -> None:
         super().__init__(parent)
         self._handle: JobHandle | None = None
+        self._other: JobHandle | None = None
+        self._submap: int | None = None
+        self._weight = 0.0
+        self._large = large
+        self._rows = _LARGE_PLOTS if large else _PLOTS
         self._drawn: dict[str, object] = {}  # plot -> what it shows
-        self._due = [name for name, _ in _PLOTS]
+        self._due = [name for name, _ in self._rows]
         self.plots: dict[str, pyqtgraph.PlotWidget] = {}
-        self._curves: dict[tuple[str, int], pyqtgraph.PlotDataItem] = {}
+        self._curves: dict[tuple[str, str, int], pyqtgraph.PlotDataItem] = {}
         self.empty = Label("Plots appear here while a submap or an agent trains.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(12, 8, 12, 8)
         self._row = QWidget(self)
-        row = QHBoxLayout(self._row)
+        row = QVBoxLayout(self._row) if large else QHBoxLayout(self._row)
         row.setContentsMargins(2, 2, 2, 2)
-        for name, title in _PLOTS:
-            plot = pyqtgraph.PlotWidget(self._row, axisItems={"bottom": StepAxis()})
-            plot.setMenuEnabled(False)
-            plot.hideButtons()
-            plot.setTitle(marked(title), size="9pt")
-            plot.setMinimumWidth(60)
-            plot.getAxis("left").setTickDensity(0.7)
-            plot.getAxis("left").enableAutoSIPrefix(False)
-            plot.showGrid(x=True, y=True, alpha=0.15)
-            plot.setMouseEnabled(x=False, y=False)
+        for name, title in self._rows:
+            plot = self._plot(name, title)
             self.plots[name] = plot
             row.addWidget(plot)
         self._row.hide()
@@ -79,10 +104,61 @@ class JobPlots(QWidget):
         self._timer.timeout.connect(self._on_time)
         self._dress()
 
+    def _plot(self, name: str, title: str) -> pyqtgraph.PlotWidget:
+        plot = pyqtgraph.PlotWidget(self._row, axisItems={"bottom": StepAxis()})
+        plot.setMenuEnabled(False)
+        plot.hideButtons()
+        plot.setTitle(marked(title), size="9pt")
+        plot.setMinimumWidth(60)
+        plot.getAxis("left").setTickDensity(0.7)
+        plot.getAxis("left").enableAutoSIPrefix(False)
+        plot.showGrid(x=True, y=True, alpha=0.15)
+        plot.setMouseEnabled(x=False, y=False)
+        plot.setLabel("bottom", "step")
+        if self._large:
+            plot.setLabel("left", _UNITS[name])
+            plot.getAxis("left").setWidth(64)  # so that the steps of all plots stand below each other
+            plot.setMinimumHeight(70)
+        return plot
+
+    # What is shown ----------------------------------------------------------------------------------------------
+
     def show_job(self, handle: JobHandle | None) -> None:
         """Draws that job from now on; None draws nothing."""
         self._handle = handle
         self.draw()
+
+    def compare(self, other: JobHandle | None) -> None:
+        """Draws the lines of another job too, dashed; None draws none."""
+        self._other = other
+        self.draw()
+
+    def show_submap(self, submap: int | None) -> None:
+        """Draws the lines of this submap alone; None draws those of all."""
+        self._submap = submap
+        self.draw()
+
+    def smooth(self, weight: float) -> None:
+        """Draws exponential means with that weight, see `smoothed`, and what was measured faintly behind them."""
+        self._weight = weight
+        self.draw()
+
+    @property
+    def runs(self) -> dict[str, JobHandle]:
+        """The jobs that are drawn."""
+        found = {"run": self._handle, "other": self._other}
+        return {name: handle for name, handle in found.items() if handle is not None}
+
+    def series(self, name: str) -> dict[tuple[str, int], Series]:
+        """What a plot is about: (run, submap) -> series."""
+        return {
+            (run, submap): one
+            for run, handle in self.runs.items()
+            for submap, one in handle.history.series.get(name, {}).items()
+            if self._submap is None or submap in (self._submap, -1)
+        }
+
+    # Drawing ----------------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
         """Draws what is new, soon."""
@@ -91,45 +167,55 @@ class JobPlots(QWidget):
 
     def draw(self) -> None:
         """Draws everything now."""
-        series = {} if self._handle is None else self._handle.history.series
-        shown = any(name in series for name, _ in _PLOTS)
+        there = {name for name, _ in self._rows if self.series(name)}
         for name, plot in self.plots.items():
-            plot.setVisible(name in series)
-        self._row.setVisible(shown)
-        self.empty.setVisible(not shown)
+            plot.setVisible(name in there)
+        self._row.setVisible(bool(there))
+        self.empty.setVisible(not there)
         if self.isVisible():
-            self._due = [name for name, _ in _PLOTS]
-            for _ in _PLOTS:
+            self._due = [name for name, _ in self._rows]
+            for _ in self._rows:
                 self._draw_one()
 
     def _on_time(self) -> None:
         """Draws the next plot that has something new."""
-        series = {} if self._handle is None else self._handle.history.series
-        if any(self.plots[name].isHidden() == (name in series) for name, _ in _PLOTS):
+        if any(self.plots[name].isHidden() == bool(self.series(name)) for name, _ in self._rows):
             self.draw()
-        elif self.isVisible() and any(self._draw_one() for _ in _PLOTS):
+        elif self.isVisible() and any(self._draw_one() for _ in self._rows):
             self._timer.start()
 
     def _draw_one(self) -> bool:
         """Draws the plot whose turn it is; says whether there was anything new."""
         name = self._due.pop(0)
         self._due.append(name)
-        series = {} if self._handle is None else self._handle.history.series.get(name, {})
-        number = None if self._handle is None else self._handle.number
-        stamp = (number, tuple(sorted((submap, s.steps[-1] if s.steps else -1.0) for submap, s in series.items())))
+        series = self.series(name)
+        numbers = tuple(handle.number for handle in self.runs.values())
+        newest = tuple(sorted((*key, s.steps[-1] if s.steps else -1.0) for key, s in series.items()))
+        stamp = (numbers, self._weight, newest)
         if stamp == self._drawn.get(name):
             return False
         self._drawn[name] = stamp
-        for key in [k for k in self._curves if k[0] == name and k[1] not in series]:
+        lines = {(run, submap): (one, self._weight) for (run, submap), one in series.items()}
+        if self._weight:
+            lines |= {(f"{run} as measured", submap): (one, 0.0) for (run, submap), one in series.items()}
+        for key in [k for k in self._curves if k[0] == name and k[1:] not in lines]:
             self.plots[name].removeItem(self._curves.pop(key))
-        for submap, one in sorted(series.items()):
-            if (name, submap) not in self._curves:
-                pen = pyqtgraph.mkPen(colors.submap_color(submap), width=1)
-                self._curves[name, submap] = self.plots[name].plot(pen=pen, name=f"submap {submap}")
-            stride = max(1, len(one.steps) // MOST_DRAWN)
-            steps, values = np.array(one.steps[::stride], float), np.array(one.values[::stride], float)
-            self._curves[name, submap].setData(steps, values)
+        for (run, submap), (one, weight) in sorted(lines.items(), key=lambda line: line[0]):
+            if (name, run, submap) not in self._curves:
+                self._curves[name, run, submap] = self.plots[name].plot(pen=self._pen(run, submap))
+            values = smoothed(np.array(one.values, float), weight) if weight else np.array(one.values, float)
+            stride = max(1, len(one.steps) // (MOST_IN_LARGE if self._large else MOST_DRAWN))
+            self._curves[name, run, submap].setData(np.array(one.steps, float)[::stride], values[::stride])
         return True
+
+    def _pen(self, run: str, submap: int) -> QPen:
+        color = QColor(colors.submap_color(submap))
+        if run.endswith("as measured"):
+            color.setAlpha(70)
+        pen: QPen = pyqtgraph.mkPen(color, width=1.6 if self._large and color.alpha() == 255 else 1)
+        if run.startswith("other"):
+            pen.setStyle(Qt.PenStyle.DashLine)
+        return pen
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
@@ -142,6 +228,6 @@ class JobPlots(QWidget):
 
     def _dress(self) -> None:
         palette = self.palette()
-        for (_, title), plot in zip(_PLOTS, self.plots.values(), strict=True):
+        for (_, title), plot in zip(self._rows, self.plots.values(), strict=True):
             dress(plot, palette)
             plot.setTitle(marked(title), size="9pt", color=palette.text().color())

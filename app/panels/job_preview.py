@@ -6,11 +6,12 @@ import os
 from pathlib import Path
 
 from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QSize, Qt
-from PySide6.QtGui import QImageReader, QPainter, QPaintEvent, QPixmap, QShowEvent
+from PySide6.QtGui import QImage, QImageReader, QPainter, QPaintEvent, QPixmap, QShowEvent
 from PySide6.QtWidgets import QWidget
 
 from app.jobs.queue import JobHandle
 from app.look.plain_text import plain
+from nvsim.events import Preview
 from nvsim.files.nofollow import read_regular
 
 MOST = 3  # images side by side; those that came last
@@ -25,13 +26,13 @@ class JobPreview(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._handle: JobHandle | None = None
-        self._pixmaps: dict[str, tuple[int, QPixmap]] = {}  # path -> time of the file, image
+        self._shown: dict[str, tuple[Preview, int, QPixmap]] = {}  # what it shows -> which, time of its file, image
         self.setMinimumHeight(60)
 
     def show_job(self, handle: JobHandle | None) -> None:
         """Shows that job's images from now on; None shows nothing."""
         self._handle = handle
-        self._pixmaps.clear()
+        self._shown.clear()
         self.refresh()
 
     def refresh(self) -> None:
@@ -39,26 +40,30 @@ class JobPreview(QWidget):
         if not self.isVisible() or self._handle is None:
             self.update()
             return
-        previews = list(self._handle.history.previews)[-MOST:]
-        for path in previews:
-            place = self._handle.picture(path)
+        images = dict(list(self._handle.history.images.items())[-MOST:])
+        self._shown = {name: self._shown[name] for name in images if name in self._shown}
+        for name, steps in images.items():
+            newest = steps[max(steps)]
+            place = self._handle.picture(newest.path)
             if place is None:
                 continue
             try:
                 stamp = os.lstat(place).st_mtime_ns
             except OSError:
                 continue
-            if self._pixmaps.get(path, (0,))[0] != stamp:
-                pixmap = _picture(place)
-                if not pixmap.isNull():
-                    self._pixmaps[path] = (stamp, pixmap)
+            known = self._shown.get(name)
+            if known is None or (known[0], known[1]) != (newest, stamp):
+                image = read_picture(place)
+                if not image.isNull():
+                    self._shown.pop(name, None)
+                    self._shown[name] = newest, stamp, QPixmap.fromImage(image)
                     self.update()
                 break  # one image a turn is decoded
 
     @property
     def pictures(self) -> list[QPixmap]:
         """What is shown, oldest first."""
-        return [pixmap for _, pixmap in list(self._pixmaps.values())[-MOST:]]
+        return [pixmap for _, _, pixmap in self._shown.values()]
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
@@ -67,35 +72,33 @@ class JobPreview(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        pictures = self.pictures
-        if not pictures or self._handle is None:
+        if not self._shown:
             painter.setPen(self.palette().placeholderText().color())
             words = "An image appears here while a submap trains."
             painter.drawText(self.rect().adjusted(12, 8, -12, -8), Qt.AlignmentFlag.AlignTop, words)
             return
         caption = painter.fontMetrics().height() + 4
-        width = (self.width() - _GAP * (len(pictures) - 1)) / len(pictures)
-        previews = self._handle.history.previews
-        for i, (path, (_, pixmap)) in enumerate(list(self._pixmaps.items())[-MOST:]):
+        width = (self.width() - _GAP * (len(self._shown) - 1)) / len(self._shown)
+        for i, (preview, _, pixmap) in enumerate(self._shown.values()):
             size = pixmap.size().scaled(int(width), max(1, self.height() - caption), Qt.AspectRatioMode.KeepAspectRatio)
             left = round(i * (width + _GAP))
             painter.drawPixmap(left, 0, size.width(), size.height(), pixmap)
             painter.setPen(self.palette().text().color())
-            words = plain(previews[path].caption) if path in previews else ""
+            words = plain(preview.caption)
             fitted = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, int(width))
             painter.drawText(left, size.height() + caption - 5, fitted)
 
 
-def _picture(path: Path) -> QPixmap:
+def read_picture(path: Path) -> QImage:
     """A null one where there is no image, or one larger than any that a job writes."""
     try:
         data = QBuffer()
         data.setData(QByteArray(read_regular(path, _MOST_BYTES)))
     except OSError:
-        return QPixmap()
+        return QImage()
     data.open(QIODevice.OpenModeFlag.ReadOnly)
     reader = QImageReader(data, b"jpeg")  # as the training writes it, and no other decoder
     size: QSize = reader.size()
     if not size.isValid() or max(size.width(), size.height()) > _MOST_SIDE:
-        return QPixmap()
-    return QPixmap.fromImage(reader.read())
+        return QImage()
+    return reader.read()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QPalette
-from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSplitter, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSplitter, QTabWidget, QToolButton, QVBoxLayout, QWidget
 
 from app.forms.arguments import command_line
 from app.jobs.made import folder_of
@@ -22,6 +22,7 @@ from app.panels.job_preview import JobPreview
 from app.panels.job_table import PROGRESS, JobModel, ProgressBar, Row, duration
 from app.panels.submaps import table
 from app.state.document import Document
+from app.state.reasons import TRAININGS
 
 __all__ = ["JobModel", "JobPanel", "duration"]
 _AGAIN = ("paused", "interrupted", "failed", "cancelled")
@@ -81,9 +82,11 @@ def waiting_words(handles: Sequence[JobHandle]) -> str:
 
 
 class JobPanel(QWidget):
-    """againWanted(JobHandle) when the user wants to change the settings of a job and run it again."""
+    """againWanted(JobHandle) when the user wants to change the settings of a job and run it again; largeWanted(JobHandle)
+    when its curves and images are wanted in large."""
 
     againWanted = Signal(object)
+    largeWanted = Signal(object)
 
     def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -99,6 +102,12 @@ class JobPanel(QWidget):
         for widget, title in ((self.plots, "Curves"), (self.preview, "Preview"), (self.log, "Messages")):
             self.tabs.addTab(widget, title)
         self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
+        self.large = QToolButton(self)
+        self.large.setText("Large…")
+        self.large.setAutoRaise(True)
+        self.large.setToolTip(tip("Its curves and images in a window of their own, also beside those of another run"))
+        self.large.clicked.connect(self._on_large)
+        self.tabs.setCornerWidget(self.large)
         self._chosen = ""  # key of the row whose details are shown
         self._held = False  # the user chose it
         left = QWidget(self)
@@ -231,6 +240,8 @@ class JobPanel(QWidget):
             self.remove: nothing or ("it is running" if state == "running" else ""),
             self.copy: nothing,
         }
+        verb = "" if handle is None else handle.job.order.verb
+        self.large.setVisible(verb in TRAININGS)
         for button, reason in reasons.items():
             button.setEnabled(not reason)
             if button in (self.look, self.show_folder):
@@ -265,6 +276,10 @@ class JobPanel(QWidget):
     def _on_remove(self) -> None:
         if self.handle is not None:
             self.queue.forget(self.handle)
+
+    def _on_large(self) -> None:
+        if self.handle is not None:
+            self.largeWanted.emit(self.handle)
 
     def _on_again(self) -> None:
         if self.handle is not None:

@@ -11,6 +11,8 @@ from nvsim.project.work import STAGE
 Reason = str | None  # why a command cannot run, None when it can
 
 
+TRAININGS = ("train", "run", "demo", "r2r train")
+"""The commands that send curves."""
 UNDECIDED = "a splat file is open, which has no trajectory and no graph"
 
 
@@ -63,6 +65,11 @@ def with_selection(document: Document) -> Reason:
 def with_earlier(document: Document) -> Reason:
     kept = document.contents.kept
     return None if kept else "there is no earlier result yet; a stage that runs again leaves one"
+
+
+def with_training(document: Document) -> Reason:
+    jobs = () if document.jobs is None else document.jobs.handles
+    return None if any(h.job.order.verb in TRAININGS for h in jobs) else "no training was ordered in this project"
 
 
 def with_frame(document: Document) -> Reason:

@@ -35,6 +35,7 @@ from app.wiring.selecting import SelectPart
 from app.wiring.storeys import StoreyPart
 from app.wiring.tasks import TaskPart
 from app.wiring.thresholds import ThresholdPart
+from app.wiring.training import TrainingPart
 from app.wiring.view import ViewPart
 from app.wiring.views import ViewsPart
 
@@ -54,6 +55,7 @@ PARTS: tuple[type[Part], ...] = (
     JobsPart,
     NewProjectPart,
     ModelsPart,
+    TrainingPart,
     ResultPart,
     LogPart,
     CalibratePart,

@@ -103,7 +103,7 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     seen["gap_p99_ms"] = probe.quantile(0.99)
     panel.choose(training)
     panel.plots.draw()
-    seen["curves"] = sorted({name for name, _ in panel.plots._curves})
+    seen["curves"] = sorted({name for name, *_ in panel.plots._curves})
     done(run("map", {"config.max_viewpoints": "8"}))
     until(lambda: session.document.contents.graph is not None, "the graph")
     until(lambda: window.scene.picture is not None and not window.scene.drawing, "the finished model in the view")

@@ -111,7 +111,7 @@ def test_a_picture_that_a_job_tells_of_is_looked_for_among_those_of_the_project(
     (handle,) = queue.handles
     handle.read_events()
     (project / "pictures").mkdir(exist_ok=True)
-    (path,) = handle.history.previews
+    (path,) = handle.history.images
     assert handle.picture(path) == project / "pictures" / "pipe.jpg"
     queue.stop()
 

@@ -1,0 +1,201 @@
+"""The images that a training left of its steps: photo and model on one canvas, as large as there is room, and a slider
+through the steps."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QSignalBlocker, QSize, Qt, QTimer
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QSlider, QToolButton, QVBoxLayout, QWidget
+
+from app.frames.canvas import MODES, Canvas
+from app.frames.pictures import Painted
+from app.jobs.history import image_key
+from app.jobs.queue import JobHandle
+from app.look.labels import Label
+from app.look.plain_text import tip
+from app.look.wrapping import WrappingRow
+from app.panels.job_preview import read_picture
+from nvsim.events import Preview
+
+_WORDS = {
+    "photo": ("Photo", "The photo alone"),
+    "render": ("Model", "What the model shows alone"),
+    "wipe": ("Wipe", "Photo on the left of a line that can be dragged, model on the right"),
+    "blink": ("Blink", "Photo and model in turn"),
+    "difference": ("Difference", "How far the model is from the photo: bright is far"),
+    "beside": ("Compare", "Photo and model beside each other, with one zoom"),
+}
+_PARTS = (("Model", 0, 1), ("Alpha", 1, 0), ("Background", 1, 1))
+"""What can stand against the photo: its name, and the row and column of the image that has it."""
+_SOON = 25  # milliseconds: a slider that is dragged does not have every image read
+
+
+class TrainingImages(QWidget):
+    """Shows the images of one submap of one job, against the photo or against another job's."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._handle: JobHandle | None = None
+        self._other: JobHandle | None = None
+        self._submap: int | None = None
+        self._steps: list[int] = []
+        self._listed: tuple[frozenset[int], ...] = ()
+        self._files: dict[str, QImage] = {}  # path -> image, of those on the canvas
+        self.canvas = Canvas((), self)
+        self.canvas.setMinimumSize(200, 120)
+        self.modes = QButtonGroup(self)
+        above = WrappingRow()
+        above.setContentsMargins(4, 2, 4, 2)
+        for mode in MODES:
+            above.addWidget(self._button(mode))
+        self.part = self._choice([name for name, *_ in _PARTS], "What stands against the photo")
+        self.against = self._choice(["Photo", "Other run"], "What the model is compared with")
+        above.addWidget(self.part)
+        above.addWidget(self.against)
+        self.slider = QSlider(Qt.Orientation.Horizontal, self)
+        self.slider.setToolTip(tip("The step that is shown; at its end it follows the training"))
+        self.slider.setAccessibleName("Step")
+        self.slider.valueChanged.connect(lambda _: self._soon.start())
+        self.words = Label(self)
+        below = QHBoxLayout()
+        below.setContentsMargins(8, 2, 8, 2)
+        below.addWidget(self.slider, 1)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(2)
+        column.addLayout(above)
+        column.addWidget(self.canvas, 1)
+        column.addLayout(below)
+        column.addWidget(self.words)
+        self.words.setContentsMargins(8, 0, 8, 4)
+        self.words.setWordWrap(True)
+        self._soon = QTimer(self, singleShot=True, interval=_SOON)
+        self._soon.timeout.connect(self._show)
+        self._list()
+
+    def sizeHint(self) -> QSize:
+        return QSize(640, 480)
+
+    def _button(self, mode: str) -> QToolButton:
+        button = QToolButton(self)
+        words, about = _WORDS[mode]
+        button.setText(words)
+        button.setToolTip(tip(about))
+        button.setCheckable(True)
+        button.setAutoRaise(True)
+        button.setChecked(mode == self.canvas.mode)
+        button.clicked.connect(partial(self.canvas.set_mode, mode))
+        self.modes.addButton(button)
+        return button
+
+    def _choice(self, rows: list[str], about: str) -> QComboBox:
+        box = QComboBox(self)
+        box.addItems(rows)
+        box.setToolTip(tip(about))
+        box.currentIndexChanged.connect(lambda _: self._soon.start())
+        return box
+
+    # What is shown ----------------------------------------------------------------------------------------------
+
+    def show_images(self, handle: JobHandle | None, other: JobHandle | None, submap: int | None) -> None:
+        """Those of `submap` of a job, None for the last submap that has some; `other` is the job to compare with."""
+        self._handle, self._other, self._submap = handle, other, submap
+        self._list()
+
+    def refresh(self) -> None:
+        """Looks for new steps."""
+        if self._listed != self._told():
+            self._list()
+
+    @property
+    def step(self) -> int | None:
+        """The step that is shown."""
+        row = self.slider.value()
+        return self._steps[row] if 0 <= row < len(self._steps) else None
+
+    def show_step(self, step: int) -> None:
+        """Shows the step nearest to this one."""
+        if self._steps:
+            self.slider.setValue(self._steps.index(_nearest(self._steps, step)))
+
+    def _found(self, handle: JobHandle | None) -> dict[int, Preview]:
+        """Step -> image that a job told of, also of those that are gone."""
+        images = {} if handle is None else handle.history.images
+        return images.get(next(reversed(images), "") if self._submap is None else image_key(self._submap), {})
+
+    def _told(self) -> tuple[frozenset[int], ...]:
+        """The steps of which both jobs told."""
+        return tuple(frozenset(self._found(handle)) for handle in (self._handle, self._other))
+
+    def _there(self, handle: JobHandle | None) -> dict[int, Preview]:
+        """Those of them whose file is still there."""
+        if handle is None:
+            return {}
+        places = {step: handle.picture(preview.path) for step, preview in self._found(handle).items()}
+        return {s: preview for s, preview in self._found(handle).items() if (at := places[s]) and at.is_file()}
+
+    def _list(self) -> None:
+        """The steps that can be shown; the one that was shown stays, at the end the newest."""
+        shown, follows = self.step, self.slider.value() >= len(self._steps) - 1
+        self._steps, self._listed = sorted(self._there(self._handle)), self._told()
+        with QSignalBlocker(self.slider):
+            self.slider.setRange(0, max(0, len(self._steps) - 1))
+            self.slider.setEnabled(len(self._steps) > 1)
+            if self._steps:
+                step = self._steps[-1] if follows or shown is None else _nearest(self._steps, shown)
+                self.slider.setValue(self._steps.index(step))
+        others = bool(self._there(self._other))
+        self.against.setVisible(others)
+        if not others:
+            self.against.setCurrentIndex(0)
+        self._soon.start()
+
+    def _show(self) -> None:
+        step, canvas, handle = self.step, self.canvas, self._handle
+        image = None if step is None or handle is None else self._found(handle).get(step)
+        if image is None or handle is None or step is None:
+            self._files.clear()
+            canvas.note = "Images of the steps appear here while a submap trains."
+            canvas.show_photo(None, keep_zoom=False)
+            self.words.setText("")
+            return
+        name, row, column = _PARTS[self.part.currentIndex()]
+        canvas.names = {"photo": "Photo", "render": name}
+        used = {image.path}
+        photo = self._quarter(handle, image.path, 0, 0)
+        others = self._there(self._other)
+        if self.against.currentIndex() == 1 and self._other is not None and others:
+            near = _nearest(sorted(others), step)
+            used.add(others[near].path)
+            photo = self._quarter(self._other, others[near].path, row, column)
+            canvas.names = {"photo": f"Other run, step {near:,}", "render": f"{name}, step {step:,}"}
+        shown = self._quarter(handle, image.path, row, column)
+        self._files = {path: file for path, file in self._files.items() if path in used}
+        self.words.setText(image.caption)
+        canvas.note = "The image of this step cannot be read."
+        canvas.show_photo(photo, keep_zoom=True)
+        canvas.show_render(shown)
+
+    def _quarter(self, handle: JobHandle, path: str, row: int, column: int) -> Painted | None:
+        """One of the four images in one; None where the file cannot be read."""
+        if path not in self._files:
+            place = handle.picture(path)
+            self._files[path] = QImage() if place is None else read_picture(place)
+        image = self._files[path]
+        return None if image.isNull() else Painted(_quarter(image, row, column), opaque=True)
+
+
+def _quarter(image: QImage, row: int, column: int) -> NDArray[np.uint32]:
+    """(H, W) pixels of one of the four images in one."""
+    whole = image.convertToFormat(QImage.Format.Format_RGB32)
+    pixels = np.frombuffer(whole.constBits(), np.uint32).reshape(whole.height(), whole.bytesPerLine() // 4)
+    height, width = whole.height() // 2, whole.width() // 2
+    return pixels[row * height : (row + 1) * height, column * width : (column + 1) * width].copy()
+
+
+def _nearest(steps: list[int], step: int) -> int:
+    return min(steps, key=lambda s: abs(s - step))

@@ -1,0 +1,74 @@
+"""The window of a training: opened from the Jobs menu, or from the small curves and images in the Jobs panel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QByteArray, QSettings
+
+from app.actions import Action
+from app.jobs.queue import JobHandle
+from app.look.front import bring_up
+from app.panels.training_window import TrainingWindow
+from app.state.reasons import with_training
+from app.wiring.jobs import JobsPart
+from app.wiring.part import Part
+
+_PLACE, _SPLIT, _SMOOTHING = "training/geometry", "training/splitter", "training/smoothing"
+
+
+class TrainingPart(Part):
+    ACTIONS = (
+        Action(
+            "training",
+            "Training in &large…",
+            "Images of the steps of a training beside a held-out photo, its curves, and those of another run",
+            "&Jobs",
+            4,
+            "Ctrl+Shift+J",
+            enabled=with_training,
+        ),
+    )
+    window: TrainingWindow | None = None
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"training": self.open_window}
+
+    def restore(self, settings: QSettings) -> None:
+        self.workspace.part(JobsPart).panel.largeWanted.connect(self._open_for)
+
+    def store(self, settings: QSettings) -> None:
+        if self.window is not None:
+            self.window.close()
+
+    def open_window(self) -> TrainingWindow:
+        """Shows the window, one of it, with the job that is chosen in the Jobs panel."""
+        if self.window is None:
+            self.window = TrainingWindow(self.workspace.jobs, self.workspace.window)
+            self._place(self.window)
+            self.window.finished.connect(self._on_finished)
+        self.window.show_run(self.workspace.part(JobsPart).panel.handle)
+        bring_up(self.window)
+        return self.window
+
+    def _open_for(self, handle: JobHandle) -> None:
+        self.open_window().show_run(handle)
+
+    def _place(self, window: TrainingWindow) -> None:
+        settings = self.workspace.settings
+        place, split, smoothing = (settings.value(name) for name in (_PLACE, _SPLIT, _SMOOTHING))
+        if isinstance(place, QByteArray):
+            window.restoreGeometry(place)
+        if isinstance(split, QByteArray):
+            window.splitter.restoreState(split)
+        if str(smoothing).isdecimal():
+            window.smoothing.setValue(int(str(smoothing)))
+
+    def _on_finished(self) -> None:
+        """It is closed: where it stood is where the next one stands."""
+        window, self.window = self.window, None
+        if window is not None:
+            settings = self.workspace.settings
+            settings.setValue(_PLACE, window.saveGeometry())
+            settings.setValue(_SPLIT, window.splitter.saveState())
+            settings.setValue(_SMOOTHING, window.smoothing.value())
