@@ -303,8 +303,8 @@ class JobQueue(QObject):
     def _hear(self) -> JobHandle | None:
         """Reads some of what one job has told, those that run first; says which job it was."""
         for handle in sorted(self.handles, key=lambda h: (not h.running, -h.number)):
-            told = handle.running or handle.state in STOPPED or handle.number in self._watched
-            if told and handle.behind:
+            unfinished = handle.ours and handle.state != "done"  # its row says how far it came
+            if (handle.running or unfinished or handle.number in self._watched) and handle.behind:
                 for event in handle.read_events():
                     self.heard.emit(handle, event)
                 return handle

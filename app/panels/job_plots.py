@@ -39,6 +39,8 @@ _UNITS = {
     "spl": "SPL",
 }
 """What stands beside the axis of a large plot."""
+_EXACT = ("gaussians", "psnr_held_out")
+"""Plots of what has no noise, which are not smoothed."""
 
 
 def smoothed(values: NDArray[np.float64], weight: float) -> NDArray[np.float64]:
@@ -114,8 +116,8 @@ class JobPlots(QWidget):
         plot.getAxis("left").enableAutoSIPrefix(False)
         plot.showGrid(x=True, y=True, alpha=0.15)
         plot.setMouseEnabled(x=False, y=False)
-        plot.setLabel("bottom", "step")
         if self._large:
+            plot.setLabel("bottom", "step")
             plot.setLabel("left", _UNITS[name])
             plot.getAxis("left").setWidth(64)  # so that the steps of all plots stand below each other
             plot.setMinimumHeight(70)
@@ -191,19 +193,21 @@ class JobPlots(QWidget):
         series = self.series(name)
         numbers = tuple(handle.number for handle in self.runs.values())
         newest = tuple(sorted((*key, s.steps[-1] if s.steps else -1.0) for key, s in series.items()))
-        stamp = (numbers, self._weight, newest)
+        weight = 0.0 if name in _EXACT else self._weight
+        stamp = (numbers, weight, newest)
         if stamp == self._drawn.get(name):
             return False
         self._drawn[name] = stamp
-        lines = {(run, submap): (one, self._weight) for (run, submap), one in series.items()}
-        if self._weight:
+        lines = {(run, submap): (one, weight) for (run, submap), one in series.items()}
+        if weight:
             lines |= {(f"{run} as measured", submap): (one, 0.0) for (run, submap), one in series.items()}
         for key in [k for k in self._curves if k[0] == name and k[1:] not in lines]:
             self.plots[name].removeItem(self._curves.pop(key))
-        for (run, submap), (one, weight) in sorted(lines.items(), key=lambda line: line[0]):
+        for (run, submap), (one, heavy) in sorted(lines.items(), key=lambda line: line[0]):
             if (name, run, submap) not in self._curves:
                 self._curves[name, run, submap] = self.plots[name].plot(pen=self._pen(run, submap))
-            values = smoothed(np.array(one.values, float), weight) if weight else np.array(one.values, float)
+            values = np.array(one.values, float)
+            values = smoothed(values, heavy) if heavy else values
             stride = max(1, len(one.steps) // (MOST_IN_LARGE if self._large else MOST_DRAWN))
             self._curves[name, run, submap].setData(np.array(one.steps, float)[::stride], values[::stride])
         return True

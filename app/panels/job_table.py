@@ -77,7 +77,7 @@ class Row:
     @staticmethod
     def of_handle(handle: JobHandle) -> Row:
         running, status, history = handle.running, handle.job.status, handle.history
-        share = 1.0 if handle.state == "done" else 0.0 if handle.state in ("queued", "foreign") else history.share
+        share = 1.0 if handle.state == "done" else 0.0 if handle.state == "foreign" else history.share
         return Row(
             f"job {handle.number}",
             handle,

@@ -18,6 +18,7 @@ from app.jobs.queue import JobHandle
 from app.look.labels import Label
 from app.look.plain_text import tip
 from app.look.wrapping import WrappingRow
+from app.painting.scales import ALPHA, Reading
 from app.panels.job_preview import read_picture
 from nvsim.events import Preview
 
@@ -29,7 +30,8 @@ _WORDS = {
     "difference": ("Difference", "How far the model is from the photo: bright is far"),
     "beside": ("Compare", "Photo and model beside each other, with one zoom"),
 }
-_PARTS = (("Model", 0, 1), ("Alpha", 1, 0), ("Background", 1, 1))
+_ALPHA = (1, 0)
+_PARTS = (("Model", 0, 1), ("Alpha", *_ALPHA), ("Background", 1, 1))
 """What can stand against the photo: its name, and the row and column of the image that has it."""
 _SOON = 25  # milliseconds: a slider that is dragged does not have every image read
 
@@ -186,7 +188,11 @@ class TrainingImages(QWidget):
             place = handle.picture(path)
             self._files[path] = QImage() if place is None else read_picture(place)
         image = self._files[path]
-        return None if image.isNull() else Painted(_quarter(image, row, column), opaque=True)
+        if image.isNull():
+            return None
+        pixels = _quarter(image, row, column)
+        alpha = Reading(ALPHA, (pixels & 0xFF) / np.float32(255)) if (row, column) == _ALPHA else None
+        return Painted(pixels, opaque=True, reading=alpha)
 
 
 def _quarter(image: QImage, row: int, column: int) -> NDArray[np.uint32]:

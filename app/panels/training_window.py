@@ -44,7 +44,9 @@ class TrainingWindow(QDialog):
         self.smoothed = Label(self)
         head = WrappingRow()
         for words, box in (("Run", self.run), ("Submap", self.submap), ("Compare with", self.other)):
-            head.addWidget(Label(words, self))
+            name = Label(words, self)
+            name.setMinimumHeight(box.sizeHint().height())  # so that both stand on one line
+            head.addWidget(name)
             head.addWidget(box)
         right = QWidget(self)
         column = QVBoxLayout(right)

@@ -18,7 +18,8 @@ from app.state.document import Document
 from nvsim.events import Failed, Log, Metric, Progress
 from nvsim.project import ledger
 from nvsim.project.job_events import event_line
-from nvsim.project.joblist import JobList, Wish
+from nvsim.project.job_status import STATUS, encode_status
+from nvsim.project.joblist import JobList, JobStatus, State, Wish
 from nvsim.project.project import Project
 from nvsim.project.worker_lock import is_held
 
@@ -127,6 +128,23 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
     assert row.note == "Stopped at 25 % of train: submap 0, step 300"
     usable = {b.text() for b in (panel.pause, panel.go_on, panel.cancel, panel.again, panel.remove) if b.isEnabled()}
     assert usable == {"Go on", "Settings…", "Remove"} | ({"Cancel"} if wish == "pause" else set())
+    queue.follow(None)
+
+
+@pytest.mark.parametrize("state", ["queued", "failed", "interrupted"])
+def test_a_job_that_nobody_looked_at_shows_how_far_it_came_too(qtbot: QtBot, project: Path, state: State) -> None:
+    jobs = JobList(project)
+    job = jobs.add("train", ["--project", str(project)], "Train")
+    job.events.write_text(event_line(Log("Started."), 0.0) + event_line(Progress("train", 3, 4, "submap 0"), 1.0))
+    (job.folder / STATUS).write_text(encode_status(JobStatus(state, message="The disk is full.")))
+    panel = JobPanel(Document(), queue := JobQueue())
+    qtbot.addWidget(panel)
+    other = jobs.add("map", ["--project", str(project)], "Map")  # the newest, whose details are shown
+    queue.follow(project)
+    qtbot.waitUntil(lambda: {r.handle.number: r.share for r in panel.model.rows}[job.number] == 0.75, timeout=5000)
+    assert panel.handle is not None and panel.handle.number == other.number
+    painted = {row.handle.number: row for row in panel.model.rows}[job.number]
+    assert painted.note == ("" if state == "queued" else "The disk is full.")
     queue.follow(None)
 
 

@@ -57,14 +57,20 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
         assert form.replaces.text().lower() == what_is_replaced(project, "train").lower() != ""
     form.reject()
 
+    scene, blank = session.window.scene, []
+    scene.feed.changed.connect(lambda: blank.append(scene.picture is None))
     handle = part.run_stage("train")
     assert handle is not None
     qtbot.waitUntil(lambda: 0 in document.contents.training, timeout=SECONDS)
     qtbot.waitUntil(
         lambda: f"trained model of {STEPS} steps · training, step" in model_words(document.contents, 0), timeout=SECONDS
     )
+    assert scene.picture is not None and not any(blank), "a training that starts leaves the view as it is"
+    assert session.window.centre.currentWidget() is scene
     session.window.jobs.cancel(handle)
     qtbot.waitUntil(lambda: handle.state == "cancelled", timeout=SECONDS)
+    row = next(r for r in part.panel.model.rows if r.handle is handle)
+    assert 0 < row.share < 1 and row.note.startswith("Stopped at "), "it says how far it came"
     session.window.refreshWanted.emit()
     qtbot.waitUntil(lambda: "unfinished training" in model_words(document.contents, 0), timeout=SECONDS)
     assert document.contents.model_info[0]["steps"] == STEPS and not document.contents.live

@@ -88,8 +88,11 @@ def test_every_step_stands_beside_the_held_out_photo(shown, qtbot: QtBot) -> Non
     window.images.slider.setValue(0)
     qtbot.waitUntil(lambda: levels(window)[1] == pytest.approx(50, abs=4), timeout=5000)
     assert "step 50" in window.images.words.text() and "held-out photo" in window.images.words.text()
+    assert window.images.canvas.legends == []
     window.images.part.setCurrentText("Alpha")
     qtbot.waitUntil(lambda: levels(window)[1] == pytest.approx(ALPHA, abs=4), timeout=5000)
+    (legend,) = window.images.canvas.legends
+    assert legend.at(0.5, 0.5) == pytest.approx(ALPHA / 255, abs=0.02)
     for button in window.images.modes.buttons():
         qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
         window.images.canvas.grab()
@@ -171,6 +174,8 @@ def test_smoothing_is_the_exponential_mean_and_leaves_what_was_measured_behind(s
     assert window.smoothed.text() == "0.50"
     assert list(plots._curves["psnr", "run as measured", 0].getData()[1]) == [50, 100, 200]
     assert plots._curves["psnr", "run", 0].getData()[1][1] == pytest.approx((0.5 * 50 + 100) / 1.5)
+    held_out = plots._curves["psnr_held_out", "run", 0].getData()[1]
+    assert list(held_out) == [50, 100, 200], "what has no noise is not smoothed"
     window.smoothing.setValue(0)
     assert ("psnr", "run as measured", 0) not in plots._curves
 
