@@ -91,6 +91,7 @@ class FrameBrowser(QObject):
         page.keyed.connect(self._on_key)
         page.layers.changed.connect(self._on_layer)
         page.canvas.zoomChanged.connect(self.render.soon)
+        page.canvas.modeChanged.connect(self.render.soon)
 
     # What the window asks ---------------------------------------------------------------------------------------
 
@@ -220,7 +221,9 @@ class FrameBrowser(QObject):
         canvas, found = self.page.canvas, self.page.canvas.panes()
         if self.matter is None or not self.is_open or not found or self._document.contents.scene_stamp is None:
             return
-        self.render.ask(self.matter, found[0].scale * canvas.devicePixelRatioF())
+        # What is held against the photo are colours, whatever the views show.
+        channel = "rgb" if canvas.mode == "difference" else self._scene.channel
+        self.render.ask(self.matter, found[0].scale * canvas.devicePixelRatioF(), channel)
         canvas.render_note = "" if self._scene.link.ready else self._scene.note
 
     # The candidates ---------------------------------------------------------------------------------------------

@@ -34,9 +34,10 @@ class Tool(Protocol):
 
 
 class Canvas(QWidget):
-    """zoomChanged() after the user zoomed or moved."""
+    """zoomChanged() after the user zoomed or moved; modeChanged()."""
 
     zoomChanged = Signal()
+    modeChanged = Signal()
 
     def __init__(self, layers: tuple[FrameLayer, ...], parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -81,7 +82,9 @@ class Canvas(QWidget):
 
     def set_mode(self, mode: str) -> None:
         """One of MODES."""
-        self.mode = mode
+        if mode != self.mode:
+            self.mode = mode
+            self.modeChanged.emit()
         self._phase = False
         if mode == "blink" and self.isVisible():
             self._blink.start()

@@ -35,14 +35,14 @@ class FrameRender(QObject):
         """The frame changed, or it is shown larger: `wanted` follows when nothing changes any more."""
         self._soon.start()
 
-    def ask(self, matter: FrameData, scale: float) -> None:
-        """At `scale` pixels per pixel of the photo, but no finer than that."""
+    def ask(self, matter: FrameData, scale: float, channel: str) -> None:
+        """At `scale` pixels per pixel of the photo, but no finer than that; `channel` is one of tones.CHANNELS."""
         self._matter = matter
         height, width = matter.image.shape[:2]
         size = max(1, round(width * min(1.0, scale))), max(1, round(height * min(1.0, scale)))
         camera, scene = matter.frame.camera.scaled(*size), self._scene
         number = next(self._numbers)
-        scene.link.ask(Request(number, camera, scene.channel, False, scene.renderer, _VIEW, values=True))
+        scene.link.ask(Request(number, camera, channel, False, scene.renderer, _VIEW, values=True))
 
     def _on_picture(self, picture: Picture) -> None:
         if picture.request.view != _VIEW or self._matter is None:

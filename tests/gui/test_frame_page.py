@@ -188,6 +188,20 @@ def test_the_divider_shows_the_photo_on_its_left_and_the_render_on_its_right(ope
     assert colors(grabbed(browser), left) == [(255, 255, 255)]
 
 
+def test_the_difference_is_that_of_the_colours_whatever_the_views_show(
+    opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, browser = opened
+    asked: list[str] = []
+    monkeypatch.setattr(window.scene.link, "ask", lambda r: asked.append(r.channel) if r.view == "frame" else None)
+    window.actions_table["depth"].trigger()
+    qtbot.waitUntil(lambda: asked[-1:] == ["depth"], timeout=5000)
+    window.actions_table["frame_difference"].trigger()
+    qtbot.waitUntil(lambda: asked[-1:] == ["rgb"], timeout=5000)
+    window.actions_table["frame_wipe"].trigger()
+    qtbot.waitUntil(lambda: asked[-1:] == ["depth"], timeout=5000)
+
+
 def hover(qtbot: QtBot, browser: FrameBrowser, x: float, y: float) -> list[str]:
     """What is said under the cursor at x, y, in shares of the image."""
     canvas = browser.page.canvas
@@ -593,6 +607,7 @@ def test_a_prompted_network_of_the_users_own_answers_points(
     (tmp_path / "prompted.decoder.onnx").write_bytes(b"broken")
     browser.candidates.rest()
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
+    (pane,) = canvas.panes()  # the words below it may take another line now
     qtbot.mouseClick(canvas, RIGHT, pos=pane.to_canvas(320, 60).toPoint())
     qtbot.waitUntil(lambda: any("cannot be loaded" in t for t in opened[0].notice_area.texts), timeout=30_000)
     browser.candidates.take(2, steps_of(browser))
