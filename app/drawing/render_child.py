@@ -116,8 +116,8 @@ class Request:
 @dataclass(frozen=True, eq=False)
 class Picture:
     """pixels (H, W, 4) uint8 in the order blue, green, red, 255, as QImage's Format_RGB32 has it in memory;
-    milliseconds it took to draw, and who drew it: renderer_choice.CPU or OPENGL; values as tones.measured has them where
-    they were asked for."""
+    milliseconds it took to draw, and who drew it: renderer_choice.CPU or OPENGL; values as tones.measured has them,
+    where they were asked for."""
 
     request: Request
     pixels: NDArray[np.uint8]

@@ -1,5 +1,6 @@
 """The photo of a frame and the render from its camera on one canvas: wipe, blink, difference, side by side; layers over
-both; one zoom for all. What is shown in colours that stand for numbers has its legend, and the value under the cursor."""
+both; one zoom for all. What is shown in colours that stand for numbers has its legend, and the value under the
+cursor."""
 
 from __future__ import annotations
 
@@ -135,9 +136,9 @@ class Canvas(QWidget):
 
     def _readings(self, what: str) -> list[tuple[str, Reading]]:
         """What of a pane that shows `what` stands for numbers: a name and the numbers, the topmost first."""
-        found = []
+        found: list[tuple[str, Painted | None]] = []
         if what != "difference":
-            found = [(layer.title, layer.painted) for layer in self._layers if layer.shown and layer.painted is not None]
+            found = [(layer.title, layer.painted) for layer in self._layers if layer.shown]
         if what in ("render", "wipe"):
             found.insert(0, (self.names["render"], self._render))
         elif what == "difference":

@@ -44,8 +44,8 @@ COVERAGES: tuple[tuple[str, float, float], ...] = (
 
 
 class FrameModel(QAbstractListModel):
-    """A row for each frame of the capture: name, thumbnail, submap, floor coverage, whether it was corrected or held out,
-    its scores."""
+    """A row for each frame of the capture: name, thumbnail, submap, floor coverage, whether it was corrected or held
+    out, its scores."""
 
     def __init__(
         self, document: Document, thumbnails: Thumbnails, state: FrameState, parent: QObject | None = None

@@ -14,8 +14,8 @@ _RGB32 = QImage.Format.Format_RGB32
 
 
 class Painted:
-    """An image and the memory that it shows: pixels (H, W) uint32, 0xAARRGGBB, premultiplied; and the numbers behind the
-    colours, where they stand for some."""
+    """An image and the memory that it shows: pixels (H, W) uint32, 0xAARRGGBB, premultiplied; and the numbers behind
+    the colours, where they stand for some."""
 
     def __init__(self, pixels: NDArray[np.uint32], opaque: bool, reading: Reading | None = None) -> None:
         self.reading = reading

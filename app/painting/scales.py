@@ -96,7 +96,7 @@ ALPHA = Scale(
     "Alpha",
     lambda alpha: f"alpha {alpha:.2f}",
     lambda alpha: min(max(float(alpha), 0.0), 1.0),
-    np.repeat(np.uint8(255 * _ALONG)[:, None], 3, axis=1),
+    np.repeat((255 * _ALONG).astype(np.uint8)[:, None], 3, axis=1),
     ((0.0, "0 empty"), (0.5, "0.5"), (1.0, "1 solid")),
 )
 CONFIRMED = Scale(

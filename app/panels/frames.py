@@ -27,8 +27,9 @@ from app.look.labels import Label
 from app.look.plain_text import tip
 from app.state.document import Document
 
-
-_KIND = "Held out: no model is trained on it, and evaluations measure how it is shown. Corrected: its floor mask, by hand"
+_KIND = (
+    "Held out: no model is trained on it, and evaluations measure how it is shown. Corrected: its floor mask, by hand"
+)
 _ORDER = "By how well the models show frames that they were not trained on; frames without a score come last"
 
 
@@ -109,19 +110,19 @@ class FramePanel(QWidget):
         document.selectionChanged.connect(self._show_selection)
         document.contentsChanged.connect(self._on_contents)
         self.state.changed.connect(self._offer_order)
-        above, choices, kinds = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
-        for row in (above, choices, kinds):
+        first, choices, kinds = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
+        for row in (first, choices, kinds):
             row.setSpacing(4)
         choices.addWidget(self.submap, 1)
         choices.addWidget(self.coverage, 1)
         kinds.addWidget(self.kind, 1)
         kinds.addWidget(self.order, 1)
-        above.addWidget(self.search, 1)
-        above.addWidget(self.count)
+        first.addWidget(self.search, 1)
+        first.addWidget(self.count)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(4, 4, 4, 0)
         layout.setSpacing(3)
-        layout.addLayout(above)
+        layout.addLayout(first)
         layout.addLayout(choices)
         layout.addLayout(kinds)
         layout.addWidget(self.list, 1)

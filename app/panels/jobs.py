@@ -82,8 +82,8 @@ def waiting_words(handles: Sequence[JobHandle]) -> str:
 
 
 class JobPanel(QWidget):
-    """againWanted(JobHandle) when the user wants to change the settings of a job and run it again; largeWanted(JobHandle)
-    when its curves and images are wanted in large."""
+    """againWanted(JobHandle) when the user wants to change the settings of a job and run it again;
+    largeWanted(JobHandle) when its curves and images are wanted in large."""
 
     againWanted = Signal(object)
     largeWanted = Signal(object)

@@ -47,6 +47,8 @@ class TrainingImages(QWidget):
         self._steps: list[int] = []
         self._listed: tuple[frozenset[int], ...] = ()
         self._files: dict[str, QImage] = {}  # path -> image, of those on the canvas
+        self._soon = QTimer(self, singleShot=True, interval=_SOON)
+        self._soon.timeout.connect(self._show)
         self.canvas = Canvas((), self)
         self.canvas.setMinimumSize(200, 120)
         self.modes = QButtonGroup(self)
@@ -75,8 +77,6 @@ class TrainingImages(QWidget):
         column.addWidget(self.words)
         self.words.setContentsMargins(8, 0, 8, 4)
         self.words.setWordWrap(True)
-        self._soon = QTimer(self, singleShot=True, interval=_SOON)
-        self._soon.timeout.connect(self._show)
         self._list()
 
     def sizeHint(self) -> QSize:

@@ -30,7 +30,9 @@ class TrainingWindow(QDialog):
         self.setWindowFlag(Qt.WindowType.WindowMaximizeButtonHint)
         self.run = self._choice("The training that is shown")
         self.submap = self._choice("The submap whose images and curves are shown")
-        self.other = self._choice("Another run, whose curves lie dashed beside these; the project keeps those of its jobs")
+        self.other = self._choice(
+            "Another run, whose curves lie dashed beside these; the project keeps those of its jobs"
+        )
         self.images = TrainingImages(self)
         self.plots = JobPlots(self, large=True)
         self.legend = Label(self)

@@ -6,8 +6,8 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numba
 import cv2
+import numba
 import numpy as np
 import pytest
 
