@@ -17,7 +17,7 @@ from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import marked
-from app.look.plots import dress
+from app.look.plots import dress, label_axes
 
 PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
 MOST_DRAWN = 400  # points of a line; more than there are pixels
@@ -117,8 +117,7 @@ class JobPlots(QWidget):
         plot.showGrid(x=True, y=True, alpha=0.15)
         plot.setMouseEnabled(x=False, y=False)
         if self._large:
-            plot.setLabel("bottom", "step")
-            plot.setLabel("left", _UNITS[name])
+            label_axes(plot, "step", _UNITS[name])
             plot.getAxis("left").setWidth(64)  # so that the steps of all plots stand below each other
             plot.setMinimumHeight(70)
         return plot

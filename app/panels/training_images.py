@@ -3,7 +3,9 @@ through the steps."""
 
 from __future__ import annotations
 
+import os
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,10 +137,16 @@ class TrainingImages(QWidget):
 
     def _there(self, handle: JobHandle | None) -> dict[int, Preview]:
         """Those of them whose file is still there."""
-        if handle is None:
+        found = self._found(handle)
+        first = next(iter(found.values()), None)
+        place = None if handle is None or first is None else handle.picture(first.path)
+        if place is None:
             return {}
-        places = {step: handle.picture(preview.path) for step, preview in self._found(handle).items()}
-        return {s: preview for s, preview in self._found(handle).items() if (at := places[s]) and at.is_file()}
+        try:
+            names = set(os.listdir(place.parent))
+        except OSError:
+            return {}
+        return {step: preview for step, preview in found.items() if Path(preview.path).name in names}
 
     def _list(self) -> None:
         """The steps that can be shown; the one that was shown stays, at the end the newest."""

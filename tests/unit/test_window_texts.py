@@ -20,7 +20,8 @@ READERS = {  # what takes a text for markup, and the files that may use it
     **dict.fromkeys(("QProgressDialog", "QInputDialog", "QWizard", "TextItem", "LabelItem"), set()),
     **dict.fromkeys(("setTextFormat",), {"look/labels.py"}),
     **dict.fromkeys(("setMarkdown",), {"panels/help.py"}),
-    **dict.fromkeys(("setHtml", "insertHtml", "addLegend", "setLabel", "setLabels"), set()),
+    **dict.fromkeys(("setHtml", "insertHtml", "addLegend", "setLabels"), set()),
+    "setLabel": {"look/plots.py"},
     "appendHtml": {"panels/log.py", "panels/job_log.py"},
 }
 
