@@ -68,6 +68,8 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
             continue
         if entry.id == "earlier_results":  # this needs a stage that ran twice; see test_results_kept.py
             continue
+        if entry.id == "training":  # this needs a job that trains; see test_training_window.py
+            continue
         if entry.id.startswith("mask_"):  # these need a project on disk; see test_frame_page.py
             continue
         action = window.actions_table[entry.id]
