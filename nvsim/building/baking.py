@@ -24,6 +24,7 @@ LEVELS = 6
 FloorPainter = Callable[[Plan, float, np.random.Generator], tuple[Image, NDArray[np.float32]]]
 FacePainter = Callable[[Paint, tuple[float, float], float, float, float, np.random.Generator], Image]
 _FLOOR_TEXEL, _WALL_TEXEL, _FINE_TEXEL, _CEILING_TEXEL, _LIGHT_TEXEL = 0.01, 0.015, 0.0125, 0.04, 0.1
+_LARGE = 1500.0  # square metres
 _AMBIENT = 0.8
 _LAMP = 0.3  # half the side of a lamp panel, metres
 
@@ -72,36 +73,41 @@ def bake(
     painters: Painters = Painters(),  # noqa: B008  (a tuple cannot change)
 ) -> Textures:
     """Paints and lights every surface."""
-    places = _places(storeys, boxes)
-    floors = [painters.floor(s.plan, _FLOOR_TEXEL, rng) for s in storeys]
-    bases = [_base(box, storeys) for box in boxes]
-    albedos = [
-        _albedo(boxes[s // 6], s % 6, places[s], bases[s // 6], rng, painters.face) for s in range(6 * len(boxes))
-    ]
-    ground = len(albedos)
-    extent = storeys[0].plan.extent
-    rows, columns = round(extent.y1 / _CEILING_TEXEL), round(extent.x1 / _CEILING_TEXEL)
-    for floor, _ in floors:
-        albedos += [floor, np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)]
+    texel = _floor_texel(storeys)
+    places = _places(storeys, boxes, texel)
     lamps = [lamp_places(s) for s in storeys]
     light = _light(places, solids, np.concatenate(lamps))
-    gain = 0.92 / float(np.mean(light[ground]))
-    chains = []
-    for surface, albedo in enumerate(albedos):
-        if albedo is None:
-            chains.append([np.zeros((1, 1, 3), np.uint8)])
-            continue
-        # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
-        is_ceiling = surface > ground and (surface - ground) % 2 == 1
-        boost = 1.45 if is_ceiling else 1.0
+    ground = 6 * len(boxes)
+    gain = np.float32(0.92 / float(np.mean(light[ground])))
+    extent = storeys[0].plan.extent
+    rows, columns = round(extent.y1 / _CEILING_TEXEL), round(extent.x1 / _CEILING_TEXEL)
+
+    def lit(albedo: Image, surface: int, boost: float = 1.0) -> Image:
         shade = _exposed(light[surface] * np.float32(gain * boost))
-        radiance = albedo * _spread(shade, *albedo.shape[:2])[..., None]
-        if is_ceiling:
-            for x, y, _ in lamps[(surface - ground) // 2]:
-                r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
-                radiance[r0:r1, c0:c1] = 0.97
-        chains.append(_mips(radiance))
-    return _packed(chains, places, np.stack([gloss for _, gloss in floors]))
+        return np.asarray(albedo * _spread(shade, *albedo.shape[:2])[..., None], np.float32)
+
+    # Painted, lit and shrunk to bytes one by one: in floating point all of a large building would not fit.
+    levels, glosses = [], []
+    for k, storey in enumerate(storeys):
+        floor, gloss = painters.floor(storey.plan, texel, rng)
+        # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
+        ceiling = lit(np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32), ground + 2 * k + 1, 1.45)
+        for x, y, _ in lamps[k]:
+            r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
+            ceiling[r0:r1, c0:c1] = 0.97
+        levels += [_mips(lit(floor, ground + 2 * k)), _mips(ceiling)]
+        glosses.append(gloss)
+    faces = []
+    for surface, place in enumerate(places[:ground]):
+        box = boxes[surface // 6]
+        albedo = _albedo(box, surface % 6, place, _base(box, storeys), rng, painters.face)
+        faces.append([np.zeros((1, 1, 3), np.uint8)] if albedo is None else _mips(lit(albedo, surface)))
+    return _packed(faces + levels, places, np.stack(glosses), texel)
+
+
+def _floor_texel(storeys: tuple[Storey, ...]) -> float:
+    """Metres: of a large building twice as much."""
+    return _FLOOR_TEXEL * (2 if storeys[0].plan.extent.area > _LARGE else 1)
 
 
 def _exposed(light: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -125,7 +131,7 @@ def _base(box: Box, storeys: tuple[Storey, ...]) -> float:
     return max(s.floor for s in storeys if s.floor <= box.lo[2] or s is storeys[0])
 
 
-def _places(storeys: tuple[Storey, ...], boxes: list[Box]) -> list[_Place]:
+def _places(storeys: tuple[Storey, ...], boxes: list[Box], floor_texel: float) -> list[_Place]:
     places = []
     floors, ceilings = [s.floor for s in storeys], [s.floor + HEIGHT for s in storeys]
     for box in boxes:
@@ -141,7 +147,7 @@ def _places(storeys: tuple[Storey, ...], boxes: list[Box]) -> list[_Place]:
             places.append(_Place((corner[0], corner[1], corner[2]), (u, v), extent, texel, hidden))
     size = (storeys[0].plan.extent.x1, storeys[0].plan.extent.y1)
     for floor, ceiling in zip(floors, ceilings):
-        places.append(_Place((0.0, 0.0, floor), (0, 1), size, _FLOOR_TEXEL))
+        places.append(_Place((0.0, 0.0, floor), (0, 1), size, floor_texel))
         places.append(_Place((0.0, 0.0, ceiling), (0, 1), size, _CEILING_TEXEL))
     return places
 
@@ -254,7 +260,9 @@ def _mips(radiance: Image) -> list[NDArray[np.uint8]]:
     return [np.rint(np.clip(c, 0, 1) * 255).astype(np.uint8) for c in chain]
 
 
-def _packed(chains: list[list[NDArray[np.uint8]]], places: list[_Place], gloss: NDArray[np.float32]) -> Textures:
+def _packed(
+    chains: list[list[NDArray[np.uint8]]], places: list[_Place], gloss: NDArray[np.float32], gloss_texel: float
+) -> Textures:
     table = np.zeros((len(chains), LEVELS, 3), np.int64)
     flat, at = [], 0
     for s, chain in enumerate(chains):
@@ -264,4 +272,4 @@ def _packed(chains: list[list[NDArray[np.uint8]]], places: list[_Place], gloss: 
                 flat.append(chain[level].reshape(-1, 3))
                 at += len(flat[-1])
     place = np.array([(p.corner[p.axes[0]], p.corner[p.axes[1]], *p.extent, p.texel) for p in places])
-    return Textures(np.concatenate(flat), table, place, gloss, _FLOOR_TEXEL)
+    return Textures(np.concatenate(flat), table, place, gloss, gloss_texel)

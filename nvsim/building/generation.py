@@ -92,7 +92,7 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
 def _record(config: BuildingConfig) -> str:
     """What tells a finished building from another; options that came later stand in it where they are used."""
     options = dataclasses.asdict(config)
-    for name in ("storeys", "style"):
+    for name in ("storeys", "style", "area"):
         if options[name] == getattr(BuildingConfig, name):
             del options[name]
     return json.dumps({"version": VERSION, **options}, indent=1) + "\n"

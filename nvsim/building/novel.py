@@ -11,7 +11,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.occupancy.paths import clearance
 from nvsim.occupancy.types import FREE, OccupancyMap
 
-COUNT = {"full": 40, "small": 12}
+COUNT = {"full": 40, "small": 12, "halls": 60}
 BESIDE = (0.3, 0.8)
 """Metres from the nearest frame of the trajectory: no wall fits in between."""
 TURNED = (35.0, 145.0)

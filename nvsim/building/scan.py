@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 from nvsim.building.baking import Textures
 from nvsim.building.raycast import trace
@@ -14,7 +15,8 @@ from nvsim.capture.types import Cloud
 _RANGE, _NOISE, _GLASS_RETURNS = 12.0, 0.01, 0.04
 _EVERY = 1.2  # metres of the trajectory between scans
 _VOXEL = 0.045
-_MOST = 340_000  # points of a storey
+_MOST, _USUAL_AREA = 340_000, 300.0  # points of a storey of so many square metres
+_AT_ONCE = 32  # scans that are merged at once
 
 
 def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
@@ -25,8 +27,8 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
     # The panes of a building of glass are clean; others return a few points.
     returns = 0.0 if scene.config.style == "glass" else _GLASS_RETURNS
     beams, turns = np.radians(np.linspace(-62, 48, 84)), 600
-    points, colors = [], []
-    for place in places:
+    merged, pending = _Merged(), []
+    for k, place in enumerate(places):
         azimuth = np.radians(np.arange(turns) * 360 / turns + rng.uniform(0, 360 / turns))
         elevation = beams + np.radians(rng.uniform(-0.5, 0.5))
         ce, se = np.cos(elevation)[:, None], np.sin(elevation)[:, None]
@@ -37,16 +39,40 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
         ranges, rgb = _sweep(place, directions, chance, returns, scene.solids, textures)
         kept = ranges < _RANGE
         noisy = ranges[kept] + rng.normal(0, _NOISE, int(kept.sum()))
-        points.append(place + noisy[:, None] * directions[kept])
-        colors.append(rgb[kept])
-    cloud, rgb = np.concatenate(points), np.concatenate(colors)
-    cell = np.floor(cloud / _VOXEL).astype(np.int64) + 4096
-    key = (cell[:, 0] << 40) + (cell[:, 1] << 20) + cell[:, 2]
-    _, first = np.unique(key, return_index=True)
-    most = _MOST * len(scene.storeys)
-    if len(first) > most:
-        first = np.sort(rng.permutation(first)[:most])
-    return Cloud(np.round(cloud[first], 3).astype(np.float32), rgb[first])
+        pending.append((place + noisy[:, None] * directions[kept], rgb[kept]))
+        if len(pending) == _AT_ONCE or k + 1 == len(places):
+            merged.add(pending)
+            pending = []
+    most = _MOST * max(len(scene.storeys), round(scene.plan.extent.area / _USUAL_AREA))
+    return merged.cloud(most, rng)
+
+
+class _Merged:
+    """The first point that fell into each voxel."""
+
+    def __init__(self) -> None:
+        self._keys, self._order = np.empty(0, np.int64), np.empty(0, np.int64)
+        self._points, self._colors = np.empty((0, 3)), np.empty((0, 3), np.uint8)
+        self._count = 0
+
+    def add(self, sweeps: list[tuple[NDArray[np.float64], NDArray[np.uint8]]]) -> None:
+        points, colors = (np.concatenate(parts) for parts in zip(*sweeps, strict=True))
+        cell = np.floor(points / _VOXEL).astype(np.int64) + 4096
+        keys = np.concatenate([self._keys, (cell[:, 0] << 40) + (cell[:, 1] << 20) + cell[:, 2]])
+        self._keys, first = np.unique(keys, return_index=True)
+        order = np.concatenate([self._order, self._count + np.arange(len(points))])
+        self._count += len(points)
+        self._order = order[first]
+        self._points = np.concatenate([self._points, points])[first]
+        self._colors = np.concatenate([self._colors, colors])[first]
+
+    def cloud(self, most: int, rng: np.random.Generator) -> Cloud:
+        """All of them in the order of their voxels, or `most` of them, drawn, in the order in which they were seen."""
+        chosen = np.arange(len(self._keys))
+        if len(chosen) > most:
+            chosen = rng.permutation(chosen)[:most]
+            chosen = chosen[np.argsort(self._order[chosen])]
+        return Cloud(np.round(self._points[chosen], 3).astype(np.float32), self._colors[chosen])
 
 
 @njit(cache=True, parallel=True, error_model="numpy")

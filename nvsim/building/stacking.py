@@ -8,6 +8,7 @@ import numpy as np
 
 from nvsim.building.config import BuildingConfig
 from nvsim.building.flight import LENGTH, Flight
+from nvsim.building.halls import make_halls
 from nvsim.building.layouts import ENTRY, make_plan, outer
 from nvsim.building.plan import (
     HEIGHT,
@@ -33,6 +34,8 @@ _BEFORE = 1.75  # metres from the foot to the wall before it
 def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.random.Generator) -> tuple[Storey, ...]:
     """The lowest storey first; `rng` decides it and the building's outer walls, `upper` what is above it."""
     glazed = config.style == "glass"
+    if config.size == "halls":
+        return (Storey(turned((make_halls(config.area, rng, glazed),), rng)[0], 0.0),)
     if config.storeys == 1:
         return (Storey(turned((make_plan(config.size, rng, glazed),), rng)[0], 0.0),)
     below = make_plan(config.size, rng, glazed)

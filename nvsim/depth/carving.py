@@ -1,4 +1,8 @@
-"""Points that are not there: more than half as many depth maps see through them as show them."""
+"""Points that are not there: depth maps see through them rather than show them.
+
+A map counts by the pixels that it has for a patch of the size of the point's cell, the inverse square of the distance:
+the thin top of a table is a line of pixels for cameras across the room, who see the wall behind it and are many.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,9 @@ from nvsim.geometry.camera import Camera
 
 Float32 = NDArray[np.float32]
 
-_TIMES = 2  # a point stays that is shown so many times as often as it is seen through
+_TIMES = 3  # a point stays that is shown by so many times the pixels that see through it
+_PIXELS = 4096.0  # that a map counts for a metre before its camera, so that sums of whole numbers are exact
+_NEAREST = 0.5  # metres from which on a map does not count for more
 _SHOWN = 0.05  # share of its inverse depth within which a map shows a point
 _THROUGH = 0.1  # share of it by which a map that sees through a point lies behind
 
@@ -24,11 +30,11 @@ def _judge(
     lens: NDArray[np.float64],
     pose: NDArray[np.float64],
     inverse: Float32,
-    shown: NDArray[np.uint16],
-    through: NDArray[np.uint16],
+    shown: NDArray[np.int64],
+    through: NDArray[np.int64],
 ) -> None:
-    """Counts for points (N, 3) whether the map `inverse` (H, W), 0 where unknown, shows them or sees through them.
-    `lens` is fx, fy, cx, cy, `pose` (3, 4) world to camera."""
+    """Counts for points (N, 3) the pixels with which the map `inverse` (H, W), 0 where unknown, shows them or sees
+    through them. `lens` is fx, fy, cx, cy, `pose` (3, 4) world to camera."""
     height, width = inverse.shape
     fx, fy, cx, cy = lens
     for i in range(len(points)):
@@ -43,23 +49,24 @@ def _judge(
         there = inverse[int(v), int(u)]
         if there <= 0:
             continue
+        pixels = int(_PIXELS / max(depth, _NEAREST) ** 2)
         if there * depth < 1 - _THROUGH:
-            through[i] += 1
+            through[i] += pixels
         elif abs(there * depth - 1) < _SHOWN:
-            shown[i] += 1
+            shown[i] += pixels
 
 
 def standing(points: Float32, cameras: list[Camera], maps: Callable[[int], Float32], threads: int) -> NDArray[np.bool_]:
     """Whether each of the points (N, 3) is there, by the `maps` of inverse depth, (H, W) float32 of the sizes of the
     `cameras`, 0 where unknown."""
 
-    def count(first: int) -> NDArray[np.uint16]:
-        counts = np.zeros((2, len(points)), np.uint16)
+    def count(first: int) -> NDArray[np.int64]:
+        counts = np.zeros((2, len(points)), np.int64)
         for i in range(first, len(cameras), threads):
             k, pose = cameras[i].intrinsics, np.ascontiguousarray(cameras[i].world_to_camera[:3], np.float64)
             _judge(points, np.array([k.fx, k.fy, k.cx, k.cy]), pose, maps(i), counts[0], counts[1])
         return counts
 
     with ThreadPoolExecutor(threads) as pool:
-        counts = np.stack(list(pool.map(count, range(threads)))).sum(axis=0, dtype=np.int64)
+        counts = np.stack(list(pool.map(count, range(threads)))).sum(axis=0)
     return np.asarray(counts[0] >= _TIMES * counts[1])

@@ -90,13 +90,15 @@ class Settling:
 
     def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
         """Brings back both ends of an edge of the search where the way between what stands for them is a long detour or
-        none: they were needed, in a door for example."""
+        none: they were needed, in a door for example; or where one viewpoint stands alone for both: a place in which
+        one can take a step at all stays one."""
         for a, b in edges:
             if self._should_stop():
                 return
             ends = stands_for[a], stands_for[b]
             was = sum(self._ways.apart(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
-            if ends[0] == ends[1] or self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
+            alone = ends[0] == ends[1] and not self._ways.around(ends[0])
+            if not alone and self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
                 continue
             for id in (a, b):
                 stands_for[id] = id
@@ -110,15 +112,17 @@ class Settling:
             self._draft.remove(id)
 
     def _part(self) -> None:
-        """Of two near viewpoints that known floor joins but no edge, and no short way either, takes out the one with
-        less room where the ways between those around it hardly grow: an agent beside its goal should get there."""
+        """Of two near viewpoints that known floor joins but no edge, and no short way either, takes out the one that
+        fewer others reach, or else the one with less room, where the ways between those around it hardly grow: an agent
+        beside its goal should get there."""
         near = []
+        hang_together = self._ways.parts()
         for id in self._ways:
             for other in self._near(self._draft.viewpoints[id], NEAR):
                 if id < other.id and other.id in self._ways and self._ways.metres(id, other.id, 2 * NEAR) > 2 * NEAR:
                     near.append((id, other.id))
         for pair in near:
-            for id in sorted(pair, key=lambda id: (self._room(id), id)):
+            for id in sorted(pair, key=lambda id: (hang_together[id], self._room(id), id)):
                 if all(end in self._ways for end in pair) and self._ways.can_spare(id):
                     self._ways.remove(id)
 

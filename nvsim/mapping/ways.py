@@ -83,6 +83,15 @@ class Ways:
                     heappush(heap, (far, other))
         return found
 
+    def parts(self) -> dict[str, int]:
+        """id -> how many viewpoints hang together with it, itself included."""
+        found: dict[str, int] = {}
+        for id in self._joined:
+            if id not in found:
+                part = self.all_metres(id, math.inf)
+                found.update(dict.fromkeys(part, len(part)))
+        return found
+
     def can_spare(self, id: str) -> bool:
         """Whether those around a viewpoint reach each other without it by no long detour."""
         around = [other for other, _ in self.around(id)]

@@ -145,6 +145,19 @@ def test_points_that_more_maps_see_through_than_show_are_taken_away() -> None:
     assert kept[104]  # behind all cameras: nothing speaks against it
 
 
+def test_a_thin_top_stays_that_few_near_cameras_show_and_many_far_ones_look_past() -> None:
+    lens = Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0)
+    top = np.array([[x, 0.0, 10.0] for x in (-0.2, 0.0, 0.2)], np.float32)
+    cameras, maps = [], []
+    for z in (8.0, 8.5, *np.linspace(0, 3, 8)):  # two within 2 m, eight from 7 m on, who see the wall behind
+        pose = np.eye(4)
+        pose[2, 3] = z
+        cameras.append(Camera(lens, pose))
+        maps.append(np.full((60, 80), 1 / ((10.0 if z >= 8 else 14.0) - z), np.float32))
+    assert standing(top, cameras, maps.__getitem__, 2).all()
+    assert not standing(top, cameras[2:] + cameras[:1], (maps[2:] + maps[2:3]).__getitem__, 2).any()
+
+
 @pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "window"])
 def test_a_setting_that_makes_no_sense_is_one_sentence(setting: str) -> None:
     with pytest.raises(InputError, match=rf"^Depth configuration: .*{setting}.*; change it and try again\.$"):

@@ -152,3 +152,31 @@ def _graph(found: Ways) -> nx.Graph:
     graph.add_nodes_from(found)
     graph.add_weighted_edges_from((a, b, found.apart(a, b)) for a, b in found.edges())
     return graph
+
+
+def test_a_nook_in_which_one_can_take_a_step_keeps_its_viewpoints() -> None:
+    """Behind a gap too narrow for the robot there is room for two viewpoints less than the merge radius apart."""
+    occupancy = fill(room(7, 4), 5.0, 0, 5.1, 4, OCCUPIED)
+    occupancy = fill(occupancy, 4.9, 1.8, 5.2, 2.3, np.uint8(0))
+    way = np.column_stack([np.linspace(1, 6.4, 40), np.full(40, 2.05), np.full(40, 1.2)])
+    world = Columns(occupancy)
+
+    def nook(config: MappingConfig) -> list[str]:
+        graph = build_map(world, way, flat_floor, world.support, config, scan="test").graph
+        return [id for id, v in graph.viewpoints.items() if v.position[0] > 5.1]
+
+    config = replace(SMALL, merge_radius=2.5, tau_dist=1.0)
+    assert len(nook(replace(config, settle=False))) >= 2, "what is to be kept is there"
+    assert nook(config)
+
+
+def test_of_two_near_viewpoints_the_one_that_nobody_reaches_goes() -> None:
+    draft = GraphBuilder("test")
+    places = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": (2.0, 0.0), "alone": (1.0, 0.7)}
+    for id, (x, y) in places.items():
+        draft.viewpoints[id] = Viewpoint(id, (x, y, 1.2), 1.2, "step")
+    found = Ways(draft)
+    found.add(places)
+    found.join("a", "b")
+    found.join("b", "c")
+    assert found.parts() == {"a": 3, "b": 3, "c": 3, "alone": 1}

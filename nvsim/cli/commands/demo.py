@@ -10,6 +10,7 @@ from nvsim.building.config import Style
 from nvsim.cli import show, window
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.session import working
+from nvsim.errors import InputError
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.training.config import Preset, preset
@@ -23,6 +24,9 @@ class Arguments:
     """Which building; the same seed gives the same one on every machine."""
     small: bool = False
     """Two rooms instead of 300 square metres."""
+    area: int = 0
+    """Square metres of another building, from 250 to 20000: shops along wide halls; 6000 is a shopping centre of 4,300
+    images, which takes hours."""
     storeys: Literal[1, 2] = 1
     """Two: as much again above, and a stair that the trajectory goes up and down."""
     style: Style = "furnished"
@@ -49,9 +53,12 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.evaluation.truth import maps_in_aligned_frame
 
+    if arguments.small and arguments.area:
+        raise InputError("--small is a building of two rooms and --area another one; leave one of them out.")
+    size: Literal["full", "small", "halls"] = "halls" if arguments.area else "small" if arguments.small else "full"
+    options = {"storeys": arguments.storeys, "style": arguments.style, "area": arguments.area}
+    config = BuildingConfig(arguments.seed, size, **cast(Any, options))
     with working(arguments.project, "demo", arguments.json, create=True) as (project, listen):
-        size: Literal["full", "small"] = "small" if arguments.small else "full"
-        config = BuildingConfig(seed=arguments.seed, size=size, storeys=arguments.storeys, style=arguments.style)
         generate(project.layout.root, config, listen)
         capture = project.layout.built_in_capture
         pipeline.run(project, capture, CaptureConfig(), arguments.config, listen, arguments.depth)

@@ -1,0 +1,127 @@
+"""What every stage costs as the building grows: `python tests/benchmarks/growth.py FOLDER --areas 300 1000 6000`.
+
+A building of halls of each size is made, and every stage run on it as a command of its own: seconds, processor seconds
+and the peak memory of its processes; then the graph is scored. Stages of FOLDER/AREA.nvsim that are done are not done
+again. It ends with how much faster than the area each stage's seconds and memory grow from the first size to the last
+(1.00: as much), and one JSON line.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import tyro
+
+_EVERY = 0.2  # seconds between two looks at the memory
+
+
+@dataclass(frozen=True)
+class Arguments:
+    folder: tyro.conf.Positional[Path]
+    areas: tuple[int, ...] = (300, 1000)
+    stages: tuple[str, ...] = ("submaps", "floors", "train", "map")
+    """After the import; depth as well where --alone."""
+    seed: int = 0
+    alone: bool = False
+    """Without the scan: depth comes from the images."""
+    train: tuple[str, ...] = ()
+    """Options of `nvsim train`, each as one word with its value: --train steps=500."""
+
+
+def main() -> None:
+    arguments = tyro.cli(Arguments, description=__doc__)
+    rows = [measured(arguments, area) for area in arguments.areas]
+    names = [name for name in rows[0] if isinstance(rows[0][name], dict) and name != "graph"]
+    print(f"{'':10}" + "".join(f"{row['area']:>10} m2" + " " * 14 for row in rows))
+    for name in names:
+        cells = [f"{row[name]['seconds']:9.1f} s {row[name]['gib']:6.2f} GiB   " for row in rows]
+        print(f"{name:10}" + "".join(cells) + grown(rows, name))
+    for row in rows:
+        print(row["area"], {key: value for key, value in row.items() if key not in names})
+    print(json.dumps(rows))
+
+
+def grown(rows: list[dict[str, Any]], name: str) -> str:
+    first, last = rows[0], rows[-1]
+    area = last["area"] / first["area"]
+    if area <= 1:
+        return ""
+    seconds = last[name]["seconds"] / max(first[name]["seconds"], 0.1) / area
+    memory = last[name]["gib"] / first[name]["gib"] / area
+    return f"x {seconds:.2f} time, x {memory:.2f} memory"
+
+
+def measured(arguments: Arguments, area: int) -> dict[str, Any]:
+    made, project = arguments.folder / f"{area}.building", arguments.folder / f"{area}.nvsim"
+    build = f"from nvsim.building import BuildingConfig, generate; from pathlib import Path; import sys; generate(Path(\
+sys.argv[1]), BuildingConfig(seed={arguments.seed}, size='halls', area={area}))"
+    row: dict[str, Any] = {"area": area, "building": watched([sys.executable, "-c", build, str(made)])}
+    capture = made / "capture"
+    if arguments.alone:
+        from images_only import without_scan
+
+        capture = arguments.folder / f"{area}.images"
+        without_scan(made / "capture", capture)
+    row["import"] = nvsim("import", str(capture), "--project", str(project))
+    stages = list(arguments.stages)
+    if arguments.alone and "depth" not in stages:
+        stages.insert(1, "depth")
+    for stage in stages:
+        options = [f"--{o}".split("=") for o in arguments.train] if stage == "train" else []
+        row[stage] = nvsim(stage, "--project", str(project), *(word for pair in options for word in pair))
+    if "map" in stages:
+        row["graph"] = graph(project, made / "ground_truth" / "map.yaml")
+    frames = json.loads((made / "capture" / "transforms.json").read_text())["frames"]
+    row |= {"frames": len(frames), "bytes": sum(p.stat().st_size for p in project.rglob("*") if p.is_file())}
+    return row
+
+
+def graph(project: Path, truth: Path) -> dict[str, Any]:
+    words = ["evaluate", "graph", "--project", str(project), "--occupancy", str(truth), "--json"]
+    command = [sys.executable, "-m", "nvsim.cli.main", *words]
+    found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()[-1])
+    kept = ("nodes", "edges", "node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
+    return {key: found[key] for key in (*kept, "coverage", "components")}
+
+
+def nvsim(*words: str) -> dict[str, float]:
+    return watched([sys.executable, "-m", "nvsim.cli.main", *words])
+
+
+def watched(command: list[str]) -> dict[str, float]:
+    """Seconds, processor seconds and GiB of a command with all that it starts. Raises CalledProcessError."""
+    started = time.perf_counter()
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    most, busy, ended = 0, {}, threading.Event()
+
+    def look() -> None:
+        nonlocal most
+        while not ended.wait(_EVERY):
+            try:
+                ours = [psutil.Process(running.pid), *psutil.Process(running.pid).children(recursive=True)]
+                most = max(most, sum(p.memory_full_info().pss for p in ours))
+                busy.update({p.pid: sum(p.cpu_times()[:2]) for p in ours})
+            except psutil.Error:
+                continue
+
+    watching = threading.Thread(target=look)
+    watching.start()
+    code = running.wait()
+    ended.set()
+    watching.join()
+    if code:
+        raise subprocess.CalledProcessError(code, command)
+    seconds = round(time.perf_counter() - started, 1)
+    return {"seconds": seconds, "processor": round(sum(busy.values()), 1), "gib": round(most / (1 << 30), 3)}
+
+
+if __name__ == "__main__":
+    main()
