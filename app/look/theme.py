@@ -56,6 +56,8 @@ _LIGHT = {
 }
 _FADED = {"dark": "#6b7682", "light": "#9aa5b1"}
 THEMES = ("dark", "light")
+SYSTEM = "system"
+"""As the desktop has it."""
 
 
 def palette(theme: str) -> QPalette:
@@ -70,11 +72,15 @@ def palette(theme: str) -> QPalette:
 
 
 def apply(app: QApplication, theme: str) -> None:
-    """Dresses the whole application; widgets hear of it as a palette change."""
+    """Dresses the whole application in one of THEMES, or in SYSTEM; widgets hear of it as a palette change."""
     app.setStyle("Fusion")
-    wanted = Qt.ColorScheme.Dark if theme == "dark" else Qt.ColorScheme.Light
-    # Without a desktop that knows colour schemes this does nothing, hence the palette.
-    app.styleHints().setColorScheme(wanted)
+    hints = app.styleHints()
+    if theme == SYSTEM:
+        hints.unsetColorScheme()
+        theme = "light" if hints.colorScheme() == Qt.ColorScheme.Light else "dark"
+    else:
+        # Without a desktop that knows colour schemes this does nothing, hence the palette.
+        hints.setColorScheme(Qt.ColorScheme.Dark if theme == "dark" else Qt.ColorScheme.Light)
     app.setPalette(palette(theme))
     # What still reads pyqtgraph's own settings when it is made later.
     pyqtgraph.setConfigOptions(antialias=True, background=None, foreground=app.palette().text().color())

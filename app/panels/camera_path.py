@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look import lengths
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import tip
@@ -81,7 +82,7 @@ class CameraPathPanel(QWidget):
         self.keys.clear()
         for number, pose in enumerate(poses, 1):
             x, y, z = pose.position
-            self.keys.addItem(f"{number}   {x:.1f}, {y:.1f}, {z:.1f} m   {heading_degrees(pose):.0f}°")
+            self.keys.addItem(f"{number}   {lengths.place(x, y, z, decimals=1)}   {heading_degrees(pose):.0f}°")
         self.keys.setCurrentRow(min(row, len(poses) - 1))
         enough = len(poses) >= 2
         self.remove.setEnabled(bool(poses))

@@ -9,7 +9,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from app.layers.labels import short_ids
-from app.look import colors
+from app.look import colors, lengths
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import marked, plain
 from app.look.value import Value
@@ -103,6 +103,7 @@ class DetailsPanel(QScrollArea):
         self.setWidget(content)
         document.selectionChanged.connect(self.refresh)
         document.graphChanged.connect(self.refresh)
+        document.unitsChanged.connect(self.refresh)
         document.contentsChanged.connect(self._on_contents)
         self.refresh()
 
@@ -121,8 +122,8 @@ class DetailsPanel(QScrollArea):
             self._show(
                 f"Viewpoint {short_id(viewpoint.id)}",
                 {
-                    "Position": f"{x:.2f}, {y:.2f}, {z:.2f} m",
-                    "Above the floor": f"{viewpoint.height:.2f} m",
+                    "Position": lengths.place(x, y, z),
+                    "Above the floor": lengths.length(viewpoint.height),
                     "Neighbours": str(len(neighbours)),
                     "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
                     "Comes from": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
@@ -147,7 +148,7 @@ class DetailsPanel(QScrollArea):
                 frame.name,
                 {
                     "Frame": f"{selection.frame + 1} of {len(contents.capture.frames)}",
-                    "Position": f"{x:.2f}, {y:.2f}, {z:.2f} m",
+                    "Position": lengths.place(x, y, z),
                     "Image": f"{frame.lens.width}×{frame.lens.height}, {frame.lens.model}",
                     "Submap": str(owner) if owner >= 0 else "none",
                     "Sensor": frame.sensor,

@@ -81,6 +81,8 @@ class TablePanel(QWidget):
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_change)
         document.editing.selectionChanged.connect(self._show_selection)
+        for model in self._models:
+            document.unitsChanged.connect(model.write_anew)
         row = QHBoxLayout()
         row.addWidget(self.filter, 1)
         row.addWidget(self.select)

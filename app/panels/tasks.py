@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look import colors
+from app.look import colors, lengths
 from app.look.labels import Label
 from app.look.plain_text import tip
 from app.look.wrapping import WrappingRow
@@ -174,7 +174,7 @@ class TaskPanel(QWidget):
         if rows == model.rows and before is not None:  # what is typed and the step stay
             self.table.viewport().update()
             self._steps()
-            self._say()
+            self.say()
             self.chosen.emit()
             return
         model.beginResetModel()
@@ -191,7 +191,7 @@ class TaskPanel(QWidget):
             self.refilter()
         else:
             self.table.viewport().update()
-        self._say()
+        self.say()
 
     def _passes(self, entry: Entry) -> bool:
         verdict, wanted = self.model.review[entry.key], self.state.currentText()
@@ -209,7 +209,7 @@ class TaskPanel(QWidget):
         self.edited = self.current
         self.fill()
         self._steps(0)
-        self._say()
+        self.say()
         self.chosen.emit()
 
     def fill(self) -> None:
@@ -236,14 +236,15 @@ class TaskPanel(QWidget):
             self.editor.document().setModified(False)
             self.written.emit([t.strip() for t in self.editor.toPlainText().splitlines() if t.strip()])
 
-    def _say(self) -> None:
+    def say(self) -> None:
+        """What is known of the chosen task."""
         entry = self.current
         if entry is None:
             return
         fault, did = self.model.faults.get(entry.key, ""), self.model.episode(entry)
         parts = [f"{len(self.model.rows):,} of {len(self.entries):,} tasks", f"Broken: {fault}" if fault else ""]
         if did is not None:
-            parts.append(f"{'success' if did.success else 'failure'}, NE {did.ne:.2f} m, SPL {did.spl:.2f}")
+            parts.append(f"{'success' if did.success else 'failure'}, NE {lengths.length(did.ne)}, SPL {did.spl:.2f}")
         self.words.setText(". ".join(p for p in parts if p) + ".")
 
     def _on_key(self, key: int) -> None:

@@ -63,6 +63,7 @@ class SceneView(QWidget):
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self.update)
         document.selectionChanged.connect(self.update)
+        document.unitsChanged.connect(self.update)
         self._on_contents(frozenset(CONTENT_PARTS))
 
     # What others ask of it -------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from app.actions import Action
 from app.wiring.agent import AgentPart
+from app.wiring.autosave import AutosavePart
 from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
 from app.wiring.camera_path import CameraPathPart
@@ -29,6 +30,7 @@ from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
 from app.wiring.panels import LogPart, MapPart, ShownPart, SubmapPart
 from app.wiring.part import Part
+from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
 from app.wiring.results import ResultPart
 from app.wiring.selecting import SelectPart
@@ -71,6 +73,8 @@ PARTS: tuple[type[Part], ...] = (
     ForeignPart,
     ProposePart,
     LookPart,
+    AutosavePart,
+    PreferencePart,
     PalettePart,
     ViewsPart,
     KeepingPart,

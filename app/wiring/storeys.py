@@ -8,6 +8,7 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QComboBox
 
 from app.actions import Action
+from app.look import lengths
 from app.state.document import Document
 from app.state.reasons import Reason, with_graph
 from app.wiring.panels import MapPart
@@ -53,6 +54,7 @@ class StoreyPart(Part):
         self.choice.setParent(plan)
         self.choice.move(_EDGE, _EDGE)
         self._storeys.changed.connect(self._show)
+        self.workspace.document.unitsChanged.connect(self._show)
         self._storeys.changed.connect(self.workspace.scene.update)
         self._storeys.changed.connect(plan.graph.update)
         self._show()
@@ -66,7 +68,7 @@ class StoreyPart(Part):
         self.choice.addItem("All storeys")
         # As in a lift: the highest on top.
         for number, storey in reversed(list(enumerate(found, 1))):
-            self.choice.addItem(f"Storey {number}, {storey.floor:.1f} m, {storey.count:,} viewpoints")
+            self.choice.addItem(f"Storey {number}, {lengths.length(storey.floor, 1)}, {storey.count:,} viewpoints")
         self.choice.setCurrentIndex(0 if self._storeys.chosen is None else len(found) - self._storeys.chosen)
         self.choice.setVisible(len(found) > 1)
         self.choice.adjustSize()

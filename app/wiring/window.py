@@ -18,6 +18,7 @@ from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
+from app.panels.preferences import Preferences
 from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
@@ -60,7 +61,8 @@ class MainWindow(QMainWindow):
         document.projectChanged.connect(self._on_project)
         self._titles = QTimer(self, singleShot=True, interval=0)
         self._titles.timeout.connect(self._retitle)
-        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self)
+        self.preferences = Preferences(settings, self)
+        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self, self.preferences)
         self.parts = [part(workspace) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
         self.panels = {dock.name: dock.widget for dock in docks}
