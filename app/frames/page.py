@@ -39,6 +39,7 @@ class FramePage(QWidget):
         super().__init__(parent)
         self.brushing = False  # whether [ and ] are the brush's
         self.canvas = Canvas(layers, self)
+        self.canvas.setAccessibleName("Frame beside its render")
         self.layers = LayerList(layers, self)
         self.layers.changed.connect(lambda _: self.canvas.update())
         self.title = MarkedLabel(self)
@@ -182,6 +183,7 @@ def _slider(parent: QWidget, low: int, high: int, value: int, words: str) -> QSl
     slider.setRange(low, high)
     slider.setValue(value)
     slider.setToolTip(tip(words))
+    slider.setAccessibleName(words)
     slider.setFixedWidth(110)
-    slider.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with the page
     return slider

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyqtgraph.Qt.internals import PrimitiveArray
 from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
+from PySide6.QtGui import QColor, QPainter, QPen, QPixmap, QPolygonF
 
 from app.look.plain_text import plain
 
@@ -50,8 +50,21 @@ class Primitives:
         painter.drawPixmapFragments(fragments, count, sprite)
 
 
-def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:
-    """A round sprite with an outline, drawn at twice its size so that it stays smooth when enlarged."""
+SHAPES = ("disc", "square", "diamond", "triangle", "point", "cross")
+"""Of sprites: what tells groups apart without colours. A "ring" is none of them: it is empty."""
+# In shares of the disc's diameter.
+_CORNERS = {
+    "square": ((0.06, 0.06), (0.94, 0.06), (0.94, 0.94), (0.06, 0.94)),
+    "diamond": ((0.5, -0.04), (1.04, 0.5), (0.5, 1.04), (-0.04, 0.5)),
+    "triangle": ((0.5, -0.02), (1.04, 0.96), (-0.04, 0.96)),
+    "point": ((0.5, 1.02), (1.04, 0.04), (-0.04, 0.04)),
+    "cross": ((0.3, 0.0), (0.7, 0.0), (0.7, 0.3), (1.0, 0.3), (1.0, 0.7), (0.7, 0.7),
+              (0.7, 1.0), (0.3, 1.0), (0.3, 0.7), (0.0, 0.7), (0.0, 0.3), (0.3, 0.3)),
+}  # fmt: skip
+
+
+def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> QPixmap:
+    """A sprite with an outline, of one of SHAPES or a ring, drawn at twice its size to stay smooth when enlarged."""
     sprite = QPixmap(2 * diameter, 2 * diameter)
     sprite.setDevicePixelRatio(2.0)
     sprite.fill(Qt.GlobalColor.transparent)
@@ -60,7 +73,16 @@ def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:
     painter.setPen(QPen(QColor(outline), diameter / 10))
     painter.setBrush(QColor(color))
     margin = diameter / 10
-    painter.drawEllipse(QRectF(margin, margin, diameter - 2 * margin, diameter - 2 * margin))
+    inner = diameter - 2 * margin
+    if shape in _CORNERS:
+        painter.drawPolygon(QPolygonF([QPointF(margin + x * inner, margin + y * inner) for x, y in _CORNERS[shape]]))
+    elif shape == "ring":
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        for pen in (QPen(QColor(outline), diameter / 4), QPen(QColor(color), diameter / 7)):
+            painter.setPen(pen)
+            painter.drawEllipse(QRectF(1.6 * margin, 1.6 * margin, inner - 1.2 * margin, inner - 1.2 * margin))
+    else:
+        painter.drawEllipse(QRectF(margin, margin, inner, inner))
     painter.end()
     return sprite
 

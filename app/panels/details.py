@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
@@ -111,6 +111,12 @@ class DetailsPanel(QScrollArea):
         if parts & {"graph", "capture", "submaps", "occupancy"}:
             self.refresh()
 
+    def changeEvent(self, event: QEvent) -> None:
+        """Another theme has other colours."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "words"):
+            self.refresh()
+
     def refresh(self, _: object = None) -> None:
         selection, contents = self._document.selection, self._document.contents
         viewpoint = self._document.selected_viewpoint
@@ -193,11 +199,13 @@ class DetailsPanel(QScrollArea):
         for row, (name, value) in enumerate(facts.items()):
             label, text = Label(plain(name)), _shown(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
+            text.setAccessibleName(plain(name))
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)
         self.rose.show_directions(found)
+        inks = {True: colors.text("open"), False: colors.text("blocked")}
         rows = (
-            f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN_TEXT if f.passable else colors.BLOCKED_TEXT}">'
+            f'<tr><td style="padding:2px 10px 2px 0; color:{inks[f.passable]}">'
             f"{marked(f.place)}</td><td style='padding:2px 0'>{marked(f.sentence)}</td></tr>"
             for f in found
         )
@@ -216,7 +224,7 @@ def _verdict(cell: tuple[str, bool | None]) -> str:
     words, passes = cell
     if passes is None:
         return f"<td align='right' style='padding:2px 8px'>{marked(words)}</td>"
-    ink, sign = (colors.OPEN_TEXT, "✓") if passes else (colors.BLOCKED_TEXT, "✗")
+    ink, sign = (colors.text("open"), "✓") if passes else (colors.text("blocked"), "✗")
     return f"<td align='right' style='padding:2px 8px; color:{ink}'>{marked(words)} {sign}</td>"
 
 

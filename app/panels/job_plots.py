@@ -60,6 +60,7 @@ class JobPlots(QWidget):
         row.setContentsMargins(2, 2, 2, 2)
         for name, title in _PLOTS:
             plot = pyqtgraph.PlotWidget(self._row, axisItems={"bottom": StepAxis()})
+            plot.setAccessibleName(f"Curve of {title}")
             plot.setMenuEnabled(False)
             plot.hideButtons()
             plot.setTitle(marked(title), size="9pt")

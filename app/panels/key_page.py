@@ -72,7 +72,7 @@ class KeyTable(QAbstractTableModel):
         if role == Qt.ItemDataRole.ToolTipRole and others:
             return tip(f"Also the keys of: {', '.join(others)}. Neither does anything until one has others.")
         if role == Qt.ItemDataRole.ForegroundRole and others and column in (_KEYS, _CONFLICT):
-            return QColor(colors.BLOCKED_TEXT)
+            return QColor(colors.text("blocked"))
         if role == Qt.ItemDataRole.ForegroundRole and not row.id:
             return self._faded()
         return None

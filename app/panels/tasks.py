@@ -65,7 +65,7 @@ class TaskModel(QAbstractTableModel):
             return tip(f"Broken: {fault}")
         if role == Qt.ItemDataRole.ForegroundRole and index.column() == 4:
             state = self.review[entry.key].state
-            ink = colors.BLOCKED_TEXT if fault or state == "rejected" else colors.OPEN_TEXT
+            ink = colors.text("blocked") if fault or state == "rejected" else colors.text("open")
             return QColor(ink)
         return None
 
@@ -110,11 +110,20 @@ class TaskPanel(QWidget):
         self.setObjectName("taskPanel")
         self.model, self.entries = TaskModel(), tuple[Entry, ...]()
         self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
+        for widget, name in (
+            (self.text, "Filter by words or path id"),
+            (self.split, "Split"),
+            (self.state, "State"),
+            (self.order, "Order"),
+        ):
+            widget.setAccessibleName(name)
         self.text.setPlaceholderText("Filter by words or path id")
         self.state.addItems(["every state", "open", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])
         self.split.addItem("every split")
         self.table = _Table()
+        self.table.setAccessibleName("Tasks")
+        self.table.setTabKeyNavigation(False)  # Tab goes on to the next control
         self.table.setModel(self.model)
         self.table.setSelectionBehavior(QTableView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QTableView.SelectionMode.SingleSelection)
@@ -128,9 +137,12 @@ class TaskPanel(QWidget):
         self.words = Label("Open a folder of tasks: R2R_train.json and so on.")
         self.words.setWordWrap(True)
         self.editor = QPlainTextEdit()
+        self.editor.setAccessibleName("Instructions of the task")
+        self.editor.setTabChangesFocus(True)
         self.editor.setPlaceholderText("One instruction a line")
         self.editor.setFixedHeight(48)
         self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setAccessibleName("Place on the path")
         box = QVBoxLayout(self)
         box.setContentsMargins(8, 8, 8, 8)
         box.addLayout(

@@ -41,6 +41,7 @@ class MapView(QWidget):
         self._pose_soon = QTimer(self, singleShot=True, interval=PACE)
         self._pose_soon.timeout.connect(self._place_camera)
         self.plot = pg.PlotWidget(self)
+        self.plot.setAccessibleName("Map")
         self.plot.setAspectLocked(True)
         self.plot.hideAxis("left")
         self.plot.hideAxis("bottom")

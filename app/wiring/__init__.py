@@ -29,6 +29,7 @@ from app.wiring.modes import ModePart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
 from app.wiring.panels import LogPart, MapPart, ShownPart, SubmapPart
+from app.wiring.panes import PanePart
 from app.wiring.part import Part
 from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
@@ -74,6 +75,7 @@ PARTS: tuple[type[Part], ...] = (
     ProposePart,
     LookPart,
     AutosavePart,
+    PanePart,
     PreferencePart,
     PalettePart,
     ViewsPart,

@@ -88,6 +88,8 @@ class MainWindow(QMainWindow):
         dock = QDockWidget(row.title, self)
         dock.setObjectName(f"dock_{row.name}")
         dock.setWidget(row.widget)
+        if not row.widget.accessibleName():
+            row.widget.setAccessibleName(row.title)
         dock.setMinimumWidth(200)  # a layout of a smaller screen must not squeeze it to nothing
         for changed in (dock.topLevelChanged, dock.visibilityChanged):
             changed.connect(self._titles.start)
