@@ -37,7 +37,7 @@ class AgentView(QWidget):
         self.setAccessibleName("View of the agent")
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
-        self.setMinimumSize(WIDTH // 2, HEIGHT // 2)
+        self.setMinimumSize(WIDTH // 2, HEIGHT // 3)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self._document, self._walk = document, walk
         self.shown: AgentState | None = None

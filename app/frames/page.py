@@ -21,6 +21,7 @@ from app.frames.layers import FrameLayer, LayerList
 from app.look.icons import icon
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import tip
+from app.look.scrolling import Scrolling
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -73,7 +74,7 @@ class FramePage(QWidget):
         side.setContentsMargins(10, 8, 8, 8)
         side.setSpacing(8)
         side.addWidget(MarkedLabel("<b>Layers</b>", self))
-        side.addWidget(self.layers, 1)
+        side.addWidget(Scrolling(self.layers, self), 1)
         middle = QHBoxLayout()
         middle.setSpacing(0)
         middle.addWidget(self.canvas, 1)

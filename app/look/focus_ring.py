@@ -64,8 +64,11 @@ class FocusRing(QWidget):
         if widget is None or not widget.isVisible():
             self.hide()
             return
-        place = QRect(widget.mapTo(self.window(), widget.rect().topLeft()), widget.size())
-        self.setGeometry(place)
+        seen, above = QRect(widget.mapTo(self.window(), widget.rect().topLeft()), widget.size()), widget.parentWidget()
+        while above is not None and above is not self.window():  # what scrolls shows a part of it
+            seen &= QRect(above.mapTo(self.window(), above.rect().topLeft()), above.size())
+            above = above.parentWidget()
+        self.setGeometry(seen)
         inner = self.rect().adjusted(_WIDTH, _WIDTH, -_WIDTH, -_WIDTH)
         self.setMask(QRegion(self.rect()) - QRegion(inner))
         self.show()

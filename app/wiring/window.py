@@ -16,6 +16,7 @@ from app.jobs.queue import JobQueue
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
+from app.look.scrolling import LEAST, Scrolling
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
 from app.panels.preferences import Preferences
@@ -87,7 +88,8 @@ class MainWindow(QMainWindow):
     def _dock(self, row: Dock) -> QDockWidget:
         dock = QDockWidget(row.title, self)
         dock.setObjectName(f"dock_{row.name}")
-        dock.setWidget(row.widget)
+        high = row.widget.minimumSizeHint().height() > LEAST
+        dock.setWidget(Scrolling(row.widget) if high else row.widget)
         if not row.widget.accessibleName():
             row.widget.setAccessibleName(row.title)
         dock.setMinimumWidth(200)  # a layout of a smaller screen must not squeeze it to nothing
