@@ -13,6 +13,7 @@ from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPixmap, QPolygonF
 
 from app.look.plain_text import plain
+from nvsim.graph.marks import CORNERS
 
 _LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the image by far
 
@@ -50,21 +51,8 @@ class Primitives:
         painter.drawPixmapFragments(fragments, count, sprite)
 
 
-SHAPES = ("disc", "square", "diamond", "triangle", "point", "cross")
-"""Of sprites: what tells groups apart without colours. A "ring" is none of them: it is empty."""
-# In shares of the disc's diameter.
-_CORNERS = {
-    "square": ((0.06, 0.06), (0.94, 0.06), (0.94, 0.94), (0.06, 0.94)),
-    "diamond": ((0.5, -0.04), (1.04, 0.5), (0.5, 1.04), (-0.04, 0.5)),
-    "triangle": ((0.5, -0.02), (1.04, 0.96), (-0.04, 0.96)),
-    "point": ((0.5, 1.02), (1.04, 0.04), (-0.04, 0.04)),
-    "cross": ((0.3, 0.0), (0.7, 0.0), (0.7, 0.3), (1.0, 0.3), (1.0, 0.7), (0.7, 0.7),
-              (0.7, 1.0), (0.3, 1.0), (0.3, 0.7), (0.0, 0.7), (0.0, 0.3), (0.3, 0.3)),
-}  # fmt: skip
-
-
 def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> QPixmap:
-    """A sprite with an outline, of one of SHAPES or a ring, drawn at twice its size to stay smooth when enlarged."""
+    """A sprite with an outline, of one of marks.SHAPES or an empty ring, drawn at twice its size to stay smooth."""
     sprite = QPixmap(2 * diameter, 2 * diameter)
     sprite.setDevicePixelRatio(2.0)
     sprite.fill(Qt.GlobalColor.transparent)
@@ -74,8 +62,8 @@ def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> Q
     painter.setBrush(QColor(color))
     margin = diameter / 10
     inner = diameter - 2 * margin
-    if shape in _CORNERS:
-        painter.drawPolygon(QPolygonF([QPointF(margin + x * inner, margin + y * inner) for x, y in _CORNERS[shape]]))
+    if shape in CORNERS:
+        painter.drawPolygon(QPolygonF([QPointF(margin + x * inner, margin + y * inner) for x, y in CORNERS[shape]]))
     elif shape == "ring":
         painter.setBrush(Qt.BrushStyle.NoBrush)
         for pen in (QPen(QColor(outline), diameter / 4), QPen(QColor(color), diameter / 7)):

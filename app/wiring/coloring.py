@@ -15,7 +15,7 @@ from app.actions import Action
 from app.painting.drawing_cache import DrawingCache
 from app.painting.graph_ink import LARGE, SMOOTH_LINES
 from app.painting.picking import NEAR
-from app.painting.primitives import SHAPES, Primitives, disc
+from app.painting.primitives import Primitives, disc
 from app.state.document import Document
 from app.state.graph_arrays import GraphArrays, extremes
 from app.state.graph_coloring import Coloring, Group, coloring
@@ -23,6 +23,7 @@ from app.state.reasons import Reason, with_graph, with_occupancy
 from app.views.graph_surface import GraphSurface
 from app.wiring.part import Part, Workspace
 from nvsim.graph.edits import EditError
+from nvsim.graph.marks import SHAPES
 
 MOST_ROWS = 9  # of the legend
 _LINES = (

@@ -28,7 +28,7 @@ from test_window import contrast
 from app.forms.arguments import Settings
 from app.forms.form import CommandForm
 from app.look import colors, theme
-from app.painting.primitives import SHAPES, disc
+from app.painting.primitives import disc
 from app.panels.help import open_help
 from app.state.document import Document
 from app.state.graph_coloring import coloring
@@ -36,6 +36,7 @@ from app.wiring.coloring import _LINES
 from app.wiring.panes import PanePart
 from app.wiring.preferences import PreferencePart
 from app.wiring.window import MainWindow
+from nvsim.graph.marks import SHAPES
 
 TAB = Qt.FocusPolicy.TabFocus
 _INNER = (QTabBar, QTabWidget, QScrollBar, QLabel)
