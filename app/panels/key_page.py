@@ -103,7 +103,7 @@ class _Fitting(QSortFilterProxyModel):
 
 
 class KeyPage(QWidget):
-    """`find` is told what the dialog searches for."""
+    """`search` is told what the dialog searches for."""
 
     def __init__(self, bindings: KeyBindings, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -177,7 +177,7 @@ class KeyPage(QWidget):
         row = next(i for i, row in enumerate(self._bindings.rows) if row.id == id)
         self.view.setCurrentIndex(self._fitting.mapFromSource(self.table.index(row, 0)))
 
-    def find(self, typed: str) -> int:
+    def search(self, typed: str) -> int:
         """Shows the rows that have these words; returns how many."""
         self._typed = typed
         self._filter()

@@ -153,7 +153,7 @@ class PreferenceDialog(QDialog):
             box.setVisible(bool(fitting))
             count += len(fitting)
         self.nothing.setVisible(not count)
-        found = self.keys.find(typed)
+        found = self.keys.search(typed)
         self.tabs.setTabText(0, f"Settings ({count})" if words else "Settings")
         self.tabs.setTabText(1, f"Keys ({found})" if words else "Keys")
         if words and not count and found:

@@ -110,13 +110,9 @@ class TaskPanel(QWidget):
         self.setObjectName("taskPanel")
         self.model, self.entries = TaskModel(), tuple[Entry, ...]()
         self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
-        for widget, name in (
-            (self.text, "Filter by words or path id"),
-            (self.split, "Split"),
-            (self.state, "State"),
-            (self.order, "Order"),
-        ):
-            widget.setAccessibleName(name)
+        self.text.setAccessibleName("Filter by words or path id")
+        for choice, name in ((self.split, "Split"), (self.state, "State"), (self.order, "Order")):
+            choice.setAccessibleName(name)
         self.text.setPlaceholderText("Filter by words or path id")
         self.state.addItems(["every state", "open", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])

@@ -32,7 +32,7 @@ class PanePart(Part):
     def panes(self) -> list[tuple[str, QWidget]]:
         """Title and widget of what is in front, from left to right and from top to bottom."""
         window = self.workspace.window
-        found = [("3D view", window.centre)] if window.centre.isVisible() else []
+        found: list[tuple[str, QWidget]] = [("3D view", window.centre)] if window.centre.isVisible() else []
         for name, title in window.dock_titles.items():
             panel = window.panels[name]
             if panel.isVisible() and _in_front(panel):

@@ -181,7 +181,7 @@ def test_texts_follow_the_theme(window: MainWindow) -> None:
 
 
 def test_what_colours_say_shapes_and_lines_say_too(document: Document, qapp: QApplication) -> None:
-    for by in ("degree", "evidence", "reviewed", "validity", "storey", "component", "submap"):
+    for by in ("degree", "evidence", "reviewed", "storey", "component", "submap"):
         groups = coloring(document, by).groups
         marks = [group.mark for group in groups]
         assert len(set(marks)) == len(marks) and len({g.color for g in groups}) == len(groups)

@@ -215,13 +215,13 @@ def test_keys_that_exclude_each_other_are_named(window: MainWindow) -> None:
     assert part.bindings.conflicts() == {"depth": ("Fly forward",), "fly_forward": ("Depth",)}
     dialog = part.open_keys()
     dialog.keys.only.setChecked(True)
-    assert dialog.keys.find("") == 2 and "2 commands" in dialog.keys.words.text()
+    assert dialog.keys.search("") == 2 and "2 commands" in dialog.keys.words.text()
     dialog.keys.choose("depth")
     QTest.mouseClick(dialog.keys.reset, Qt.MouseButton.LeftButton)
-    assert part.bindings.conflicts() == {} and dialog.keys.find("") == 0
+    assert part.bindings.conflicts() == {} and dialog.keys.search("") == 0
     dialog.keys.only.setChecked(False)
-    assert 1 <= dialog.keys.find("ctrl+p") < 6
-    assert dialog.keys.find("") == len(part.bindings.rows) > len(FIXED)
+    assert 1 <= dialog.keys.search("ctrl+p") < 6
+    assert dialog.keys.search("") == len(part.bindings.rows) > len(FIXED)
     dialog.close()
 
 

@@ -82,8 +82,8 @@ class Picture:
     dots: tuple[Dot, ...]
     bar: tuple[float, str]
     scan: str
-    title: str
-    legend: tuple[Key, ...]
+    title: str = ""  # of the legend
+    legend: tuple[Key, ...] = ()
 
     @property
     def size(self) -> float:
@@ -92,7 +92,9 @@ class Picture:
 
     @property
     def whole_height(self) -> int:
-        """With the legend."""
+        """With the legend, where there is one."""
+        if not self.legend:
+            return self.height
         return self.height + math.ceil(1.6 * self.size * (len(self.legend) + bool(self.title)) + 0.8 * self.size)
 
     def row(self, number: int) -> float:
