@@ -103,17 +103,28 @@ class ActionTable(QObject):
                 continue  # setting tips costs more than asking
             self._reasons[entry.id] = reason
             action.setEnabled(reason is None)
-            shortcut = f" ({entry.shortcut})" if entry.shortcut else ""
+            keys = self.keys(entry.id)
+            shortcut = f" ({keys})" if keys else ""
             reason_words = (reason or "").rstrip(".")
             not_now = "" if reason is None else f"Not now: {reason_words}."
             action.setToolTip(tip(f"{entry.tip}{shortcut}\n{not_now}".rstrip()))
             action.setStatusTip(plain(f"{entry.tip}. {not_now}" if not_now else entry.tip))
 
+    def keys(self, id: str) -> str:
+        """The shortcut of a command, "" for none."""
+        return self.actions[id].shortcut().toString()
+
+    def bind(self, id: str, keys: str) -> None:
+        """Gives a command another shortcut, "" for none."""
+        self.actions[id].setShortcut(QKeySequence(keys))
+        self._reasons.pop(id, None)  # the tool tip names the shortcut
+        self.refresh()
+
     def why_not(self, keys: QKeySequence) -> str:
         """Why the command of these keys cannot run now, as a sentence; "" where there is none, or it can."""
         for entry in self.entries:
             reason = self._reasons.get(entry.id)
-            if reason and entry.shortcut and self.actions[entry.id].shortcut() == keys:
+            if reason and not keys.isEmpty() and self.actions[entry.id].shortcut() == keys:
                 return f"{entry.text.replace('&', '').rstrip('…')}: not now, {reason}."
         return ""
 

@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer
 
 from app.drawing.render_child import ProjectSource
 from app.look.notices import Notices
+from app.panels.preferences import memory_budget
 from app.state.document import Document
 from app.state.graph_source import GraphSource
 from app.state.loading import Contents
@@ -22,12 +23,10 @@ from nvsim.splats.formats.upright import UPS
 
 
 class Session(QObject):
-    """Owns the window and what feeds it. `memory_budget` in bytes is for the trained models in memory, as SceneModel
-    takes it."""
+    """Owns the window and what feeds it."""
 
-    def __init__(self, settings: QSettings, memory_budget: int | None = None) -> None:
+    def __init__(self, settings: QSettings) -> None:
         super().__init__()
-        self._memory_budget = memory_budget
         self.notices = Notices(self)
         self.document = Document(parent=self)
         self.window = MainWindow(self.document, settings, self.notices)
@@ -41,6 +40,7 @@ class Session(QObject):
         self.window.closeWanted.connect(self.close_project)
         self.window.turnWanted.connect(self._turn_up)
         self.document.contentsChanged.connect(self._on_contents)
+        self.window.preferences.changed.connect(self._on_preference)
 
     def open(self, path: Path) -> None:
         """Reads the project from now on, or a file once. The path was checked before."""
@@ -127,5 +127,10 @@ class Session(QObject):
         if "scene_stamp" in parts and isinstance(contents.scene_stamp, SplatFile):
             self.window.show_source(contents.scene_stamp)
         elif "scene_stamp" in parts and contents.path is not None:
-            source = ProjectSource(contents.path, self._memory_budget)
+            source = ProjectSource(contents.path, memory_budget(self.window.preferences))
             self.window.show_source(source if contents.scene_stamp is not None else None)
+
+    def _on_preference(self, key: str) -> None:
+        """Models are read again within the memory that they may take now."""
+        if key == "memory_gib" and self.document.contents.scene_stamp is not None:
+            self._on_contents(frozenset({"scene_stamp"}))

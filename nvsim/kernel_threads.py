@@ -15,11 +15,23 @@ import sys
 
 PRIORITY = ("omp", "workqueue", "tbb")
 _VARIABLE = "NUMBA_THREADING_LAYER_PRIORITY"
+_LIMITS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def cores() -> int:
     """That this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def allowed() -> int:
+    """Threads that this process may use at once: its cores, or fewer where the environment says so."""
+    said = os.environ.get(_LIMITS[0], "")
+    return min(int(said), cores()) if said.isdecimal() and int(said) else cores()
+
+
+def limit(threads: int) -> dict[str, str]:
+    """The environment of a process that computes with so many threads, at least 1 and at most as many as cores."""
+    return dict.fromkeys(_LIMITS, str(min(max(threads, 1), cores())))
 
 
 def choose() -> None:

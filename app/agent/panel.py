@@ -56,6 +56,8 @@ class AgentPanel(QWidget):
         super().__init__(parent)
         self._walk = walk
         self.values = {name: Value(parent=self) for name in _FIELDS}
+        for name, value in self.values.items():
+            value.setAccessibleName(name)
         self.table = _Locations(self)
         self.table.setObjectName("navigableLocations")
         self.table.setAccessibleName("Navigable locations")
@@ -155,7 +157,7 @@ class _Locations(QTreeWidget):
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setAlternatingRowColors(True)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys stay with the image or the map
+        self.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with the image or the map
         self.setMinimumHeight(4 * (self.fontMetrics().height() + 5))
         head = self.headerItem()
         for column, words in enumerate(

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from app.agent.marks import Mark, marks
 from app.agent.state import AgentState
 from app.agent.walking import AgentWalk
-from app.look import colors
+from app.look import colors, lengths
 from app.look.plain_text import lines, tip
 from app.painting.primitives import chip, chip_box
 from app.state.document import Document
@@ -37,7 +37,7 @@ class AgentView(QWidget):
         self.setAccessibleName("View of the agent")
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
-        self.setMinimumSize(WIDTH // 2, HEIGHT // 2)
+        self.setMinimumSize(WIDTH // 2, HEIGHT // 3)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self._document, self._walk = document, walk
         self.shown: AgentState | None = None
@@ -155,15 +155,15 @@ class AgentView(QWidget):
         for mark in self.marks:
             self._paint_disc(painter, mark)
         for mark in reversed(self.marks):
-            metres = f"{mark.distance:.1f} m"
+            away = lengths.length(mark.distance, 1)
             spot = self.spot(mark)
             anchor = QPointF(spot.x() + RADIUS + 3, spot.y() + 9)
-            where = chip_box(painter, anchor, metres)
+            where = chip_box(painter, anchor, away)
             if where.right() > self.box.right():
                 anchor.setX(spot.x() - RADIUS - 3 - where.width())
-            where = chip_box(painter, anchor, metres)
+            where = chip_box(painter, anchor, away)
             if not any(where.intersects(other) for other in taken) or mark.index == self.pointed:
-                taken.append(chip(painter, anchor, metres, _INK, _LABEL))
+                taken.append(chip(painter, anchor, away, _INK, _LABEL))
 
     def _paint_foot(self, painter: QPainter, mark: Mark) -> None:
         assert mark.foot is not None

@@ -26,8 +26,7 @@ from PySide6.QtWidgets import (
 from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
 from app.forms.rows import Row
-from app.look import colors
-from app.look.labels import Label
+from app.look.labels import InkLabel, Label
 from app.look.plain_text import SENTENCE, plain
 from nvsim.errors import InputError
 
@@ -85,10 +84,12 @@ class CommandForm(QDialog):
         self.replaces.setWordWrap(True)
         self.replaces.setVisible(bool(self.replaces.text()))
         self.presets = QComboBox(self)
+        self.presets.setAccessibleName("Preset")
         self.presets.addItems(presets_of(self.verb))
         self.presets.setCurrentText(self._settings.preset(self.verb))
         self.presets.currentTextChanged.connect(self._on_preset)
         self.search = QLineEdit(self)
+        self.search.setAccessibleName("Find an option")
         self.search.setPlaceholderText("Find a setting")
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._filter)
@@ -100,6 +101,7 @@ class CommandForm(QDialog):
             above.addSpacing(12)
         above.addWidget(self.search, 1)
         self.list = QListWidget(self)
+        self.list.setAccessibleName("Groups of options")
         self.list.setFixedWidth(150)
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setSpacing(3)
@@ -109,6 +111,7 @@ class CommandForm(QDialog):
         self._column.setContentsMargins(12, 8, 12, 8)
         self._column.addStretch(1)
         self.area = QScrollArea(self)
+        self.area.setAccessibleName("Options")
         self.area.setWidgetResizable(True)
         self.area.setFrameShape(QFrame.Shape.StyledPanel)
         self.area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -116,12 +119,12 @@ class CommandForm(QDialog):
         self._middle = QHBoxLayout()
         self._middle.addWidget(self.list)
         self._middle.addWidget(self.area, 1)
-        self.problem = Label(self)
+        self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
-        self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
         self.problem.hide()
         self._command_line = ""
         self.command = QLineEdit(self)
+        self.command.setAccessibleName("Command")
         self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.command.setToolTip("The same from a terminal")

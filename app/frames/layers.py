@@ -82,7 +82,8 @@ class LayerList(QWidget):
             slider.setValue(round(100 * layer.opacity))
             slider.setToolTip(tip(f"How strongly “{layer.title}” covers the image"))
             slider.setMinimumWidth(60)
-            slider.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+            slider.setAccessibleName(f"Strength of {layer.title}")
+            slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with the page
             box.toggled.connect(lambda on, layer=layer: self._show(layer, on))
             slider.valueChanged.connect(lambda value, layer=layer: self._fade(layer, value))
             grid.addWidget(box, 2 * row, 0)

@@ -21,6 +21,7 @@ from app.frames.layers import FrameLayer, LayerList
 from app.look.icons import icon
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import tip
+from app.look.scrolling import Scrolling
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -39,6 +40,7 @@ class FramePage(QWidget):
         super().__init__(parent)
         self.brushing = False  # whether [ and ] are the brush's
         self.canvas = Canvas(layers, self)
+        self.canvas.setAccessibleName("Frame beside its render")
         self.layers = LayerList(layers, self)
         self.layers.changed.connect(lambda _: self.canvas.update())
         self.title = MarkedLabel(self)
@@ -72,7 +74,7 @@ class FramePage(QWidget):
         side.setContentsMargins(10, 8, 8, 8)
         side.setSpacing(8)
         side.addWidget(MarkedLabel("<b>Layers</b>", self))
-        side.addWidget(self.layers, 1)
+        side.addWidget(Scrolling(self.layers, self), 1)
         middle = QHBoxLayout()
         middle.setSpacing(0)
         middle.addWidget(self.canvas, 1)
@@ -182,6 +184,7 @@ def _slider(parent: QWidget, low: int, high: int, value: int, words: str) -> QSl
     slider.setRange(low, high)
     slider.setValue(value)
     slider.setToolTip(tip(words))
+    slider.setAccessibleName(words)
     slider.setFixedWidth(110)
-    slider.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with the page
     return slider

@@ -59,7 +59,8 @@ class RegionLayer(Layer):
             ink = QColor(colors.OPEN if direction.open else colors.BLOCKED)
             fill = QColor(ink)
             fill.setAlpha(120 if pointed else 52)
-            pen = QPen(QColor(colors.SELECTED) if pointed else ink, 2.4 if pointed else 1.4)
+            style = Qt.PenStyle.SolidLine if direction.open else Qt.PenStyle.DotLine
+            pen = QPen(QColor(colors.SELECTED) if pointed else ink, 2.4 if pointed else 1.4, style)
             _draw(painter, camera, direction.polygon(), pen, fill)
             culprit = direction.culprit()
             if culprit is not None:
@@ -90,7 +91,8 @@ class RegionMarks(QObject):
         self._items = {key: QGraphicsPathItem() for key in ("open", "blocked", "pointed")}
         for z, (key, item) in enumerate(self._items.items()):
             ink = QColor({"open": colors.OPEN, "blocked": colors.BLOCKED, "pointed": colors.SELECTED}[key])
-            pen = QPen(ink, 2.2 if key == "pointed" else 1.0)
+            style = Qt.PenStyle.DotLine if key == "blocked" else Qt.PenStyle.SolidLine
+            pen = QPen(ink, 2.2 if key == "pointed" else 1.0, style)
             pen.setCosmetic(True)
             item.setPen(pen)
             fill = QColor(ink)

@@ -11,7 +11,7 @@ from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.inspector.sphere import angles
 from app.inspector.state import Inspection
-from app.look import colors
+from app.look import colors, lengths
 from app.painting.primitives import chip
 from app.state.directions import short
 
@@ -60,7 +60,7 @@ class NeighbourMarks:
                 chip(
                     painter,
                     QPointF(x + 14, y + 5),
-                    f"{short(id)}, {metres:.1f} m",
+                    f"{short(id)}, {lengths.length(metres, 1)}",
                     QColor("#e8edf2"),
                     QColor("#20252b"),
                 )

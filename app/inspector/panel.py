@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QModelIndex, Qt, Signal
+from PySide6.QtCore import QEvent, QModelIndex, Qt, Signal
 from PySide6.QtGui import QColor, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -108,6 +108,7 @@ class InspectorPanel(QScrollArea):
 
     def _list(self, parent: QWidget) -> QTreeWidget:
         tree = QTreeWidget(parent)
+        tree.setAccessibleName("Directions")
         tree.setObjectName("directions")
         tree.setColumnCount(3)
         tree.setHeaderLabels(["Direction", "Decision", "Leads to"])
@@ -168,8 +169,8 @@ class InspectorPanel(QScrollArea):
             item = QTreeWidgetItem([plain(way), plain(direction.fate), short(direction.neighbour)])
             item.setData(0, Qt.ItemDataRole.UserRole, direction.key)
             item.setData(0, Qt.ItemDataRole.DecorationRole, open_mark if direction.open else blocked_mark)
-            passed = colors.OPEN_TEXT if direction.joined else colors.WARNING_TEXT
-            item.setForeground(1, QColor(passed if direction.open else colors.BLOCKED_TEXT))
+            passed = colors.text("open") if direction.joined else colors.text("warning")
+            item.setForeground(1, QColor(passed if direction.open else colors.text("blocked")))
             item.setToolTip(0, tip(direction.sentence))
             item.setToolTip(1, tip(direction.sentence))
             there = f"Double-click to stand there: {direction.neighbour}" if direction.neighbour else ""
@@ -200,6 +201,12 @@ class InspectorPanel(QScrollArea):
             return "No evidence is stored for this viewpoint: a user or a file put it there, or it was moved."
         free = sum(d.open for d in found)
         return f"{free} of {len(found)} directions pass the thresholds. Point at one to see its values."
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Another theme has other colours."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_halves"):
+            self._fill()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         size = self.viewport().size()

@@ -212,7 +212,9 @@ class PanoramaView(QWidget):
             fill = QColor(ink)
             fill.setAlpha(110 if pointed else 60 if direction.lattice else 26)
             pen = QPen(QColor(colors.SELECTED) if pointed else ink, 2.4 if pointed else 1.6)
-            if not direction.lattice:
+            if not direction.open:
+                pen.setStyle(Qt.PenStyle.DotLine)
+            elif not direction.lattice:
                 pen.setStyle(Qt.PenStyle.DashLine)
             for outline in self._outlines(direction.polygon(), direction):
                 painter.setPen(pen)

@@ -134,6 +134,7 @@ class JobQueue(QObject):
         self.handles: list[JobHandle] = []  # in the order they were ordered
         self._watched: set[int] = set()
         self.ran: dict[int, float] = {}  # see JobList.ran
+        self.threads = 0  # that a job may use, 0 for all cores
         self._timer = QTimer(self, interval=CALM)
         self._timer.timeout.connect(self._look)
 
@@ -263,7 +264,7 @@ class JobQueue(QObject):
             self.changed.emit()
 
     def _begin(self, jobs: JobList, number: int | None) -> None:
-        start_worker(jobs.root, number)
+        start_worker(jobs.root, number, self.threads)
         self._timer.setInterval(LIVELY)
 
     # Looking ----------------------------------------------------------------------------------------------------

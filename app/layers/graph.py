@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.layers.layer import Layer
 from app.look import colors
+from app.painting.behind import behind_walls
 from app.painting.drawing_cache import DrawingCache
 from app.painting.graph_ink import LARGE, GraphInk
 from app.painting.picking import NEAR, projected_segments
@@ -23,6 +24,7 @@ from nvsim.project.work import STAGE
 
 _NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor
 _NODE_PIXELS = (3.5, 42.0)  # least and most radius of a disc
+_BEHIND = 0.28  # opacity of what is behind walls
 _MARGIN = 20  # pixels beside the image whose discs still reach into it
 
 
@@ -55,6 +57,13 @@ class Seen:
         order = np.flatnonzero(seen)
         return Seen(camera, arrays, pixels, depths, seen, radii, order[np.argsort(-depths[order])])
 
+    def part(self, chosen: NDArray[np.bool_], touching: bool) -> Seen:
+        """The `chosen` (N,) viewpoints, with the edges that meet one of them or, not `touching`, join two of them."""
+        ends = chosen[self.arrays.edges]
+        arrays = replace(self.arrays, edges=self.arrays.edges[ends.any(axis=1) if touching else ends.all(axis=1)])
+        order = self.order[chosen[self.order]]
+        return Seen(self.camera, arrays, self.pixels, self.depths, self.seen, self.radii, order)
+
     @cached_property
     def lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What is in view of the edges, as `projected_segments` gives it: ends in pixels (M, 4), depth (M,)."""
@@ -81,7 +90,7 @@ class Seen:
 
 
 class GraphLayer(Layer):
-    """`hovered` is set by the views: the id under the cursor."""
+    """`hovered` is set by the views: the id under the cursor. `fades_hidden`: what is behind walls is drawn faintly."""
 
     name = "graph"
     title = "Graph"
@@ -94,6 +103,8 @@ class GraphLayer(Layer):
         self._ink = GraphInk()
         self._latest: Seen | None = None
         self._kept = DrawingCache(parent, again)
+        self.fades_hidden = True
+        self._hidden: tuple[object, ...] = ()
 
     @property
     def missing(self) -> str:
@@ -105,6 +116,19 @@ class GraphLayer(Layer):
         if self._latest is None or self._latest.camera is not camera or self._latest.arrays is not arrays:
             self._latest = Seen.of(camera, arrays)
         return self._latest
+
+    def hidden(self, view: Seen) -> NDArray[np.bool_]:
+        """(N,) which viewpoints stand behind walls, by the map; none where there is no map, or where it shows one of
+        several storeys, and of a graph so large that its drawing is kept."""
+        occupancy = self._document.contents.occupancy
+        none = occupancy is None or len(self._document.storeys.found) > 1 or len(view.arrays.edges) > LARGE
+        if none or not self.fades_hidden:
+            return np.zeros(len(view.arrays.ids), np.bool_)
+        if len(self._hidden) != 3 or self._hidden[0] is not view or self._hidden[1] is not occupancy:
+            assert occupancy is not None  # asked before
+            self._hidden = view, occupancy, behind_walls(occupancy, view.camera.position, view.arrays.feet)
+        found: NDArray[np.bool_] = self._hidden[2]  # type: ignore[assignment]
+        return found
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         arrays = self._document.shown_arrays
@@ -124,8 +148,15 @@ class GraphLayer(Layer):
             whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.between)
             self._kept.paint(painter, k.width, k.height, key, draw, whole, touched)
         else:
+            hidden = self.hidden(view)
+            if hidden.any():
+                opacity = painter.opacity()
+                painter.setOpacity(_BEHIND * opacity)
+                self._paint_all(painter, view.part(hidden, touching=True))
+                painter.setOpacity(opacity)
+                view = view.part(~hidden, touching=False)
             self._paint_all(painter, view)
-        self._paint_marked(painter, view)
+        self._paint_marked(painter, self.seen(camera))
 
     def _paint_all(self, painter: QPainter, view: Seen, within: QRectF | None = None) -> None:
         self._ink.draw_edges(painter, *view.lines, within)

@@ -1,4 +1,5 @@
-"""Colours that mean something: the same in both themes, on the map, in the 3D view and in lists."""
+"""Colours that mean something: the same in both themes, on the map, in the 3D view and in lists; of texts, each theme
+has its own."""
 
 from __future__ import annotations
 
@@ -12,12 +13,25 @@ AGENT = "#8f57cc"
 OPEN = "#3fb37f"
 BLOCKED = "#e05d5d"
 UNDECIDED = "#8d99a6"
-# The same meanings as text: dark enough for white paper, light enough for a dark one.
-RUNNING_TEXT = "#169c8f"
-OPEN_TEXT = "#2f9e6c"
-BLOCKED_TEXT = "#dd5555"
-WARNING_TEXT = "#c27c0e"
-QUIET_TEXT = "#7f8b98"
+WARNING = "#c27c0e"
+# The same meanings as text, at 4.5 to 1 or better on every ground of their theme: no colour is that on both.
+TEXTS = {
+    "dark": {
+        "running": "#3cc9bc",
+        "open": "#4fc08d",
+        "blocked": "#f07f7f",
+        "warning": "#e0a13c",
+        "quiet": "#97a3b0",
+    },
+    "light": {
+        "running": "#0f766e",
+        "open": "#1d7a50",
+        "blocked": "#c03535",
+        "warning": "#8f5a00",
+        "quiet": "#5c6773",
+    },
+}
+_theme = ["dark"]
 
 # Twelve hues that stay apart for most kinds of colour vision, in an order that keeps neighbours different.
 SUBMAPS = (
@@ -27,6 +41,16 @@ SUBMAPS = (
 
 OCCUPANCY_DARK = {"free": (58, 66, 78), "occupied": (186, 196, 208), "unknown": (31, 35, 41)}
 OCCUPANCY_LIGHT = {"free": (255, 255, 255), "occupied": (72, 80, 92), "unknown": (222, 226, 231)}
+
+
+def dress(theme: str) -> None:
+    """Texts are read on the grounds of this theme, "dark" or "light", from now on."""
+    _theme[0] = theme
+
+
+def text(meaning: str) -> str:
+    """#rrggbb of a text of this meaning, of TEXTS, in the theme in use."""
+    return TEXTS[_theme[0]][meaning]
 
 
 def submap_color(index: int) -> str:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from PySide6.QtCore import QSize, Qt
-from PySide6.QtWidgets import QLabel, QWidget
+from PySide6.QtCore import QEvent, QSize, Qt
+from PySide6.QtGui import QColor, QPalette
+from PySide6.QtWidgets import QApplication, QLabel, QWidget
 
+from app.look import colors
 from app.look.plain_text import folded, lines
 
 _WIDEST = 400  # pixels that the words of a label may claim
@@ -37,6 +39,30 @@ class Label(QLabel):
     def minimumSizeHint(self) -> QSize:
         hint = super().minimumSizeHint()
         return QSize(min(hint.width(), _WIDEST), hint.height())
+
+
+class InkLabel(Label):
+    """Words that mean something by their colour too: `ink` is a meaning of `colors.TEXTS`, "" for the usual text."""
+
+    def __init__(self, ink: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.set_ink(ink)
+
+    def set_ink(self, ink: str) -> None:
+        self._ink = ink
+        self._dress()
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_ink"):
+            self._dress()
+        super().changeEvent(event)
+
+    def _dress(self) -> None:
+        wanted = QColor(colors.text(self._ink)) if self._ink else QApplication.palette().windowText().color()
+        if self.palette().windowText().color() != wanted:
+            palette = QPalette()  # the other colours stay the theme's
+            palette.setColor(palette.ColorRole.WindowText, wanted)
+            self.setPalette(palette)
 
 
 class MarkedLabel(Label):

@@ -24,6 +24,7 @@ Severity = Literal["log", "info", "warning", "error"]
 SECONDS: dict[Severity, float | None] = {"info": 6.0, "warning": 12.0, "error": None}
 MOST_SHOWN = 4
 MOST_LETTERS, MOST_ROWS = 600, 12  # of one notice on the screen
+_SIGNS: dict[Severity, str] = {"info": "", "warning": "⚠ ", "error": "✗ "}
 _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKED}
 
 
@@ -62,7 +63,8 @@ class _Card(QFrame):
     def __init__(self, notice: Notice, close: Callable[[], None], explain: Callable[[], None], parent: QWidget) -> None:
         super().__init__(parent)
         self.notice = notice
-        self._words = lines(notice.text, MOST_LETTERS, MOST_ROWS)  # the log has the rest
+        # The log has the rest.
+        self._words = _SIGNS[notice.severity] + lines(notice.text, MOST_LETTERS, MOST_ROWS)
         self.count = 1
         self._timer = QTimer(self, singleShot=True)
         self._timer.timeout.connect(close)

@@ -7,6 +7,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QApplication
 
+from app.look import colors
+
 _R = QPalette.ColorRole
 _DARK = {
     _R.Window: "#23272e",
@@ -23,7 +25,7 @@ _DARK = {
     _R.HighlightedText: "#ffffff",
     _R.Link: "#4fd1c5",
     _R.LinkVisited: "#8fb8de",
-    _R.PlaceholderText: "#7d8894",
+    _R.PlaceholderText: "#97a3b0",
     _R.Light: "#3a424d",
     _R.Midlight: "#323943",
     _R.Mid: "#191d22",
@@ -42,11 +44,11 @@ _LIGHT = {
     _R.BrightText: "#ffffff",
     _R.ToolTipBase: "#ffffff",
     _R.ToolTipText: "#1f2730",
-    _R.Highlight: "#178f84",
+    _R.Highlight: "#0f7d73",
     _R.HighlightedText: "#ffffff",
     _R.Link: "#0f766e",
     _R.LinkVisited: "#3b6ea5",
-    _R.PlaceholderText: "#8793a0",
+    _R.PlaceholderText: "#5c6773",
     _R.Light: "#ffffff",
     _R.Midlight: "#f7f9fb",
     _R.Mid: "#c9d1d9",
@@ -56,6 +58,8 @@ _LIGHT = {
 }
 _FADED = {"dark": "#6b7682", "light": "#9aa5b1"}
 THEMES = ("dark", "light")
+SYSTEM = "system"
+"""As the desktop has it."""
 
 
 def palette(theme: str) -> QPalette:
@@ -70,11 +74,16 @@ def palette(theme: str) -> QPalette:
 
 
 def apply(app: QApplication, theme: str) -> None:
-    """Dresses the whole application; widgets hear of it as a palette change."""
+    """Dresses the whole application in one of THEMES, or in SYSTEM; widgets hear of it as a palette change."""
     app.setStyle("Fusion")
-    wanted = Qt.ColorScheme.Dark if theme == "dark" else Qt.ColorScheme.Light
-    # Without a desktop that knows colour schemes this does nothing, hence the palette.
-    app.styleHints().setColorScheme(wanted)
+    hints = app.styleHints()
+    if theme == SYSTEM:
+        hints.unsetColorScheme()
+        theme = "light" if hints.colorScheme() == Qt.ColorScheme.Light else "dark"
+    else:
+        # Without a desktop that knows colour schemes this does nothing, hence the palette.
+        hints.setColorScheme(Qt.ColorScheme.Dark if theme == "dark" else Qt.ColorScheme.Light)
+    colors.dress(theme)
     app.setPalette(palette(theme))
     # What still reads pyqtgraph's own settings when it is made later.
     pyqtgraph.setConfigOptions(antialias=True, background=None, foreground=app.palette().text().color())

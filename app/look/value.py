@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QLineEdit, QWidget
 
 from app.look.plain_text import plain, tip
@@ -16,7 +17,7 @@ class Value(QLineEdit):
         self.setReadOnly(True)
         self.setFrame(False)
         self.setTextMargins(-2, 0, 0, 0)
-        palette = self.palette()
+        palette = QPalette()  # the other colours stay the theme's
         palette.setColor(palette.ColorRole.Base, Qt.GlobalColor.transparent)
         self.setPalette(palette)
         self.show_value(value)

@@ -8,7 +8,7 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
 from app.layers.labels import short_ids
-from app.look import colors
+from app.look import colors, lengths
 from app.modes.ink import GHOST, dots, label, line
 from app.modes.mode import Mode, Pointer
 from app.state import edit_commands
@@ -114,8 +114,8 @@ class AddEdgeMode(Mode):
         found = None if there is None else self._found(start, there)
         ink = GHOST if found is None else _INKS[found.speaks]
         line(painter, surface, foot, np.array(end), ink)
-        metres = float(np.linalg.norm(np.array(end) - foot))
-        label(painter, QPointF(now.point), f"join, {metres:.2f} m" if there is not None else f"{metres:.2f} m")
+        away = lengths.length(float(np.linalg.norm(np.array(end) - foot)))
+        label(painter, QPointF(now.point), f"join, {away}" if there is not None else away)
         if found is not None:
             label(painter, now.point + QPointF(0, 24), short_ids(found.sentence), ink)
 

@@ -6,6 +6,7 @@ import numpy as np
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QKeyEvent, QPainter
 
+from app.look import lengths
 from app.modes.ink import dots, label, line
 from app.modes.mode import Mode, Pointer
 from app.views.graph_surface import GraphSurface
@@ -34,7 +35,7 @@ class MeasureMode(Mode):
             self.context.editing.refuse("There is no floor under the cursor.")
         else:
             self._places = (*self._places, place)
-            self.context.say(f"{self.metres:.2f} m")
+            self.context.say(lengths.length(self.metres))
         self.context.refresh()
         return True
 
@@ -79,10 +80,10 @@ class MeasureMode(Mode):
         way = np.array(places)
         line(painter, surface, way[:-1], way[1:], _INK, style=Qt.PenStyle.SolidLine)
         dots(painter, surface, way, _INK, 4.5)
-        lengths = np.linalg.norm(np.diff(way, axis=0), axis=1)
+        parts = np.linalg.norm(np.diff(way, axis=0), axis=1)
         pixels, depths = surface.project(way)
-        for i, metres in enumerate(lengths):
+        for i, metres in enumerate(parts):
             if depths[i] > 0 and depths[i + 1] > 0:
-                total = f"   in all {lengths[: i + 1].sum():.2f} m" if i and i == len(lengths) - 1 else ""
+                total = f"   in all {lengths.length(float(parts[: i + 1].sum()))}" if i and i == len(parts) - 1 else ""
                 middle = (pixels[i] + pixels[i + 1]) / 2
-                label(painter, QPointF(*middle), f"{metres:.2f} m{total}", _INK)
+                label(painter, QPointF(*middle), f"{lengths.length(float(metres))}{total}", _INK)

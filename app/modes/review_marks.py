@@ -99,7 +99,7 @@ def _sprite() -> tuple[QPixmap, QPainter]:
 def _tick() -> QPixmap:
     sprite, painter = _sprite()
     painter.setPen(Qt.PenStyle.NoPen)
-    painter.setBrush(QColor(colors.OPEN_TEXT))
+    painter.setBrush(QColor(colors.OPEN))
     painter.drawEllipse(QRectF(0.5, 0.5, _SIZE - 1, _SIZE - 1))
     painter.setPen(QPen(QColor("#ffffff"), 1.8))
     painter.drawPolyline([QPointF(3.6, 6.8), QPointF(5.7, 9.0), QPointF(9.6, 4.4)])

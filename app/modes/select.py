@@ -10,6 +10,7 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeyEvent, QPainter
 
+from app.look import lengths
 from app.modes.areas import BoxMode
 from app.modes.ink import dots, label, line
 from app.modes.mode import Mode, ModeContext, Pointer
@@ -135,4 +136,4 @@ class SelectMode(Mode):
         dots(painter, surface, feet[rows])
         if self._now is not None and self._now.surface is surface:
             what = "" if len(rows) == 1 else f"{len(rows):,} viewpoints "
-            label(painter, self._now.point, f"move {what}{float(np.linalg.norm(self._offset)):.2f} m")
+            label(painter, self._now.point, f"move {what}{lengths.length(float(np.linalg.norm(self._offset)))}")

@@ -28,7 +28,7 @@ class GraphInk:
     def __init__(self) -> None:
         self._primitives = Primitives()
         self._node = disc(colors.NODE, colors.NODE_OUTLINE)
-        self._left_out = disc(colors.TRAJECTORY, "#20252b")
+        self._left_out = disc(colors.TRAJECTORY, "#20252b", shape="ring")
         self._selected = disc(colors.SELECTED, "#3a2c05", 36)
         self._stamps: dict[tuple[bool, int, float], QPixmap] = {}
 
@@ -71,7 +71,7 @@ class GraphInk:
         within: QRectF | None = None,
     ) -> None:
         """Discs at `pixels` (N, 2) with `radii` (N, 2) across and down, in the order given; those not `included` (N,)
-        are grey. Drawn are those that reach into `within`."""
+        are grey rings. Drawn are those that reach into `within`."""
         reach = None if within is None else _around(pixels, radii + 2.0, within)
         for wanted in (False, True):
             chosen = included == wanted

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pyqtgraph.Qt.internals import PrimitiveArray
 from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
+from PySide6.QtGui import QColor, QPainter, QPen, QPixmap, QPolygonF
 
 from app.look.plain_text import plain
+from nvsim.graph.marks import CORNERS
 
 _LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the image by far
 
@@ -50,8 +51,8 @@ class Primitives:
         painter.drawPixmapFragments(fragments, count, sprite)
 
 
-def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:
-    """A round sprite with an outline, drawn at twice its size so that it stays smooth when enlarged."""
+def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> QPixmap:
+    """A sprite with an outline, of one of marks.SHAPES or an empty ring, drawn at twice its size to stay smooth."""
     sprite = QPixmap(2 * diameter, 2 * diameter)
     sprite.setDevicePixelRatio(2.0)
     sprite.fill(Qt.GlobalColor.transparent)
@@ -60,7 +61,16 @@ def disc(color: str, outline: str, diameter: int = 24) -> QPixmap:
     painter.setPen(QPen(QColor(outline), diameter / 10))
     painter.setBrush(QColor(color))
     margin = diameter / 10
-    painter.drawEllipse(QRectF(margin, margin, diameter - 2 * margin, diameter - 2 * margin))
+    inner = diameter - 2 * margin
+    if shape in CORNERS:
+        painter.drawPolygon(QPolygonF([QPointF(margin + x * inner, margin + y * inner) for x, y in CORNERS[shape]]))
+    elif shape == "ring":
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        for pen in (QPen(QColor(outline), diameter / 4), QPen(QColor(color), diameter / 7)):
+            painter.setPen(pen)
+            painter.drawEllipse(QRectF(1.6 * margin, 1.6 * margin, inner - 1.2 * margin, inner - 1.2 * margin))
+    else:
+        painter.drawEllipse(QRectF(margin, margin, inner, inner))
     painter.end()
     return sprite
 

@@ -88,6 +88,7 @@ class PaletteView(QFrame):
         self._offer = offer
         self._before: QWidget | None = None
         self.line = QLineEdit(self)
+        self.line.setAccessibleName("Command, viewpoint or frame")
         self.line.setPlaceholderText("Type a command, a viewpoint or a frame")
         self.line.setClearButtonEnabled(True)
         self.line.setFrame(False)
@@ -96,6 +97,7 @@ class PaletteView(QFrame):
         self.line.textChanged.connect(self._fill)
         self.line.installEventFilter(self)
         self.list = QListWidget(self)
+        self.list.setAccessibleName("What fits")
         self.list.setItemDelegate(_Rows(self.list))
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)

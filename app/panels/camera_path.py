@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look import lengths
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import tip
@@ -34,13 +35,14 @@ class CameraPathPanel(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("cameraPathPanel")
-        self.width_box, self.height_box = _pixels(1920), _pixels(1080)
+        self.width_box, self.height_box = _pixels(1920, "Width"), _pixels(1080, "Height")
         self.layers = QCheckBox("With the layers")
         self.layers.setChecked(True)
         self.layers.setToolTip("Draw the layers that are shown over the image")
         self.picture = QPushButton("Save image…")
         self.picture.setToolTip("Draw what the view sees in this size and save it")
         self.keys = QListWidget()
+        self.keys.setAccessibleName("Views of the path")
         self.keys.setToolTip("Double-click to go there")
         self.hint = Hint(self.keys, self._missing).follow(self.keys)
         self.add, self.remove = QPushButton("Add view"), QPushButton("Remove")
@@ -48,10 +50,12 @@ class CameraPathPanel(QWidget):
         self.play = QPushButton("Play")
         self.play.setCheckable(True)
         self.seconds = QDoubleSpinBox()
+        self.seconds.setAccessibleName("Length of the video")
         self.seconds.setRange(1, 600)
         self.seconds.setValue(10)
         self.seconds.setSuffix(" s")
         self.fps = QSpinBox()
+        self.fps.setAccessibleName("Frames per second")
         self.fps.setRange(1, 120)
         self.fps.setValue(30)
         self.fps.setSuffix(" /s")
@@ -81,7 +85,7 @@ class CameraPathPanel(QWidget):
         self.keys.clear()
         for number, pose in enumerate(poses, 1):
             x, y, z = pose.position
-            self.keys.addItem(f"{number}   {x:.1f}, {y:.1f}, {z:.1f} m   {heading_degrees(pose):.0f}°")
+            self.keys.addItem(f"{number}   {lengths.place(x, y, z, decimals=1)}   {heading_degrees(pose):.0f}°")
         self.keys.setCurrentRow(min(row, len(poses) - 1))
         enough = len(poses) >= 2
         self.remove.setEnabled(bool(poses))
@@ -108,8 +112,9 @@ class CameraPathPanel(QWidget):
         column.addLayout(_row(self.seconds, self.fps, self.video))
 
 
-def _pixels(value: int) -> QSpinBox:
+def _pixels(value: int, name: str) -> QSpinBox:
     box = QSpinBox()
+    box.setAccessibleName(name)
     box.setRange(16, 8192)
     box.setValue(value)
     box.setSuffix(" px")

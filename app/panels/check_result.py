@@ -17,7 +17,8 @@ from app.jobs.check import CheckResult
 from app.look import colors
 from app.look.plain_text import lines, plain, tip
 
-_COLORS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "note": colors.QUIET_TEXT}
+_COLORS = {"error": "blocked", "warning": "warning", "note": "quiet"}
+_SIGNS = {"error": "✗ ", "warning": "⚠ ", "note": ""}
 _WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
 _MOST_PLACES = 200
 
@@ -57,8 +58,9 @@ class FindingTree(QTreeWidget):
             many = len(group.places) > 1
             message = group.message[:1].upper() + group.message[1:]
             where = f"{len(group.places)} places" if many else group.places[0]
-            item = QTreeWidgetItem([lines(message), plain(where), lines(group.consequence)])
-            item.setForeground(0, QColor(_COLORS.get(group.severity, colors.QUIET_TEXT)))
+            shown = f"{_SIGNS[group.severity]}{lines(message)}"
+            item = QTreeWidgetItem([shown, plain(where), lines(group.consequence)])
+            item.setForeground(0, QColor(colors.text(_COLORS.get(group.severity, "quiet"))))
             tips = (f"{message} ({_WORDS[group.severity]})", "\n".join(group.places[:20]), group.consequence)
             for column, words in enumerate(tips):
                 item.setToolTip(column, tip(words))

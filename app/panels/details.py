@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from app.layers.labels import short_ids
-from app.look import colors
+from app.look import colors, lengths
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import marked, plain
 from app.look.value import Value
@@ -103,11 +103,18 @@ class DetailsPanel(QScrollArea):
         self.setWidget(content)
         document.selectionChanged.connect(self.refresh)
         document.graphChanged.connect(self.refresh)
+        document.unitsChanged.connect(self.refresh)
         document.contentsChanged.connect(self._on_contents)
         self.refresh()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if parts & {"graph", "capture", "submaps", "occupancy"}:
+            self.refresh()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Another theme has other colours."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "words"):
             self.refresh()
 
     def refresh(self, _: object = None) -> None:
@@ -121,8 +128,8 @@ class DetailsPanel(QScrollArea):
             self._show(
                 f"Viewpoint {short_id(viewpoint.id)}",
                 {
-                    "Position": f"{x:.2f}, {y:.2f}, {z:.2f} m",
-                    "Above the floor": f"{viewpoint.height:.2f} m",
+                    "Position": lengths.place(x, y, z),
+                    "Above the floor": lengths.length(viewpoint.height),
                     "Neighbours": str(len(neighbours)),
                     "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
                     "Comes from": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
@@ -147,7 +154,7 @@ class DetailsPanel(QScrollArea):
                 frame.name,
                 {
                     "Frame": f"{selection.frame + 1} of {len(contents.capture.frames)}",
-                    "Position": f"{x:.2f}, {y:.2f}, {z:.2f} m",
+                    "Position": lengths.place(x, y, z),
                     "Image": f"{frame.lens.width}×{frame.lens.height}, {frame.lens.model}",
                     "Submap": str(owner) if owner >= 0 else "none",
                     "Sensor": frame.sensor,
@@ -192,11 +199,13 @@ class DetailsPanel(QScrollArea):
         for row, (name, value) in enumerate(facts.items()):
             label, text = Label(plain(name)), _shown(value)
             label.setForegroundRole(label.palette().ColorRole.PlaceholderText)
+            text.setAccessibleName(plain(name))
             self._facts.addWidget(label, row, 0)
             self._facts.addWidget(text, row, 1)
         self.rose.show_directions(found)
+        inks = {True: colors.text("open"), False: colors.text("blocked")}
         rows = (
-            f'<tr><td style="padding:2px 10px 2px 0; color:{colors.OPEN_TEXT if f.passable else colors.BLOCKED_TEXT}">'
+            f'<tr><td style="padding:2px 10px 2px 0; color:{inks[f.passable]}">'
             f"{marked(f.place)}</td><td style='padding:2px 0'>{marked(f.sentence)}</td></tr>"
             for f in found
         )
@@ -215,7 +224,7 @@ def _verdict(cell: tuple[str, bool | None]) -> str:
     words, passes = cell
     if passes is None:
         return f"<td align='right' style='padding:2px 8px'>{marked(words)}</td>"
-    ink, sign = (colors.OPEN_TEXT, "✓") if passes else (colors.BLOCKED_TEXT, "✗")
+    ink, sign = (colors.text("open"), "✓") if passes else (colors.text("blocked"), "✗")
     return f"<td align='right' style='padding:2px 8px; color:{ink}'>{marked(words)} {sign}</td>"
 
 

@@ -27,6 +27,7 @@ class EarlierResults(QDialog):
         )
         intro.setWordWrap(True)
         self.list = QListWidget(self)
+        self.list.setAccessibleName("Earlier results")
         for one in kept:
             item = QListWidgetItem(f"{one.stage}: {one.words}, {megabytes(one.bytes)}", self.list)
             item.setData(Qt.ItemDataRole.UserRole, one.stage)

@@ -8,8 +8,7 @@ from pathlib import Path
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QFrame, QVBoxLayout, QWidget
 
-from app.look import colors
-from app.look.labels import Label
+from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.installed import lacking, maker_of, role
@@ -28,7 +27,7 @@ class FeatureMakersPanel(QFrame):
         column = QVBoxLayout(self)
         column.setSpacing(2)
         self._names: dict[str, Label] = {}
-        self.makers: dict[str, Label] = {}
+        self.makers: dict[str, InkLabel] = {}
         for layout in LAYOUTS.values():
             self._names[layout.name] = self._words()
             self.makers[layout.name] = self._words()
@@ -55,10 +54,10 @@ class FeatureMakersPanel(QFrame):
             name.setFont(bold)
             missing = lacking(layout)
             words.setText(missing or f"by {maker_of(layout, model, projection).words}")
-            words.setStyleSheet(f"color: {colors.WARNING_TEXT}" if missing else "")
+            words.set_ink("warning" if missing else "")
 
-    def _words(self) -> Label:
-        label = Label(self)
+    def _words(self) -> InkLabel:
+        label = InkLabel("", self)
         label.setWordWrap(True)
         return label
 

@@ -8,8 +8,7 @@ from PySide6.QtWidgets import QDialog, QDialogButtonBox, QPlainTextEdit, QPushBu
 
 from app.forms.arguments import command_line
 from app.jobs.queue import JobQueue
-from app.look import colors
-from app.look.labels import Label
+from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from nvsim.errors import InputError
 from nvsim.project.joblist import Job
@@ -30,13 +29,15 @@ class ForeignJob(QDialog):
         )
         command = command_line(job.order.verb, job.order.arguments)
         self.command = QPlainTextEdit(command[:_MOST], self)
+        self.command.setAccessibleName("Command")
         self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         reason = queue.why_not_anew(job)
         if len(command) > _MOST:
             reason = "Its command is too long to be looked at."
-        self.problem = self._label(reason)
-        self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
+        self.problem = InkLabel("blocked", self)
+        self.problem.setWordWrap(True)
+        self.problem.setText(reason)
         self.problem.setVisible(bool(reason))
         buttons = QDialogButtonBox(self)
         self.order = QPushButton("Order it here", self)

@@ -50,11 +50,13 @@ class HistogramPanel(QWidget):
         self._trouble = ""
         self._quiet = False
         self.choice = QComboBox(self)
+        self.choice.setAccessibleName("Quantity")
         self.choice.addItems(list(QUANTITIES))
         self.choice.currentIndexChanged.connect(self.renew)
         self.words = Label(self)
         self.words.setForegroundRole(self.words.palette().ColorRole.PlaceholderText)
         self.plot = pg.PlotWidget(self)
+        self.plot.setAccessibleName("Histogram")
         self.plot.setMenuEnabled(False)
         self.plot.hideButtons()
         self.plot.setMouseEnabled(x=False, y=False)

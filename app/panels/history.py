@@ -71,7 +71,7 @@ class HistoryModel(QAbstractListModel):
             when = time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
             return tip(f"{when}, not edited in this window" if step.outside else when)
         if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
-            return QColor(colors.QUIET_TEXT)
+            return QColor(colors.text("quiet"))
         if role == Qt.ItemDataRole.FontRole and (row == history.index or step.outside):
             font = QFont()
             font.setBold(row == history.index)
@@ -86,6 +86,7 @@ class HistoryPanel(QWidget):
         self._document = document
         self.model = HistoryModel(document, self)
         self.list = QListView(self)
+        self.list.setAccessibleName("Steps of editing")
         self.list.setModel(self.model)
         self.list.setUniformItemSizes(True)
         self.list.setFrameShape(self.list.Shape.NoFrame)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
 from app.forms.arguments import command_line
@@ -14,10 +15,10 @@ from nvsim.files.nofollow import read_end
 
 MOST_PRINTED = 4000  # characters of the end of what it printed
 _COLORS = {
-    "log": colors.QUIET_TEXT,
-    "warning": colors.WARNING_TEXT,
-    "error": colors.BLOCKED_TEXT,
-    "done": colors.OPEN_TEXT,
+    "log": "quiet",
+    "warning": "warning",
+    "error": "blocked",
+    "done": "open",
 }
 
 
@@ -27,6 +28,7 @@ class JobLog(QPlainTextEdit):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setReadOnly(True)
+        self.setAccessibleName("Messages of the job")
         self.setFrameShape(self.Shape.NoFrame)
         self.setPlaceholderText("Choose a job to see what it said.")
         self._handle: JobHandle | None = None
@@ -44,6 +46,12 @@ class JobLog(QPlainTextEdit):
             self.refresh()
             self._append_printed()
 
+    def changeEvent(self, event: QEvent) -> None:
+        """Another theme has other colours."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_state"):
+            self.show_job(self._handle)
+
     def refresh(self) -> None:
         """Appends what is new."""
         handle = self._handle
@@ -54,9 +62,8 @@ class JobLog(QPlainTextEdit):
             self._told = handle.history.told
             for line in list(handle.history.lines)[-new:]:
                 stamp = time.strftime("%H:%M:%S", time.localtime(line.at))
-                self.appendHtml(
-                    f'<span style="color:{_COLORS[line.kind]}">{stamp}</span>&nbsp;&nbsp;{marked(line.text)}'
-                )
+                ink = colors.text(_COLORS[line.kind])
+                self.appendHtml(f'<span style="color:{ink}">{stamp}</span>&nbsp;&nbsp;{marked(line.text)}')
         if handle.state != self._state:
             self._state = handle.state
             self._append_printed()
@@ -68,7 +75,8 @@ class JobLog(QPlainTextEdit):
             return
         said = [line.text for line in handle.history.lines if line.kind == "error"]
         if handle.message and not any(handle.message in text for text in said):
-            self.appendHtml(f'<span style="color:{colors.BLOCKED_TEXT}">{marked(handle.message)}</span>')
+            ink = colors.text("blocked")
+            self.appendHtml(f'<span style="color:{ink}">{marked(handle.message)}</span>')
         try:
             printed = read_end(handle.job.messages, MOST_PRINTED).decode(errors="replace").strip()
         except OSError:

@@ -108,6 +108,7 @@ class JobPlots(QWidget):
 
     def _plot(self, name: str, title: str) -> pyqtgraph.PlotWidget:
         plot = pyqtgraph.PlotWidget(self._row, axisItems={"bottom": StepAxis()})
+        plot.setAccessibleName(f"Curve of {title}")
         plot.setMenuEnabled(False)
         plot.hideButtons()
         plot.setTitle(marked(title), size="9pt")

@@ -23,12 +23,12 @@ COLUMNS = ("Job", "State", "Progress", "Time left", "Rate", "Took", "Started", "
 STATE, PROGRESS, NOTE = 1, 2, 7
 _RIGHT = (3, 4, 5)
 _STATE_TEXTS = {
-    "running": colors.RUNNING_TEXT,
-    "done": colors.OPEN_TEXT,
-    "failed": colors.BLOCKED_TEXT,
-    "interrupted": colors.WARNING_TEXT,
-    "paused": colors.WARNING_TEXT,
-    "foreign": colors.WARNING_TEXT,
+    "running": "running",
+    "done": "open",
+    "failed": "blocked",
+    "interrupted": "warning",
+    "paused": "warning",
+    "foreign": "warning",
 }
 STATE_WORDS = {"foreign": "ordered elsewhere"}
 """Of states that are not their own words."""
@@ -156,7 +156,7 @@ class JobModel(QAbstractTableModel):
             return None
         row, column = self.rows[index.row()], index.column()
         if role == Qt.ItemDataRole.ForegroundRole and column == STATE:
-            return QColor(_STATE_TEXTS.get(row.state, colors.QUIET_TEXT))
+            return QColor(colors.text(_STATE_TEXTS.get(row.state, "quiet")))
         if role == Qt.ItemDataRole.ToolTipRole:
             return tip(row.note) or None
         if role == Qt.ItemDataRole.UserRole and column == PROGRESS:

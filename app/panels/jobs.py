@@ -94,6 +94,7 @@ class JobPanel(QWidget):
         self.model = JobModel(document, queue, self)
         self.offer = Offer(self.queue, self)
         self.table = table(self.model, self)
+        self.table.setAccessibleName("Jobs")
         self._shape_table()
         self.hint = Hint(self.table, self._missing).follow(self.table)
         self.plots, self.preview, self.log = JobPlots(self), JobPreview(self), JobLog(self)

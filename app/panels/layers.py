@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QShowEvent
+from PySide6.QtGui import QPalette, QShowEvent
 from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QVBoxLayout, QWidget
 
 from app.look.plain_text import caption, tip
@@ -51,9 +51,9 @@ class LayersPanel(QScrollArea):
             # The box stays free: what it says counts as soon as there is something to draw.
             box.setText(caption(layer.title))
             box.setToolTip(tip(f"Nothing to draw: {missing}." if missing else f"Draw: {layer.title}"))
-            palette = self.palette()
+            palette = QPalette()  # the other colours stay the theme's
             if missing:
-                palette.setColor(palette.ColorRole.WindowText, palette.placeholderText().color())
+                palette.setColor(palette.ColorRole.WindowText, self.palette().placeholderText().color())
             box.setPalette(palette)
             slider.setToolTip(tip(f"{round(100 * layer.opacity)} %"))
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import QWidget
 
+from app.look import lengths
 from app.look.plain_text import plain, tip
 from app.views.overlays import short_id
 from nvsim.graph.clearness_cache import ClearnessCache
@@ -44,6 +45,7 @@ class Column(Generic[Key]):
     text      of one value
     number    whether it stands at the right
     width     pixels
+    measured  whether it is a length
     """
 
     title: str
@@ -52,6 +54,7 @@ class Column(Generic[Key]):
     text: Callable[[Any], str] = str
     number: bool = False
     width: int = 76
+    measured: bool = False
 
 
 def _yes(value: object) -> str:
@@ -59,7 +62,7 @@ def _yes(value: object) -> str:
 
 
 def _metres(value: float) -> str:
-    return f"{value:.2f}"
+    return lengths.figure(value)
 
 
 def _share(value: float) -> str:
@@ -85,10 +88,10 @@ VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
     Column("Viewpoint", "Identifier", lambda f, id: id, short_id),
     Column("Degree", "Edges that meet here", lambda f, id: len(f.graph.neighbours(id)), str, True),
     Column("Submap", "The submap that renders it", _of_viewpoint("submap"), lambda v: "–" if v < 0 else str(v), True),
-    Column("Height", "Metres above the floor", _of_viewpoint("height"), _metres, True),
-    Column("x", "Metres", _axis(0), _metres, True),
-    Column("y", "Metres", _axis(1), _metres, True),
-    Column("z", "Metres", _axis(2), _metres, True),
+    Column("Height", "Above the floor", _of_viewpoint("height"), _metres, True, measured=True),
+    Column("x", "Of the camera", _axis(0), _metres, True, measured=True),
+    Column("y", "Of the camera", _axis(1), _metres, True, measured=True),
+    Column("z", "Of the camera", _axis(2), _metres, True, measured=True),
     Column("In", "Whether agents use it", _of_viewpoint("included"), _yes),
     Column("Reviewed", "Whether a user looked at it", _of_viewpoint("reviewed"), _yes),
     Column("Locked", "Whether edits leave it alone", _of_viewpoint("locked"), _yes),
@@ -98,7 +101,7 @@ VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
 EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
     Column("From", "One end", lambda f, key: key[0], short_id),
     Column("To", "The other end", lambda f, key: key[1], short_id),
-    Column("Length", "Metres", Facts.length, _metres, True),
+    Column("Length", "From camera to camera", Facts.length, _metres, True, measured=True),
     Column("Evidence", "1 where every corridor that was measured is clear, 0 where one is full; – without evidence",
            lambda f, key: f.evidence.at(f.graph, key), _share, True),
     Column("Reviewed", "Whether a user looked at it", _of_edge("reviewed"), _yes),
@@ -185,6 +188,11 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         places = np.argsort(np.asarray(values), kind="stable")
         return rows[places if order == Qt.SortOrder.AscendingOrder else places[::-1]]
 
+    def write_anew(self) -> None:
+        """Lengths are written in another unit."""
+        self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(self._columns) - 1)
+        self.layoutChanged.emit()
+
     def rowCount(self, parent: _Index = _ROOT) -> int:
         return 0 if parent.isValid() else len(self._rows)
 
@@ -196,7 +204,7 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
             return None
         column = self._columns[section]
         if role == Qt.ItemDataRole.DisplayRole:
-            return column.title
+            return f"{column.title}, {lengths.unit().symbol}" if column.measured else column.title
         if role == Qt.ItemDataRole.ToolTipRole:
             return tip(column.tip)
         if role == Qt.ItemDataRole.TextAlignmentRole and column.number:

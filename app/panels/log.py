@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 
+from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
 from app.look import colors
@@ -11,10 +13,10 @@ from app.look.notices import Notice, Notices
 from app.look.plain_text import lines, marked
 
 _COLORS = {
-    "log": colors.QUIET_TEXT,
-    "info": colors.QUIET_TEXT,
-    "warning": colors.WARNING_TEXT,
-    "error": colors.BLOCKED_TEXT,
+    "log": "quiet",
+    "info": "quiet",
+    "warning": "warning",
+    "error": "blocked",
 }
 MOST_LINES = 5000
 DETAIL = 50_000  # characters of a trace
@@ -29,11 +31,24 @@ class LogPanel(QPlainTextEdit):
         self.setFrameShape(self.Shape.NoFrame)
         self.setMaximumBlockCount(MOST_LINES)
         self.setPlaceholderText("Nothing to report.")
+        self._notices: deque[Notice] = deque(maxlen=MOST_LINES)
         notices.added.connect(self.append_notice)
 
+    def changeEvent(self, event: QEvent) -> None:
+        """Another theme has other colours."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_notices"):
+            self.clear()
+            for notice in self._notices:
+                self._write(notice)
+
     def append_notice(self, notice: Notice) -> None:
+        self._notices.append(notice)
+        self._write(notice)
+
+    def _write(self, notice: Notice) -> None:
         clock = time.strftime("%H:%M:%S", time.localtime(notice.when))
-        color = _COLORS[notice.severity]
+        color = colors.text(_COLORS[notice.severity])
         self.appendHtml(
             f'<span style="color:{color}">{clock}&nbsp;&nbsp;{notice.severity}</span>&nbsp;&nbsp;{marked(notice.text)}'
         )

@@ -23,8 +23,7 @@ from PySide6.QtWidgets import (
 from app.forms.editors import LineEditor
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
-from app.look import colors
-from app.look.labels import Label
+from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from app.panels.check_result import FindingTree
 from app.state.project_place import place_for, problem_with
@@ -91,6 +90,7 @@ class NewProjectDialog(QDialog):
 
     def _build(self) -> None:
         self.capture = QLineEdit(self)
+        self.capture.setAccessibleName("Capture")
         self.capture.setPlaceholderText(f"{formats.names()}: a folder or a file")
         folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
         another = QPushButton("Add…", self)
@@ -99,6 +99,7 @@ class NewProjectDialog(QDialog):
         folder.clicked.connect(self._browse_folder)
         file.clicked.connect(self._browse_file)
         self.project = QLineEdit(self)
+        self.project.setAccessibleName("Project")
         self.project.setReadOnly(self._fixed is not None)
         place = QPushButton("Place…", self)
         place.setEnabled(self._fixed is None)
@@ -137,6 +138,7 @@ class NewProjectDialog(QDialog):
         self.verdict.setFont(font)
         self.verdict.setWordWrap(True)
         self.busy = QProgressBar(self)
+        self.busy.setAccessibleName("Progress of the check")
         self.busy.setRange(0, 0)
         self.busy.setMaximumHeight(6)
         self.busy.setTextVisible(False)
@@ -144,9 +146,8 @@ class NewProjectDialog(QDialog):
         policy.setRetainSizeWhenHidden(True)
         self.busy.setSizePolicy(policy)
         self.findings = FindingTree(self)
-        self.problem = Label(self)
+        self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
-        self.problem.setStyleSheet(f"color: {colors.BLOCKED_TEXT}")
         buttons = QDialogButtonBox(self)
         verb = "Add" if self._beside else "Import"
         self.run_button = buttons.addButton(f"{verb} and run everything", QDialogButtonBox.ButtonRole.AcceptRole)

@@ -10,8 +10,7 @@ from PySide6.QtGui import QFont, QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.jobs.scan_estimate import ScanEstimate, ScanQuestion
-from app.look import colors
-from app.look.labels import Label
+from app.look.labels import InkLabel, Label
 from nvsim.graph.history import counted
 from nvsim.r2r.observations.estimate import size_words
 
@@ -35,7 +34,7 @@ class ScanEstimatePanel(QFrame):
         self.question = ScanQuestion(verb, self)
         self.question.finished.connect(self.show_estimate)
         self.question.failed.connect(self._on_failed)
-        self.unsaved = self._words(colors.WARNING_TEXT)
+        self.unsaved = self._words("warning")
         self.save = QPushButton("Save the graph", self)
         self.save.setAutoDefault(False)
         self.save.clicked.connect(self.saveWanted)
@@ -48,7 +47,7 @@ class ScanEstimatePanel(QFrame):
         self._grid.setContentsMargins(0, 0, 0, 0)
         self._grid.setColumnStretch(0, 1)
         self.room, self.there = self._words(), self._words()
-        self.shortage = self._words(colors.WARNING_TEXT)
+        self.shortage = self._words("warning")
         self.findings = QPushButton("Show the findings", self)
         self.findings.setAutoDefault(False)
         self.findings.setToolTip("Closes this form and shows what is wrong with the graph")
@@ -63,12 +62,10 @@ class ScanEstimatePanel(QFrame):
         self.estimate: ScanEstimate | None = None
         self._wait()
 
-    def _words(self, color: str = "") -> Label:
-        label = Label(self)
+    def _words(self, ink: str = "") -> Label:
+        label = InkLabel(ink, self)
         label.setWordWrap(True)
         label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        if color:
-            label.setStyleSheet(f"color: {color}")
         return label
 
     def sizeHint(self) -> QSize:

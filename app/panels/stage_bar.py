@@ -25,7 +25,7 @@ class StageBar(QWidget):
         self._verb = ""
         self.sentence = Label(self)
         self.everything = QPushButton("Run everything", self)
-        self.stage = QPushButton(self)
+        self.stage = QPushButton("This stage only", self)
         self.settings = QPushButton("Settings…", self)
         self.everything.clicked.connect(self.runWanted)
         self.stage.clicked.connect(lambda: self._ask(self.stageWanted))
@@ -91,6 +91,7 @@ class RunningJob(QWidget):
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.words = Label(self)
         self.bar = QProgressBar(self)
+        self.bar.setAccessibleName("Progress of the job")
         self.bar.setRange(0, 1000)
         self.bar.setTextVisible(False)
         self.bar.setFixedSize(90, 10)

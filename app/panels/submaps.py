@@ -86,6 +86,7 @@ class SubmapPanel(QWidget):
         self._document = document
         self.model = SubmapModel(document, self)
         self.table = table(self.model, self)
+        self.table.setAccessibleName("Submaps")
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)  # it would keep the width of a wider panel
         header.setSectionResizeMode(len(_COLUMNS) - 1, header.ResizeMode.Stretch)
@@ -123,6 +124,7 @@ def table(model: QAbstractTableModel, parent: QWidget) -> QTableView:
     view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
     view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     view.setShowGrid(False)
+    view.setTabKeyNavigation(False)  # Tab goes on to the next control
     view.setAlternatingRowColors(True)
     view.setFrameShape(view.Shape.NoFrame)
     view.verticalHeader().hide()

@@ -19,8 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look import colors
-from app.look.labels import Label
+from app.look.labels import InkLabel, Label
 from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
 from app.panels.submaps import table
@@ -52,6 +51,7 @@ class TablePanel(QWidget):
         self.viewpoints.setParent(self)
         self.edges.setParent(self)
         self.filter = QLineEdit(self)
+        self.filter.setAccessibleName("Expression that filters the rows")
         self.filter.setPlaceholderText('degree > 4 and origin == "person"')
         self.filter.setToolTip(
             "Shows the rows for which this holds; Enter selects them. Words: degree, height, included (of viewpoints), "
@@ -65,7 +65,7 @@ class TablePanel(QWidget):
         self.select.setToolTip("Selects in the graph what the expression holds for (Enter)")
         self.select.clicked.connect(self.select_filtered)
         self.select.setEnabled(False)
-        self.trouble = Label(self)
+        self.trouble = InkLabel("warning", self)
         self.trouble.setWordWrap(True)
         self.trouble.hide()
         self.count = Label(self)
@@ -75,12 +75,15 @@ class TablePanel(QWidget):
         self.views: tuple[QTableView, QTableView] = (self._view(self.viewpoints), self._view(self.edges))
         for view, title in zip(self.views, ("Viewpoints", "Edges"), strict=True):
             self.tabs.addTab(view, title)
+            view.setAccessibleName(title)
             view.selectionModel().selectionChanged.connect(self._on_rows)
             view.doubleClicked.connect(self._activate)
         self._soon = DeferredRefresh(self, self._renewal, SETTLE)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_change)
         document.editing.selectionChanged.connect(self._show_selection)
+        for model in self._models:
+            document.unitsChanged.connect(model.write_anew)
         row = QHBoxLayout()
         row.addWidget(self.filter, 1)
         row.addWidget(self.select)
@@ -152,9 +155,6 @@ class TablePanel(QWidget):
             return self._kept(graph, text)
         except (EditError, InputError) as error:
             self.trouble.setText(str(error))
-            palette = self.trouble.palette()
-            palette.setColor(palette.ColorRole.WindowText, colors.WARNING_TEXT)
-            self.trouble.setPalette(palette)
             self.trouble.show()
             return None
 

@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look import colors
+from app.look import colors, lengths
 from app.look.labels import Label
 from app.look.plain_text import tip
 from app.look.wrapping import WrappingRow
@@ -65,7 +65,7 @@ class TaskModel(QAbstractTableModel):
             return tip(f"Broken: {fault}")
         if role == Qt.ItemDataRole.ForegroundRole and index.column() == 4:
             state = self.review[entry.key].state
-            ink = colors.BLOCKED_TEXT if fault or state == "rejected" else colors.OPEN_TEXT
+            ink = colors.text("blocked") if fault or state == "rejected" else colors.text("open")
             return QColor(ink)
         return None
 
@@ -110,11 +110,16 @@ class TaskPanel(QWidget):
         self.setObjectName("taskPanel")
         self.model, self.entries = TaskModel(), tuple[Entry, ...]()
         self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
+        self.text.setAccessibleName("Filter by words or path id")
+        for choice, name in ((self.split, "Split"), (self.state, "State"), (self.order, "Order")):
+            choice.setAccessibleName(name)
         self.text.setPlaceholderText("Filter by words or path id")
         self.state.addItems(["every state", "open", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])
         self.split.addItem("every split")
         self.table = _Table()
+        self.table.setAccessibleName("Tasks")
+        self.table.setTabKeyNavigation(False)  # Tab goes on to the next control
         self.table.setModel(self.model)
         self.table.setSelectionBehavior(QTableView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QTableView.SelectionMode.SingleSelection)
@@ -128,9 +133,12 @@ class TaskPanel(QWidget):
         self.words = Label("Open a folder of tasks: R2R_train.json and so on.")
         self.words.setWordWrap(True)
         self.editor = QPlainTextEdit()
+        self.editor.setAccessibleName("Instructions of the task")
+        self.editor.setTabChangesFocus(True)
         self.editor.setPlaceholderText("One instruction a line")
         self.editor.setFixedHeight(48)
         self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setAccessibleName("Place on the path")
         box = QVBoxLayout(self)
         box.setContentsMargins(8, 8, 8, 8)
         box.addLayout(
@@ -174,7 +182,7 @@ class TaskPanel(QWidget):
         if rows == model.rows and before is not None:  # what is typed and the step stay
             self.table.viewport().update()
             self._steps()
-            self._say()
+            self.say()
             self.chosen.emit()
             return
         model.beginResetModel()
@@ -191,7 +199,7 @@ class TaskPanel(QWidget):
             self.refilter()
         else:
             self.table.viewport().update()
-        self._say()
+        self.say()
 
     def _passes(self, entry: Entry) -> bool:
         verdict, wanted = self.model.review[entry.key], self.state.currentText()
@@ -209,7 +217,7 @@ class TaskPanel(QWidget):
         self.edited = self.current
         self.fill()
         self._steps(0)
-        self._say()
+        self.say()
         self.chosen.emit()
 
     def fill(self) -> None:
@@ -236,14 +244,15 @@ class TaskPanel(QWidget):
             self.editor.document().setModified(False)
             self.written.emit([t.strip() for t in self.editor.toPlainText().splitlines() if t.strip()])
 
-    def _say(self) -> None:
+    def say(self) -> None:
+        """What is known of the chosen task."""
         entry = self.current
         if entry is None:
             return
         fault, did = self.model.faults.get(entry.key, ""), self.model.episode(entry)
         parts = [f"{len(self.model.rows):,} of {len(self.entries):,} tasks", f"Broken: {fault}" if fault else ""]
         if did is not None:
-            parts.append(f"{'success' if did.success else 'failure'}, NE {did.ne:.2f} m, SPL {did.spl:.2f}")
+            parts.append(f"{'success' if did.success else 'failure'}, NE {lengths.length(did.ne)}, SPL {did.spl:.2f}")
         self.words.setText(". ".join(p for p in parts if p) + ".")
 
     def _on_key(self, key: int) -> None:

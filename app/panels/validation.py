@@ -37,7 +37,7 @@ from nvsim.graph.selection import GraphSelection
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 _COLUMNS = ("Severity", "What", "Kind")
-_INKS = {"error": colors.BLOCKED_TEXT, "warning": colors.WARNING_TEXT, "notice": colors.QUIET_TEXT}
+_INKS = {"error": "blocked", "warning": "warning", "notice": "quiet"}
 _RANK = {severity: rank for rank, severity in enumerate(SEVERITIES)}
 SETTLE = 60  # milliseconds
 
@@ -95,8 +95,8 @@ class FindingModel(QAbstractTableModel):
         reason = None if graph is None or by is None else graph.ignored[by]
         if role == Qt.ItemDataRole.ForegroundRole:
             if reason is not None:
-                return QColor(colors.QUIET_TEXT)
-            return QColor(_INKS[finding.severity]) if index.column() == 0 else None
+                return QColor(colors.text("quiet"))
+            return QColor(colors.text(_INKS[finding.severity])) if index.column() == 0 else None
         if role == Qt.ItemDataRole.ToolTipRole:
             fixes = "\n".join(f"Fix: {fix.text}" for fix in finding.fixes)
             ignored = "" if reason is None else f"\nIgnored: {reason}"
@@ -116,6 +116,7 @@ class ValidationPanel(QWidget):
         self._document = document
         self.model = FindingModel(document, self)
         self.text = QLineEdit(self)
+        self.text.setAccessibleName("Filter by words or ids")
         self.text.setPlaceholderText("Filter by words or ids")
         self.text.setClearButtonEnabled(True)
         self.text.textChanged.connect(self._on_filter)
@@ -130,6 +131,7 @@ class ValidationPanel(QWidget):
         self.ignored.toggled.connect(self._on_filter)
         top.addWidget(self.ignored)
         self.table = table(self.model, self)
+        self.table.setAccessibleName("Findings")
         self.table.setWordWrap(False)  # else a line ends at the last whole word
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)
@@ -149,6 +151,7 @@ class ValidationPanel(QWidget):
         self.fix.setPopupMode(QToolButton.ToolButtonPopupMode.MenuButtonPopup)
         self.fix.clicked.connect(self.apply_first_fix)
         self.reason = QLineEdit(self)
+        self.reason.setAccessibleName("Reason to ignore it")
         self.reason.setPlaceholderText("Reason to ignore it for good")
         self.reason.textChanged.connect(self._enable)
         self.reason.returnPressed.connect(self.ignore)

@@ -35,7 +35,7 @@ def make_application(theme: str | None, settings: QSettings) -> QApplication:
     app.setApplicationDisplayName("NVSim")
     app.setWindowIcon(QIcon(str(FOLDER / "app.svg")))
     stored = settings.value("theme", "dark")
-    themes.apply(app, theme or (stored if stored in themes.THEMES else "dark"))
+    themes.apply(app, theme or (stored if stored in (*themes.THEMES, themes.SYSTEM) else "dark"))
     return app
 
 
@@ -53,19 +53,9 @@ def run_application(
     with _settings(remembered=bench is None and screenshot is None) as settings:
         if renderer is not None:
             settings.setValue("renderer", next(p for p in PREFERENCES if p.lower() == renderer))
-        budget = _memory_budget(settings, memory)
-        return _run(settings, project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, budget=budget)
-
-
-def _memory_budget(settings: QSettings, gibibytes: float | None) -> int | None:
-    """Bytes for trained models. What was given is remembered for the next window, 0 forgets it."""
-    if gibibytes is not None:
-        settings.setValue("memory_gib", gibibytes)
-    try:
-        remembered = float(str(settings.value("memory_gib", 0.0)))
-    except ValueError:
-        remembered = 0.0  # the settings file holds something else
-    return round(remembered * 2**30) if 0 < remembered < 2**20 else None
+        if memory is not None:
+            settings.setValue("memory_gib", memory)
+        return _run(settings, project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench)
 
 
 def _run(
@@ -76,10 +66,9 @@ def _run(
     seconds: float | None,
     theme: str | None,
     bench: int | None,
-    budget: int | None,
 ) -> int:
     app = make_application(theme, settings)
-    session = Session(settings, budget)
+    session = Session(settings)
     restore = install_excepthook(session.notices)
     switch = sys.getswitchinterval()
     # A thread that reads a project gives way sooner than after Python's 5 ms: the window's own asks for the lock again

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.look import lengths
 from app.look.plain_text import plain
 from app.state.graph_arrays import GraphArrays
 from nvsim.graph.types import Evidence, NavGraph, edge
@@ -74,10 +75,10 @@ class Direction:
         if self.explanation.decision == DISPUTED:
             return DECISIONS[DISPUTED].label
         if failed is not None:
-            where = f", {obstacle:.1f} m" if failed.word == "alpha" and obstacle is not None else ""
+            where = f", {lengths.length(obstacle, 1)}" if failed.word == "alpha" and obstacle is not None else ""
             return DECISIONS[failed.word].label + where
         if self.joined:
-            return f"edge, {self.evidence.length:.1f} m"
+            return f"edge, {lengths.length(self.evidence.length, 1)}"
         stored = DECISIONS.get(self.evidence.decision)
         # What a threshold once stopped and now lets pass has no edge for another reason.
         return "free, no edge" if stored is None or self._by_threshold else stored.label
@@ -111,7 +112,7 @@ class Direction:
         if failed is not None:
             words = f"{failed.name} {figure(failed.value)}, limit {figure(failed.limit)}"
             if failed.word == "alpha" and explanation.obstacle is not None:
-                words += f", something stands at {explanation.obstacle:.1f} m"
+                words += f", something stands at {lengths.length(explanation.obstacle, 1)}"
             else:
                 words += f", {DECISIONS[failed.word].clause}"
             if explanation.disagreement:
@@ -122,7 +123,7 @@ class Direction:
         near = explanation.tightest
         measured = f"{near.name} {figure(near.value)}, limit {figure(near.limit)}"
         if self.joined:
-            return f"An edge {way}, {e.length:.2f} m: every limit holds; the nearest is {measured}."
+            return f"An edge {way}, {lengths.length(e.length)}: every limit holds; the nearest is {measured}."
         stored = DECISIONS.get(e.decision)
         reason = "" if stored is None or self._by_threshold else stored.clause
         if not reason and self.neighbour:

@@ -42,7 +42,8 @@ class Document(QObject):
     """projectLeft() while everything of the project that goes is still there; projectChanged() when another project
     takes the place of this one, before its parts are announced; contentsChanged(frozenset of names from loading.PARTS),
     "graph" among them when another graph was opened; graphChanged(Difference) after an edit, an undo or a redo;
-    selectionChanged(); pageChanged() when another frame, or none, stands in place of the 3D view."""
+    selectionChanged(); pageChanged() when another frame, or none, stands in place of the 3D view;
+    unitsChanged() when lengths are to be written in another unit."""
 
     projectLeft = Signal()
     projectChanged = Signal()
@@ -50,6 +51,7 @@ class Document(QObject):
     graphChanged = Signal(object)
     selectionChanged = Signal()
     pageChanged = Signal()
+    unitsChanged = Signal()
 
     def __init__(self, path: Path | None = None, parent: QObject | None = None) -> None:
         super().__init__(parent)

@@ -22,11 +22,11 @@ _DEGREES = ("#e05d5d", "#f28e2b", "#edc948", "#59a14f", "#4e79a7", "#b07aa1")
 
 @dataclass(frozen=True)
 class Group:
-    """What one colour says. `dashed` edges are told apart without colour."""
+    """What one colour says. `mark` numbers shapes of viewpoints and kinds of lines, which say it without colour."""
 
     color: str
     words: str
-    dashed: bool = False
+    mark: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +65,19 @@ def coloring(document: Document, by: str) -> Coloring | None:
         return dict(zip(names, bins(values.astype(np.float64)).tolist(), strict=True))
 
     if by == "degree":
-        groups = [Group(c, w) for c, w in zip(_DEGREES, ("none", "1", "2", "3", "4 or 5", "6 or more"), strict=True)]
+        groups = [
+            Group(c, w, mark)
+            for mark, (c, w) in enumerate(zip(_DEGREES, ("none", "1", "2", "3", "4 or 5", "6 or more"), strict=True))
+        ]
         return _made(
             "Neighbours", groups, of("viewpoints", lambda v: np.searchsorted([0.5, 1.5, 2.5, 3.5, 5.5], v)), {}
         )
     if by == "evidence":
         words = ("against", "for, by < 0.05", "for, by < 0.20", "for, by more")
-        groups = [*(Group(c, w, w == "against") for c, w in zip(_STEPS, words, strict=True)), Group(_NONE, "none")]
+        groups = [
+            *(Group(c, w, mark) for c, w, mark in zip(_STEPS, words, (1, 2, 3, 0), strict=True)),
+            Group(_NONE, "none", 4),
+        ]
 
         def bins(values: NDArray[np.float64]) -> NDArray[np.int64]:
             return np.where(np.isnan(values), 4, np.searchsorted([0.0, 0.05, 0.2], values, side="right"))
@@ -80,7 +86,7 @@ def coloring(document: Document, by: str) -> Coloring | None:
         return _made(title, groups, of("viewpoints", bins), of("edges", bins))
     if by in ("reviewed", "validity"):
         yes, no = ("reviewed", "not yet") if by == "reviewed" else ("free on the map", "not free on the map")
-        groups = [Group(_NONE if by == "reviewed" else _STEPS[0], no, True), Group(_STEPS[3], yes)]
+        groups = [Group(_NONE if by == "reviewed" else _STEPS[0], no, 1), Group(_STEPS[3], yes)]
         title = "Reviewed" if by == "reviewed" else "Validity"
         return _made(title, groups, of("viewpoints", _whole), of("edges", _whole))
     found = of("viewpoints", _whole), of("edges", _whole)
@@ -89,7 +95,9 @@ def coloring(document: Document, by: str) -> Coloring | None:
     title, noun = {"storey": ("Storeys", "storey"), "component": ("Components", "component")}.get(
         by, ("Submaps", "submap")
     )
-    groups = [Group(colors.submap_color(n), f"{noun} {n}" if n >= 0 else "none") for n in numbers]
+    groups = [
+        Group(colors.submap_color(n), f"{noun} {n}" if n >= 0 else "none", mark) for mark, n in enumerate(numbers)
+    ]
     return _made(title, groups, *({name: row[n] for name, n in each.items()} for each in found))
 
 

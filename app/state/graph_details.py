@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from app.look import lengths
 from nvsim.graph.findings.stairs import slope
 from nvsim.graph.history import counted
 from nvsim.graph.review import distance
@@ -40,7 +41,7 @@ def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, s
     a, b = (graph.viewpoints[end].position for end in key)
     walked = all(graph.viewpoints[end].included for end in key)
     return {
-        "Length": f"{math.dist(a, b):.2f} m",
+        "Length": lengths.length(math.dist(a, b)),
         "Slope": f"{slope(graph, key):.0f}°",
         "Evidence": _evidence(graph, key, config),
         "Comes from": _ORIGINS.get(edge.origin, edge.origin),
@@ -66,13 +67,14 @@ def of_pair(found: Between) -> dict[str, str]:
     a, b = (way.start[:6] for way in found.ways)
     facts = {
         "Edge": "yes" if found.joined else "no",
-        "Distance": f"{found.metres:.2f} m" + (f", {found.rise:+.2f} m up" if abs(found.rise) >= 0.05 else ""),
+        "Distance": lengths.length(found.metres)
+        + (f", {lengths.length(found.rise, sign=True)} up" if abs(found.rise) >= 0.05 else ""),
         f"From {a}": _source(found.ways[0]),
         f"From {b}": _source(found.ways[1]),
     }
     if found.unknown is not None:
         unknown = f", {100 * found.unknown:.0f} % not known" if found.unknown else ""
-        stops = "free" if found.blocked is None else f"something is in the way after {found.blocked:.1f} m"
+        stops = "free" if found.blocked is None else f"something is in the way after {lengths.length(found.blocked, 1)}"
         facts["On the map"] = f"{stops}{unknown}"
     return facts
 
@@ -118,8 +120,12 @@ def of_several(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, 
         facts["In navigation"] = f"{sum(graph.viewpoints[id].included for id in ids)} of {len(ids)}"
         heights = sorted(graph.viewpoints[id].height for id in ids)
         low, high = heights[0], heights[-1]
-        facts["Above the floor"] = f"{low:.2f} m" if high - low < 0.005 else f"{low:.2f} to {high:.2f} m"
+        facts["Above the floor"] = (
+            lengths.length(low) if high - low < 0.005 else f"{lengths.figure(low)} to {lengths.length(high)}"
+        )
     if keys:
-        lengths = [math.dist(*(graph.viewpoints[end].position for end in key)) for key in keys]
-        facts["Length of edges"] = f"{min(lengths):.2f} to {max(lengths):.2f} m, {sum(lengths):.2f} m in all"
+        long = [math.dist(*(graph.viewpoints[end].position for end in key)) for key in keys]
+        facts["Length of edges"] = (
+            f"{lengths.figure(min(long))} to {lengths.length(max(long))}, {lengths.length(sum(long))} in all"
+        )
     return title, facts

@@ -21,7 +21,10 @@ class Storeys(QObject):
         self.found: tuple[Storey, ...] = ()
         self.chosen: int | None = None
         """Which of `found` is shown; None: all."""
+        self.others_faded = True
+        """Whether the other storeys are drawn faintly beside the one that is shown."""
         self._of: GraphArrays | None = None
+        self._beside: tuple[object, object, GraphArrays] = (None, None, GraphArrays())
         self._shown = GraphArrays()
 
     def look(self, arrays: GraphArrays, *, anew: bool = False) -> None:
@@ -73,6 +76,20 @@ class Storeys(QObject):
         if self._of is not arrays:
             self._of, self._shown = arrays, _kept(arrays, storey.holds(arrays.feet[:, 2]))
         return self._shown
+
+    def fade_others(self, on: bool) -> None:
+        if on != self.others_faded:
+            self.others_faded = on
+            self.changed.emit()
+
+    def others(self, arrays: GraphArrays) -> GraphArrays:
+        """Those of `arrays` that are not shown and drawn faintly; the mouse does not meet them."""
+        storey = self.storey
+        if storey is None or not self.others_faded:
+            return GraphArrays()
+        if self._beside[0] is not arrays or self._beside[1] is not storey:
+            self._beside = arrays, storey, _kept(arrays, ~storey.holds(arrays.feet[:, 2]))
+        return self._beside[2]
 
 
 def _kept(arrays: GraphArrays, keep: np.ndarray) -> GraphArrays:

@@ -54,6 +54,7 @@ class CalibrationPanel(QWidget):
         for label in (self.status, self.words):
             label.setWordWrap(True)
         self.list = QTreeWidget(self)
+        self.list.setAccessibleName("Thresholds")
         self.list.setRootIsDecorated(False)
         self.list.setUniformRowHeights(True)
         self.list.setHeaderLabels(list(_COLUMNS))
@@ -96,11 +97,13 @@ class CalibrationPanel(QWidget):
     def _controls(self, parent: QWidget) -> QHBoxLayout:
         row = QHBoxLayout()
         self.judge = QComboBox(parent)
+        self.judge.setAccessibleName("Who judges a way")
         for judge, text in _JUDGES.items():
             self.judge.addItem(text, judge)
         self.judge.setToolTip("Whether a way is free where the robot's disc touches nothing, or its middle")
         self.judge.currentIndexChanged.connect(lambda _: self.refresh())
         self.want = QDoubleSpinBox(parent)
+        self.want.setAccessibleName("Share of free ways that is wanted")
         self.want.setRange(0.5, 0.999)
         self.want.setDecimals(3)
         self.want.setSingleStep(0.01)

@@ -34,6 +34,7 @@ class CalibrationPlot(QWidget):
         layout.setSpacing(4)
         for name, plot in self.plots.items():
             plot.setToolTip(tip(_TIPS[name]))
+            plot.setAccessibleName(plain(_TIPS[name]))
             plot.setMenuEnabled(False)
             plot.hideButtons()
             plot.setMouseEnabled(x=False, y=False)
@@ -56,9 +57,7 @@ class CalibrationPlot(QWidget):
         self._dress()
 
     def _mark(self, plot: pg.PlotWidget, kind: int) -> pg.InfiniteLine:
-        tone, words = (
-            (self.palette().text().color(), "now") if kind == 0 else (QColor(colors.WARNING_TEXT), "suggested")
-        )
+        tone, words = (self.palette().text().color(), "now") if kind == 0 else (QColor(colors.WARNING), "suggested")
         style = Qt.PenStyle.SolidLine if kind == 0 else Qt.PenStyle.DashLine
         line = pg.InfiniteLine(
             pen=pg.mkPen(tone, width=1.6, style=style),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -154,6 +154,12 @@ class ThresholdPanel(QScrollArea):
     def _choose(self, field: str, value: bool | float | str | tuple[str, ...]) -> None:
         self._trial.set_config(changed(self._trial.config, field, value))
 
+    def changeEvent(self, event: QEvent) -> None:
+        """Another theme has other colours."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "outcome"):
+            self.outcome.setText(self._headline())
+
     # Showing ---------------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
@@ -211,9 +217,10 @@ class ThresholdPanel(QScrollArea):
         if not outcome:
             return "No edge appears or disappears."
         more, less = len(outcome.appear), len(outcome.disappear)
+        appear, disappear = colors.text("open"), colors.text("blocked")
         return (
-            f'<span style="color:{colors.OPEN_TEXT}"><b>+{more:,}</b></span> {_edges(more)} would appear, '
-            f'<span style="color:{colors.BLOCKED_TEXT}"><b>−{less:,}</b></span> would disappear'
+            f'<span style="color:{appear}"><b>+{more:,}</b></span> {_edges(more)} would appear, '
+            f'<span style="color:{disappear}"><b>−{less:,}</b></span> would disappear'
         )
 
     def _notes(self) -> str:

@@ -96,5 +96,7 @@ class PreviewMarks(QObject):
         self._of = self._trial.outcome
         for name, places in ends(self._trial, self._document).items():
             flat = places.reshape(-1, 3)
-            self._items[name].setPen(pg.mkPen(_TONES[name], width=2.6 if len(places) <= _MANY else 1.0))
+            few = len(places) <= _MANY
+            style = Qt.PenStyle.DashLine if name == "appear" and few else Qt.PenStyle.SolidLine
+            self._items[name].setPen(pg.mkPen(_TONES[name], width=2.6 if few else 1.0, style=style))
             self._items[name].setData(flat[:, 0], flat[:, 1])

@@ -21,7 +21,7 @@ from app.look.labels import Label
 from app.look.plain_text import tip
 from app.thresholds.table import Threshold
 
-MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.WARNING_TEXT}
+MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.WARNING}
 _SIZES = {"project": 6.0, "default": 4.5, "paper": 3.0}  # pixels: of several at one place all are seen
 
 

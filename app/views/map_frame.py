@@ -6,6 +6,7 @@ from PySide6.QtCore import QEvent, QPointF, Qt
 from PySide6.QtGui import QAction, QPainter, QPaintEvent, QPolygonF
 from PySide6.QtWidgets import QToolButton, QWidget
 
+from app.look import lengths
 from app.look.labels import Label
 
 _EDGE = 8  # pixels from the corners of the map
@@ -61,7 +62,7 @@ class MapFrame:
         """Metres under the cursor, None where it is elsewhere."""
         self.coordinates.setVisible(place is not None)
         if place is not None:
-            self.coordinates.setText(f"{place[0]:.2f}, {place[1]:.2f} m")
+            self.coordinates.setText(lengths.place(*place))
             self.place()
 
     def place(self, _: QEvent | None = None) -> None:

@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QResizeEvent
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QVBoxLayout, QWidget
 
-from app.look import colors
+from app.look import colors, lengths
 from app.look.hint import Hint
 from app.look.theme import is_dark
 from app.painting.cameras import ViewPose
@@ -41,6 +41,7 @@ class MapView(QWidget):
         self._pose_soon = QTimer(self, singleShot=True, interval=PACE)
         self._pose_soon.timeout.connect(self._place_camera)
         self.plot = pg.PlotWidget(self)
+        self.plot.setAccessibleName("Map")
         self.plot.setAspectLocked(True)
         self.plot.hideAxis("left")
         self.plot.hideAxis("bottom")
@@ -74,6 +75,7 @@ class MapView(QWidget):
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._draw_graph)
         document.selectionChanged.connect(self._draw_selection)
+        document.unitsChanged.connect(self._scale.updateBar)
         self._dress()
         self._on_contents(frozenset(CONTENT_PARTS))
 
@@ -290,7 +292,7 @@ _LONGEST = 110  # pixels of the scale bar
 
 
 class _Scale(pg.ScaleBar):
-    """So many metres as fit. On a ground of its own, so that it is read over walls and lines too."""
+    """So many metres or feet as fit. On a ground of its own, so that it is read over walls and lines too."""
 
     def __init__(self, size: float, width: float, suffix: str) -> None:
         super().__init__(size=size, width=width, suffix=suffix)
@@ -301,9 +303,11 @@ class _Scale(pg.ScaleBar):
         self.prepareGeometryChange()
         view = self.parentItem()
         if view is not None:
-            metre = 1.0 / max(view.viewPixelSize()[0], 1e-9)  # pixels
-            self.size = max((size for size in _SIZES if size * metre <= _LONGEST), default=_SIZES[0])
-            self.text.setText(f"{self.size:g} m")
+            unit = lengths.unit()
+            pixels = unit.metres / max(view.viewPixelSize()[0], 1e-9)  # of one metre or foot
+            fitting = max((size for size in _SIZES if size * pixels <= _LONGEST), default=_SIZES[0])
+            self.size = fitting * unit.metres
+            self.text.setText(f"{fitting:g} {unit.symbol}")
         super().updateBar()
 
     def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:

@@ -1,7 +1,6 @@
-"""Hands on the camera: left drag orbits, middle or Shift+left drag pans, right drag looks around, WASDQE fly, the
-wheel comes nearer. While walking the eye stays at its height above the floor and out of the walls: left drag looks
-around too, the wheel walks; whatever else moves the eye ends the walk. Turns input events into poses and nothing
-else."""
+"""Hands on the camera: drags orbit, pan and look around, keys fly, the wheel comes nearer, each as `hands` say. While
+walking the eye stays at its height above the floor and out of the walls: what orbits looks around instead, the wheel
+walks; whatever else moves the eye ends the walk. Turns input events into poses and nothing else."""
 
 from __future__ import annotations
 
@@ -16,16 +15,9 @@ from PySide6.QtWidgets import QWidget
 
 from app.painting import cameras
 from app.painting.cameras import ViewPose
+from app.views.hands import Hands
 
 CLICK_TOLERANCE = 4  # pixels a hand moves while clicking
-_KEYS = {
-    Qt.Key.Key_W: (1, 0, 0),
-    Qt.Key.Key_S: (-1, 0, 0),
-    Qt.Key.Key_D: (0, 1, 0),
-    Qt.Key.Key_A: (0, -1, 0),
-    Qt.Key.Key_E: (0, 0, 1),
-    Qt.Key.Key_Q: (0, 0, -1),
-}
 _TICK = 15  # milliseconds
 _NOTCH = 0.3  # metres that a notch of the wheel walks
 _PIECE = 0.1  # metres of a step at most between two looks at the floor
@@ -53,6 +45,7 @@ class Navigation(QObject):
         self._view = view
         self.pose = ViewPose((0.0, 0.0, 1.6))
         self.speed = 2.0  # metres per second
+        self.hands = Hands()
         self.walking: Walk | None = None
         """None while flying."""
         self._held: set[int] = set()
@@ -123,13 +116,15 @@ class Navigation(QObject):
         self._last = event.position()
         dx, dy, buttons = step.x(), step.y(), event.buttons()
         shift = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
-        if buttons & Qt.MouseButton.RightButton or (self.walking is not None and buttons & Qt.MouseButton.LeftButton):
-            angle = cameras.RADIANS_PER_PIXEL * 0.8
-            self._set(cameras.turned(self.pose, dx * angle, -dy * angle))
-        elif buttons & Qt.MouseButton.MiddleButton or (buttons & Qt.MouseButton.LeftButton and shift):
+        motion, share = self.hands.motion(buttons, shift), self.hands.turning
+        down = -dy if self.hands.upside_down else dy
+        if motion == "look" or (motion == "turn" and self.walking is not None):
+            angle = cameras.RADIANS_PER_PIXEL * 0.8 * share
+            self._set(cameras.turned(self.pose, dx * angle, -down * angle))
+        elif motion == "shift":
             self.set_pose(cameras.panned(self.pose, dx, dy, max(1, self._view.height())))
-        elif buttons & Qt.MouseButton.LeftButton:
-            self.set_pose(cameras.orbited(self.pose, dx, dy))
+        elif motion == "turn":
+            self.set_pose(cameras.orbited(self.pose, dx * share, down * share))
         return True
 
     def release(self) -> bool:
@@ -141,9 +136,10 @@ class Navigation(QObject):
 
     def wheel(self, event: QWheelEvent) -> None:
         notches = event.angleDelta().y() / 120
-        if event.buttons() & Qt.MouseButton.RightButton:
+        if self.hands.motion(event.buttons(), shift=False) == "look":
             self.speed = min(max(self.speed * 1.25**notches, 0.1), 50.0)
             return
+        notches *= -self.hands.rolling if self.hands.backwards else self.hands.rolling
         if self.walking is not None:
             self._set(self._stepped(self.pose, _NOTCH * notches, 0.0))
             return
@@ -155,7 +151,7 @@ class Navigation(QObject):
     def key(self, event: QKeyEvent, down: bool) -> bool:
         """Returns whether the key is one that flies."""
         plain = not event.modifiers() & (Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier)
-        if event.key() not in _KEYS or (down and not plain):
+        if event.key() not in self.hands.keys or (down and not plain):
             return False
         if not event.isAutoRepeat():
             (self._held.add if down else self._held.discard)(event.key())
@@ -191,7 +187,8 @@ class Navigation(QObject):
         if self._held and (self.walking is None or self._flight is None):  # a walk begins once one is there
             fast = QGuiApplication.keyboardModifiers() & Qt.KeyboardModifier.ShiftModifier
             metres = self.speed * elapsed * (3.0 if fast else 1.0)
-            forward, right, up = (metres * sum(_KEYS[Qt.Key(k)][i] for k in self._held) for i in range(3))
+            ways = self.hands.keys
+            forward, right, up = (metres * sum(ways[k][i] for k in self._held if k in ways) for i in range(3))
             if self.walking is None:
                 self.set_pose(cameras.flown(self.pose, forward, right, up))
             else:

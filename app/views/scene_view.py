@@ -37,6 +37,7 @@ class SceneView(QWidget):
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("sceneView")
+        self.setAccessibleName("3D view")
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
@@ -63,6 +64,7 @@ class SceneView(QWidget):
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self.update)
         document.selectionChanged.connect(self.update)
+        document.unitsChanged.connect(self.update)
         self._on_contents(frozenset(CONTENT_PARTS))
 
     # What others ask of it -------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from PySide6.QtCore import QPoint, QPointF, QRect, QSize, Qt
 from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPalette
 
 from app.drawing.render_child import WHOLE, Picture
+from app.look import lengths
 from app.look.plain_text import plain
 from app.painting.cameras import ViewPose, heading_degrees
 from app.painting.primitives import chip
@@ -28,7 +29,7 @@ def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Pictur
     painter.setFont(font)
     ink, fill = QColor("#dfe7ee"), QColor(16, 20, 26, 175)
     x, y, z = pose.position
-    facts = [f"{x:.1f}, {y:.1f}, {z:.1f} m", f"{heading_degrees(pose):.0f}°"]
+    facts = [lengths.place(x, y, z, decimals=1), f"{heading_degrees(pose):.0f}°"]
     if picture is not None:
         k = picture.request.camera.intrinsics
         facts += ["whole building" if picture.submap == WHOLE else f"submap {picture.submap}", f"{k.width}×{k.height}"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from app.actions import Action
 from app.wiring.agent import AgentPart
+from app.wiring.autosave import AutosavePart
 from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
 from app.wiring.camera_path import CameraPathPart
@@ -28,7 +29,9 @@ from app.wiring.modes import ModePart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
 from app.wiring.panels import LogPart, MapPart, ShownPart, SubmapPart
+from app.wiring.panes import PanePart
 from app.wiring.part import Part
+from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
 from app.wiring.results import ResultPart
 from app.wiring.selecting import SelectPart
@@ -73,6 +76,9 @@ PARTS: tuple[type[Part], ...] = (
     ForeignPart,
     ProposePart,
     LookPart,
+    AutosavePart,
+    PanePart,
+    PreferencePart,
     PalettePart,
     ViewsPart,
     KeepingPart,

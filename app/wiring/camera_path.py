@@ -71,6 +71,7 @@ class CameraPathPart(Part):
         self.panel.videoWanted.connect(self._choose_video)
         workspace.scene.link.arrived.connect(self._on_picture)
         workspace.document.projectChanged.connect(self._clear)
+        workspace.document.unitsChanged.connect(self._list)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps"),)
@@ -109,6 +110,9 @@ class CameraPathPart(Part):
         if 0 <= row < len(self.poses):
             del self.poses[row]
             self.panel.show_keys(self.poses)
+
+    def _list(self) -> None:
+        self.panel.show_keys(self.poses)
 
     def keep(self, poses: Iterable[ViewPose]) -> None:
         """Takes these for the key poses."""

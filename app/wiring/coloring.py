@@ -9,22 +9,30 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, QSettings, Qt
-from PySide6.QtGui import QColor, QPainter, QPen
+from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
 
 from app.actions import Action
 from app.painting.drawing_cache import DrawingCache
-from app.painting.graph_ink import LARGE
+from app.painting.graph_ink import LARGE, SMOOTH_LINES
 from app.painting.picking import NEAR
 from app.painting.primitives import Primitives, disc
 from app.state.document import Document
 from app.state.graph_arrays import GraphArrays, extremes
-from app.state.graph_coloring import Coloring, coloring
+from app.state.graph_coloring import Coloring, Group, coloring
 from app.state.reasons import Reason, with_graph, with_occupancy
 from app.views.graph_surface import GraphSurface
 from app.wiring.part import Part, Workspace
 from nvsim.graph.edits import EditError
+from nvsim.graph.marks import SHAPES
 
 MOST_ROWS = 9  # of the legend
+_LINES = (
+    Qt.PenStyle.SolidLine,
+    Qt.PenStyle.DashLine,
+    Qt.PenStyle.DotLine,
+    Qt.PenStyle.DashDotLine,
+    Qt.PenStyle.DashDotDotLine,
+)
 _WAYS = {
     "": ("One colo&ur", "Draw the graph in one colour"),
     "storey": ("Colour by s&torey", "One colour for each floor"),
@@ -57,7 +65,7 @@ class ColoringPart(Part):
         self._coloring: Coloring | None = None
         self._rows: tuple[GraphArrays, Coloring, NDArray[np.int64], NDArray[np.int64]] | None = None
         self._primitives = Primitives()
-        self._discs: dict[str, object] = {}
+        self._sprites: dict[tuple[str, str], QPixmap] = {}
         self._kept: dict[GraphSurface, DrawingCache] = {}
         workspace.modes.beneath.append(self.paint)
 
@@ -109,7 +117,7 @@ class ColoringPart(Part):
             self._kept[surface].paint(painter, size.width(), size.height(), place, draw, self._rows)
         else:
             self._draw(surface, painter)
-        _paint_legend(painter, found)
+        self._paint_legend(painter, found)
 
     def _draw(self, surface: GraphSurface, painter: QPainter, within: QRectF | None = None) -> None:
         assert self._rows is not None
@@ -120,15 +128,50 @@ class ColoringPart(Part):
         radii = surface.disc_radii()
         seen = depths > NEAR
         for number, group in enumerate(found.groups):
-            pen = QPen(QColor(group.color), 2.4, Qt.PenStyle.DashLine if group.dashed else Qt.PenStyle.SolidLine)
-            painter.setPen(pen)
+            # Dashes of thousands of lines cost more than they tell.
+            painter.setPen(QPen(QColor(group.color), 2.4, _LINES[0] if len(lines) > SMOOTH_LINES else _line(group)))
             self._primitives.draw_lines(painter, lines[edges[index] == number])
         for number, group in enumerate(found.groups):
             rows = np.flatnonzero((viewpoints == number) & seen)
             rows = rows[np.argsort(-depths[rows], kind="stable")]
-            if group.color not in self._discs:
-                self._discs[group.color] = disc(group.color, "#11151a")
-            self._primitives.draw_sprites(painter, pixels[rows], radii[rows] / 12, self._discs[group.color])  # type: ignore[arg-type]
+            self._primitives.draw_sprites(painter, pixels[rows], radii[rows] / 12, self._sprite(group))
+
+    def _sprite(self, group: Group) -> QPixmap:
+        key = group.color, SHAPES[group.mark % len(SHAPES)]
+        if key not in self._sprites:
+            self._sprites[key] = disc(group.color, "#11151a", shape=key[1])
+        return self._sprites[key]
+
+    def _paint_legend(self, painter: QPainter, found: Coloring) -> None:
+        """Below on the left, with how many there are of each."""
+        rows = [(g, int(n)) for g, n in zip(found.groups, found.counts, strict=True) if n]
+        more = len(rows) - MOST_ROWS
+        lines = [f"{group.words}  ({count:,})" for group, count in rows[:MOST_ROWS]]
+        lines += [f"and {more} more"] if more > 0 else []
+        metrics, view = painter.fontMetrics(), painter.viewport()
+        step = metrics.height() + 2
+        width = max(metrics.horizontalAdvance(line) for line in [found.title, *lines]) + 46
+        height = step * (len(lines) + 1) + 10
+        box = QRectF(8, view.height() - height - 34, width, height)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(16, 20, 26, 205))
+        painter.drawRoundedRect(box, 5, 5)
+        painter.setPen(QColor("#f2f5f8"))
+        painter.drawText(QPointF(box.left() + 8, box.top() + step - 2), found.title)
+        for number, line in enumerate(lines, 1):
+            y = box.top() + step * (number + 1) - 2
+            if number <= len(rows[:MOST_ROWS]):
+                group = rows[number - 1][0]
+                painter.setPen(QPen(QColor(group.color), 2.4, _line(group)))
+                painter.drawLine(QPointF(box.left() + 6, y - 4), QPointF(box.left() + 34, y - 4))
+                places, scales = np.array([[box.left() + 20, y - 4]]), np.full((1, 2), 5.0 / 12)
+                self._primitives.draw_sprites(painter, places, scales, self._sprite(group))
+            painter.setPen(QColor("#f2f5f8"))
+            painter.drawText(QPointF(box.left() + 40, y), line)
+
+
+def _line(group: Group) -> Qt.PenStyle:
+    return _LINES[group.mark % len(_LINES)]
 
 
 def _groups(arrays: GraphArrays, found: Coloring) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -137,29 +180,3 @@ def _groups(arrays: GraphArrays, found: Coloring) -> tuple[NDArray[np.int64], ND
     keys = (arrays.edge_key(row) for row in range(len(arrays.edges)))
     edges = np.array([found.edges.get((min(key), max(key)), -1) for key in keys], np.int64)
     return viewpoints, edges
-
-
-def _paint_legend(painter: QPainter, found: Coloring) -> None:
-    """Below on the left, with how many there are of each."""
-    rows = [(g, int(n)) for g, n in zip(found.groups, found.counts, strict=True) if n]
-    more = len(rows) - MOST_ROWS
-    lines = [f"{group.words}  ({count:,})" for group, count in rows[:MOST_ROWS]]
-    lines += [f"and {more} more"] if more > 0 else []
-    metrics, view = painter.fontMetrics(), painter.viewport()
-    step = metrics.height() + 2
-    width = max(metrics.horizontalAdvance(line) for line in [found.title, *lines]) + 34
-    height = step * (len(lines) + 1) + 10
-    box = QRectF(8, view.height() - height - 34, width, height)
-    painter.setPen(Qt.PenStyle.NoPen)
-    painter.setBrush(QColor(16, 20, 26, 205))
-    painter.drawRoundedRect(box, 5, 5)
-    painter.setPen(QColor("#f2f5f8"))
-    painter.drawText(QPointF(box.left() + 8, box.top() + step - 2), found.title)
-    for number, line in enumerate(lines, 1):
-        y = box.top() + step * (number + 1) - 2
-        if number <= len(rows[:MOST_ROWS]):
-            group = rows[number - 1][0]
-            painter.setPen(QPen(QColor(group.color), 3, Qt.PenStyle.DotLine if group.dashed else Qt.PenStyle.SolidLine))
-            painter.drawLine(QPointF(box.left() + 8, y - 4), QPointF(box.left() + 22, y - 4))
-        painter.setPen(QColor("#f2f5f8"))
-        painter.drawText(QPointF(box.left() + 28, y), line)

@@ -26,6 +26,8 @@ from nvsim.graph.selection import GraphSelection
 
 SETTLE = 200  # milliseconds after an edit until it is compared again
 
+_STYLES = {"edge removed": Qt.PenStyle.DotLine}
+
 
 class ComparePart(Part):
     ACTIONS = (
@@ -128,7 +130,7 @@ class ComparePart(Part):
         for kind in ("edge removed", "edge added"):
             ends = [(compared.place(d.edge[0]), compared.place(d.edge[1])) for d in compared.of_kind(kind) if d.edge]
             known = np.array([pair for pair in ends if None not in pair], float).reshape(-1, 2, 3)
-            line(painter, surface, known[:, 0], known[:, 1], INKS[kind], 3.4, Qt.PenStyle.SolidLine)
+            line(painter, surface, known[:, 0], known[:, 1], INKS[kind], 3.4, _STYLES.get(kind, Qt.PenStyle.SolidLine))
         for kind in ("viewpoint removed", "viewpoint added", "viewpoint changed"):
             found = [compared.place(d.viewpoint) for d in compared.of_kind(kind)]
             dots(

@@ -6,6 +6,7 @@ from functools import partial
 
 from PySide6.QtWidgets import QMenu
 
+from app.look import lengths
 from app.look.plain_text import caption
 from app.modes.mode import Pointer
 from app.state import edit_commands
@@ -77,7 +78,7 @@ class ContextPart(Part):
     def _fill_for_floor(self, menu: QMenu, pointer: Pointer) -> None:
         editing, place = self.workspace.document.editing, pointer.surface.floor_point(pointer.point)
         if place is not None:
-            menu.addSection(f"{place[0]:.2f}, {place[1]:.2f} m")
+            menu.addSection(lengths.place(*place[:2]))
             if editing.writable:
                 add = partial(edit_commands.add_viewpoint_on_floor, editing, place)
                 menu.addAction("Add a viewpoint here", add)

@@ -20,6 +20,7 @@ from app.panels.form import Form
 from app.state.graph_files import ForeignGraph
 from app.state.graph_reasons import with_editing
 from app.state.stages import enabled
+from app.wiring.coloring import ColoringPart
 from app.wiring.features_form import FEATURES, FeaturesForm
 from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, Workspace
@@ -35,8 +36,9 @@ KINDS = {
     "r2r": "R2R connectivity and scans.txt, for agents",
     "graphml": "GraphML, for Gephi, yEd and networkx",
     "geojson": "GeoJSON, for maps",
-    "png": "PNG image of the map, of the storey that is shown",
-    "svg": "SVG image of the map, of the storey that is shown",
+    "png": "PNG figure: the storey that is shown, as coloured now, with its legend",
+    "svg": "SVG figure, the same for papers",
+    "pdf": "PDF figure, the same for papers",
 }
 _INSIST = {False: "refuse and say why", True: "write it all the same"}
 
@@ -167,6 +169,7 @@ class ExportPart(Part):
         return NavGraph(graph.scan, viewpoints, edges)
 
     def _write(self, kind: str, graph: NavGraph, path: Path, force: bool) -> Path:
+        from app.wiring.figure import figure, write_pdf
         from nvsim.graph import exports
 
         if kind == "r2r":
@@ -175,8 +178,9 @@ class ExportPart(Part):
             return exports.write_graphml(graph, path)
         if kind == "geojson":
             return exports.write_geojson(graph, path)
-        picture = exports.draw(self._shown(graph), self.workspace.document.contents.occupancy)
-        return exports.write_png(picture, path) if kind == "png" else exports.write_svg(picture, path)
+        coloring = self.workspace.part(ColoringPart).coloring
+        picture = figure(self._shown(graph), self.workspace.document.contents.occupancy, coloring)
+        return {"png": exports.write_png, "svg": exports.write_svg, "pdf": write_pdf}[kind](picture, path)
 
     def _write_r2r(self, graph: NavGraph, folder: Path, force: bool) -> Path:
         from nvsim.graph import exports

@@ -64,6 +64,7 @@ class InspectorPart(Part):
         self.inspection.changed.connect(self._follow)
         self.inspection.pointed.connect(workspace.scene.update)
         workspace.document.contentsChanged.connect(self._on_contents)
+        workspace.document.unitsChanged.connect(self.inspection.changed)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("inspector", "Inspector", self.panel, "right", tab="details"),)

@@ -191,10 +191,7 @@ class JobsPart(Part):
 
     def show_panel(self) -> None:
         """Brings the jobs to the front of their dock."""
-        dock = self.panel.parentWidget()
-        if dock is not None:
-            dock.setVisible(True)
-            dock.raise_()
+        self.workspace.window.show_dock("jobs")
 
     # Following --------------------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from PySide6.QtCore import QSettings
+from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
 from app.actions import Action
@@ -55,9 +56,14 @@ class LookPart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
+        self.workspace.preferences.changed.connect(self._on_preference)
+        QGuiApplication.styleHints().colorSchemeChanged.connect(self._on_desktop)
+        self._show_switch()
+
+    def _show_switch(self) -> None:
         dark = self.workspace.window.actions_table["dark"]
         dark.blockSignals(True)
-        dark.setChecked(theme.is_dark(self.workspace.window.palette()))
+        dark.setChecked(theme.is_dark(QApplication.palette()))
         dark.blockSignals(False)
 
     def _show_about(self) -> None:
@@ -65,7 +71,21 @@ class LookPart(Part):
 
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"
-        self.workspace.settings.setValue("theme", name)
+        if self.workspace.preferences["theme"] == name:  # the window began with another one
+            self._dress()
+        self.workspace.preferences.set("theme", name)
+
+    def _on_preference(self, key: str) -> None:
+        if key == "theme":
+            self._dress()
+
+    def _on_desktop(self) -> None:
+        """The desktop turned dark or light."""
+        if self.workspace.preferences["theme"] == theme.SYSTEM:
+            self._dress()
+
+    def _dress(self) -> None:
         app = QApplication.instance()
         assert isinstance(app, QApplication)
-        theme.apply(app, name)
+        theme.apply(app, str(self.workspace.preferences["theme"]))
+        self._show_switch()

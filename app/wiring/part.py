@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QWidget
 from app.actions import Action
 from app.jobs.queue import JobQueue
 from app.look.notices import Notices
+from app.panels.preferences import Preferences
 from app.state.document import Document
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class Workspace:
     jobs: JobQueue  # what runs long goes through it
     modes: ModeController  # how the mouse edits the graph in both views
     window: MainWindow  # parent of dialogs
+    preferences: Preferences  # what a user sets for all projects
 
     def part(self, kind: type[AnyPart]) -> AnyPart:
         """The part of that class, once every part is made. Raises LookupError while there is none."""

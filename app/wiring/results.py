@@ -40,9 +40,7 @@ class ResultPart(Part):
         if handle.job.order.verb in EVALUATIONS and handle.state == "done":
             self._read.pop(handle.number, None)  # it may have been run again
             self._gather()
-            dock = self.panel.parentWidget()
-            if dock is not None:
-                dock.raise_()
+            self.workspace.window.front_dock("results")
 
     def _gather(self) -> None:
         found = []

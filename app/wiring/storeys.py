@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from PySide6.QtCore import QSettings
+import numpy as np
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtGui import QColor, QPainter, QPen
 from PySide6.QtWidgets import QComboBox
 
 from app.actions import Action
+from app.look import colors, lengths
+from app.painting.graph_ink import SMOOTH_LINES
+from app.painting.picking import NEAR
+from app.painting.primitives import Primitives, disc
 from app.state.document import Document
-from app.state.reasons import Reason, with_graph
+from app.state.reasons import Reason, with_graph, with_occupancy
+from app.views.graph_surface import GraphSurface
 from app.wiring.panels import MapPart
 from app.wiring.part import Part, Workspace
 
 _EDGE = 8  # pixels from the corner of the map
+_FAINT, _RADIUS = 0.55, 3.0  # opacity, and pixels of a ring, of storeys that are not shown
 
 
 def with_storeys(document: Document) -> Reason:
@@ -28,6 +36,11 @@ class StoreyPart(Part):
                "&View", 5, "Alt+PgUp", enabled=with_storeys),
         Action("storey_down", "Storey &below", "Show the next lower floor of the graph alone", "&View", 5, "Alt+PgDown",
                enabled=with_storeys),
+        Action("storey_others", "&Fade other storeys", "Beside the storey that is shown, draw the others faintly",
+               "&View", 5, check="on", enabled=with_storeys),
+        Action("fade_hidden", "Fade what is behind &walls",
+               "Draw faintly in 3D what the occupancy map puts behind walls", "&View", 5, check="on",
+               enabled=lambda document: with_graph(document) or with_occupancy(document)),
         Action("storey_all", "All sto&reys", "Show every floor of the graph", "&View", 5, "Alt+Home",
                enabled=with_storeys),
     )  # fmt: skip
@@ -40,12 +53,16 @@ class StoreyPart(Part):
         self.choice.setAccessibleName("Storey")
         self.choice.activated.connect(self._choose)
         self.choice.hide()
+        self._primitives = Primitives()
+        self._ring = disc(colors.TRAJECTORY, "#20252b", shape="ring")
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
             "storey_up": lambda: self._storeys.step(1),
             "storey_down": lambda: self._storeys.step(-1),
             "storey_all": lambda: self._storeys.choose(None),
+            "storey_others": self._fade_others,
+            "fade_hidden": self._fade_hidden,
         }
 
     def restore(self, settings: QSettings) -> None:
@@ -53,9 +70,43 @@ class StoreyPart(Part):
         self.choice.setParent(plan)
         self.choice.move(_EDGE, _EDGE)
         self._storeys.changed.connect(self._show)
+        self.workspace.document.unitsChanged.connect(self._show)
         self._storeys.changed.connect(self.workspace.scene.update)
         self._storeys.changed.connect(plan.graph.update)
+        self.workspace.modes.beneath.insert(0, self.paint)
+        table = self.workspace.window.actions_table
+        for id in ("storey_others", "fade_hidden"):
+            table[id].setChecked(settings.value(id, "true") in (True, "true"))
         self._show()
+
+    def _fade_others(self, on: bool) -> None:
+        self.workspace.settings.setValue("storey_others", on)
+        self._storeys.fade_others(on)
+
+    def _fade_hidden(self, on: bool) -> None:
+        self.workspace.settings.setValue("fade_hidden", on)
+        self.workspace.scene.overlays.graph.fades_hidden = on
+        self.workspace.scene.update()
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        """The other storeys, thin, dotted and with small rings."""
+        arrays = self._storeys.others(self.workspace.document.graph_arrays)
+        if not arrays.ids or not surface.shows_graph:
+            return
+        ends = arrays.feet[arrays.edges]
+        lines, _, _ = surface.segments(ends[:, 0], ends[:, 1])
+        pixels, depths = surface.project(arrays.feet)
+        painter.save()
+        painter.setOpacity(_FAINT)
+        many = len(lines) > SMOOTH_LINES
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing, not many)
+        style = Qt.PenStyle.SolidLine if many else Qt.PenStyle.DotLine
+        painter.setPen(QPen(QColor(colors.TRAJECTORY), 1.0, style))
+        self._primitives.draw_lines(painter, lines)
+        seen = np.flatnonzero(depths > NEAR)
+        scales = np.full((len(seen), 2), _RADIUS / 12)
+        self._primitives.draw_sprites(painter, pixels[seen], scales, self._ring)
+        painter.restore()
 
     def _choose(self, row: int) -> None:
         self._storeys.choose(None if row == 0 else len(self._storeys.found) - row)
@@ -66,7 +117,7 @@ class StoreyPart(Part):
         self.choice.addItem("All storeys")
         # As in a lift: the highest on top.
         for number, storey in reversed(list(enumerate(found, 1))):
-            self.choice.addItem(f"Storey {number}, {storey.floor:.1f} m, {storey.count:,} viewpoints")
+            self.choice.addItem(f"Storey {number}, {lengths.length(storey.floor, 1)}, {storey.count:,} viewpoints")
         self.choice.setCurrentIndex(0 if self._storeys.chosen is None else len(found) - self._storeys.chosen)
         self.choice.setVisible(len(found) > 1)
         self.choice.adjustSize()

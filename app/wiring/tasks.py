@@ -62,6 +62,7 @@ class TaskPart(Part):
         self._soon.timeout.connect(self.look)
         workspace.document.graphChanged.connect(self._on_graph)
         workspace.document.projectChanged.connect(self._leave)
+        workspace.document.unitsChanged.connect(panel.say)
         workspace.modes.layers.append(self.paint)
 
     def _on_graph(self, _: object) -> None:

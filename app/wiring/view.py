@@ -9,10 +9,9 @@ from PySide6.QtCore import QSettings
 from app.actions import Action
 from app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, PREFERENCES
 from app.painting.tones import CHANNELS
+from app.panels.preferences import BUDGETS
 from app.state.reasons import with_scene, with_submaps
 from app.wiring.part import Part
-
-BUDGETS = (0, 400_000, 200_000, 100_000, 50_000)  # Gaussians; 0 for all
 
 
 class ViewPart(Part):
@@ -148,19 +147,21 @@ class ViewPart(Part):
         return handlers
 
     def restore(self, settings: QSettings) -> None:
-        renderer = settings.value("renderer", AUTOMATIC)
-        if renderer in PREFERENCES:
-            self.workspace.scene.set_renderer(str(renderer))
-            self.workspace.window.actions_table[f"renderer_{renderer}"].setChecked(True)
-        budget = str(settings.value("splat_budget", 0))
-        if budget in map(str, BUDGETS):
-            self.workspace.scene.set_budget(int(budget))
-            self.workspace.window.actions_table[f"budget_{budget}"].setChecked(True)
+        self.workspace.preferences.changed.connect(self._apply)
+        self._apply("renderer")
+        self._apply("splat_budget")
 
     def _set_budget(self, count: int) -> None:
-        self.workspace.settings.setValue("splat_budget", count)
-        self.workspace.scene.set_budget(count)
+        self.workspace.preferences.set("splat_budget", str(count))
 
     def _set_renderer(self, renderer: str) -> None:
-        self.workspace.settings.setValue("renderer", renderer)
-        self.workspace.scene.set_renderer(renderer)
+        self.workspace.preferences.set("renderer", renderer)
+
+    def _apply(self, key: str) -> None:
+        scene, value = self.workspace.scene, str(self.workspace.preferences[key])
+        if key == "renderer":
+            scene.set_renderer(value)
+            self.workspace.window.actions_table[f"renderer_{value}"].setChecked(True)
+        elif key == "splat_budget":
+            scene.set_budget(int(value))
+            self.workspace.window.actions_table[f"budget_{value}"].setChecked(True)

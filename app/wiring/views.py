@@ -11,12 +11,12 @@ from app.actions import Action
 from app.drawing.renderer_choice import PREFERENCES
 from app.look.plain_text import caption
 from app.painting.tones import CHANNELS
+from app.panels.preferences import BUDGETS
 from app.state.document import Document
 from app.state.reasons import Reason, with_positions
 from app.state.view_states import ViewState, ViewStates, changes
 from app.wiring.frames import FramePart
 from app.wiring.part import Part, Workspace
-from app.wiring.view import BUDGETS
 
 _RESTED = 450  # milliseconds without a movement until a place is one to go back to
 

@@ -16,8 +16,10 @@ from app.jobs.queue import JobQueue
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
+from app.look.scrolling import LEAST, Scrolling
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
+from app.panels.preferences import Preferences
 from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
@@ -60,7 +62,8 @@ class MainWindow(QMainWindow):
         document.projectChanged.connect(self._on_project)
         self._titles = QTimer(self, singleShot=True, interval=0)
         self._titles.timeout.connect(self._retitle)
-        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self)
+        self.preferences = Preferences(settings, self)
+        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self, self.preferences)
         self.parts = [part(workspace) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
         self.panels = {dock.name: dock.widget for dock in docks}
@@ -85,7 +88,10 @@ class MainWindow(QMainWindow):
     def _dock(self, row: Dock) -> QDockWidget:
         dock = QDockWidget(row.title, self)
         dock.setObjectName(f"dock_{row.name}")
-        dock.setWidget(row.widget)
+        high = row.widget.minimumSizeHint().height() > LEAST
+        dock.setWidget(Scrolling(row.widget) if high else row.widget)
+        if not row.widget.accessibleName():
+            row.widget.setAccessibleName(row.title)
         dock.setMinimumWidth(200)  # a layout of a smaller screen must not squeeze it to nothing
         for changed in (dock.topLevelChanged, dock.visibilityChanged):
             changed.connect(self._titles.start)

@@ -19,6 +19,7 @@ from nvsim.events import Done, Event, Failed, Log
 from nvsim.files.atomic import as_input_error
 from nvsim.files.nofollow import read_end
 from nvsim.files.opening import own_file
+from nvsim.kernel_threads import limit
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList
 
@@ -28,12 +29,16 @@ _LAST = 1 << 16  # bytes of what it printed that are looked at for its last word
 _started: list[subprocess.Popen[bytes]] = []
 
 
-def start_worker(root: Path, number: int | None = None) -> None:
-    """Starts a process for the job, or for the next that waits; it ends by itself when there is none."""
+def start_worker(root: Path, number: int | None = None, threads: int = 0) -> None:
+    """Starts a process for the job, or for the next that waits; it ends by itself when there is none. It computes with
+    so many `threads` at most, 0 for all cores, and so do those that follow it."""
     _started[:] = [p for p in _started if p.poll() is None]  # lets the ended ones go
     command = [sys.executable, "-P", "-m", "nvsim.cli.worker", str(root), *([] if number is None else [str(number)])]
     null = subprocess.DEVNULL
-    _started.append(subprocess.Popen(command, start_new_session=True, stdin=null, stdout=null, stderr=null))
+    environment = {**os.environ, **limit(threads)} if threads else None
+    _started.append(
+        subprocess.Popen(command, start_new_session=True, stdin=null, stdout=null, stderr=null, env=environment)
+    )
 
 
 def main(arguments: list[str]) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import opened
-from nvsim.kernel_threads import cores
+from nvsim.kernel_threads import allowed
 
 Provider = Literal["auto", "cpu", "cuda"]
 _PROVIDERS = {
@@ -77,7 +77,7 @@ def session(path: Path, providers: Sequence[str] = ("CPUExecutionProvider",)) ->
     with opened(path):
         pass  # a pipe is refused, and not waited for
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = cores()
+    options.intra_op_num_threads = allowed()
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     try:

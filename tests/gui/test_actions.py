@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QDialog
 from pytestqt.qtbot import QtBot
@@ -14,7 +13,7 @@ from pytestqt.qtbot import QtBot
 from app.look.icons import icon
 from app.state.document import Document
 from app.state.loading import Contents
-from app.views.navigation import _KEYS
+from app.views.hands import FLIGHTS
 from app.wiring import actions
 from app.wiring.window import MainWindow
 
@@ -23,7 +22,7 @@ def test_ids_and_shortcuts_are_unique_and_no_letter_is_one_that_flies() -> None:
     ids = [a.id for a in actions()]
     shortcuts = [a.shortcut for a in actions() if a.shortcut]
     assert len(set(ids)) == len(ids) and len(set(shortcuts)) == len(shortcuts)
-    assert not set(shortcuts) & {Qt.Key(k).name.removeprefix("Key_") for k in _KEYS}
+    assert not set(shortcuts) & {flight.key for flight in FLIGHTS.values()}
 
 
 @pytest.mark.parametrize("action", actions(), ids=lambda a: a.id)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton, QWidget
@@ -59,3 +63,42 @@ def test_how_many_are_reviewed_is_said_of_the_graph_as_it_is(window: MainWindow,
     assert " 1 of " in window.statusBar().currentMessage()
     table["undo"].trigger()
     assert " 0 of " in window.statusBar().currentMessage()
+
+
+def test_at_twice_the_size_everything_fits_a_screen_of_1920_by_1080(tmp_path: Path) -> None:
+    """In a process of its own: Qt reads its scale once. Logical pixels of window and dialogs, as small as they get,
+    whichever panels are in front."""
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
+        "from PySide6.QtCore import QSettings; from PySide6.QtWidgets import QApplication, QDialog\n"
+        "from app.start.application import make_application\n"
+        "settings = QSettings(sys.argv[2], QSettings.Format.IniFormat); app = make_application('dark', settings)\n"
+        "import demo_room; from app.look.notices import Notices; from app.state.document import Document\n"
+        "from app.wiring.window import MainWindow\n"
+        "document = Document(); window = MainWindow(document, settings, Notices()); window.show()\n"
+        "document.set_contents(demo_room.contents(Path('demo.nvsim')))\n"
+        "document.select(viewpoint=document.graph_arrays.ids[0])\n"
+        "def settle():\n"
+        "    for _ in range(5): app.processEvents()\n"
+        "sizes = []\n"
+        "for name in ('tasks', 'agent', 'camera_path', 'frame'):  # what is behind a tab counts as well\n"
+        "    if name == 'frame': document.select(frame=0); window.actions_table['open_frame'].trigger()\n"
+        "    else: window.show_dock(name)\n"
+        "    settle(); window.resize(1, 1); settle()\n"
+        "    sizes.append((window.width(), window.height(), name))\n"
+        "for name in ('preferences', 'help', 'new_project', 'models', 'job_train', 'export_graph', 'about'):\n"
+        "    window.actions_table[name].trigger(); settle()\n"
+        "for dialog in window.findChildren(QDialog):\n"
+        "    dialog.resize(1, 1); settle(); least = dialog.size()\n"
+        "    sizes.append((least.width(), least.height(), dialog.windowTitle()))\n"
+        "print(window.devicePixelRatio(), len(sizes), [s for s in sizes if s[0] > 960 or s[1] > 540])\n"
+        "window.close()\n"
+    )
+    environment = {**os.environ, "QT_SCALE_FACTOR": "2", "QT_QPA_PLATFORM": "offscreen"}
+    here = str(Path(__file__).parent)
+    done = subprocess.run(
+        [sys.executable, "-c", program, here, str(tmp_path / "window.ini")],
+        capture_output=True, text=True, timeout=120, env=environment, check=False,
+    )  # fmt: skip
+    ratio, count, wide = done.stdout.strip().split(" ", 2) if done.stdout.strip() else ("", "", done.stderr)
+    assert (ratio, wide) == ("2.0", "[]") and int(count) > 9, done.stderr

@@ -126,11 +126,14 @@ def test_none_and_true_survive_many_calls_of_qt() -> None:
 def test_the_memory_for_models_is_remembered_until_it_is_given_back(tmp_path: Path) -> None:
     from PySide6.QtCore import QSettings
 
-    from app.start.application import _memory_budget
+    from app.panels.preferences import Preferences, memory_budget
 
     settings = QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat)
-    assert _memory_budget(settings, None) is None
-    assert _memory_budget(settings, 1.5) == _memory_budget(settings, None) == 3 << 29
-    assert _memory_budget(settings, 0.0) is None and _memory_budget(settings, None) is None
+    preferences = Preferences(settings)
+    assert memory_budget(preferences) is None
+    preferences.set("memory_gib", 1.5)
+    assert memory_budget(Preferences(settings)) == 3 << 29
+    preferences.set("memory_gib", 0.0)
+    assert memory_budget(preferences) is None
     settings.setValue("memory_gib", "plenty")
-    assert _memory_budget(settings, None) is None
+    assert memory_budget(preferences) is None

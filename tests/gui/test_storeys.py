@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from editing_room import Hand
 from PySide6.QtWidgets import QApplication
 
 from app.painting import cameras
+from app.painting.behind import behind_walls
+from app.painting.cameras import ViewPose
 from app.state.document import Document
 from app.wiring.storeys import StoreyPart
 from app.wiring.window import MainWindow
-from nvsim.graph.edits import copy_by
+from nvsim.graph.edits import copy_by, move_viewpoints
+from nvsim.occupancy.types import FREE, OCCUPIED
 
 UP = 3.0
 
@@ -83,3 +87,44 @@ def test_the_choice_over_the_map_names_the_storeys_from_the_top(hand: Hand) -> N
 def test_a_graph_of_one_floor_offers_no_storeys(window: MainWindow) -> None:
     (part,) = (part for part in window.parts if isinstance(part, StoreyPart))
     assert part.choice.isHidden() and "one floor" in window.actions_table["storey_up"].toolTip()
+
+
+def test_other_storeys_are_drawn_faintly_and_left_alone(hand: Hand) -> None:
+    document, table, widget = hand.document, hand.window.actions_table, hand.surface.widget
+    # Beside the lower storey, so that it does not lie under it.
+    above = {id: v.position for id, v in document.graph.viewpoints.items() if v.position[2] > UP}
+    graph = move_viewpoints(document.graph, {id: (x + 0.4, y + 0.3, z) for id, (x, y, z) in above.items()})
+    document.set_contents(replace(document.contents, graph=graph))
+    table["storey_up"].trigger()
+    upper = document.storeys.others(document.graph_arrays)
+    assert len(upper.ids) == 22 and set(upper.feet[:, 2].round()) == {UP}
+    faint = widget.grab().toImage()
+    table["storey_others"].trigger()
+    assert not document.storeys.others(document.graph_arrays).ids
+    assert widget.grab().toImage() != faint
+    table["storey_others"].trigger()
+    assert widget.grab().toImage() == faint
+    hand.click(upper.feet[6])
+    assert not document.editing.selection.viewpoints & set(upper.ids)
+
+
+def test_what_is_behind_a_wall_is_faint(window: MainWindow, document: Document) -> None:
+    """A wall of the map stands between the eye and half of the room."""
+    occupancy = document.contents.occupancy
+    cells = np.where(occupancy.cells == OCCUPIED, FREE, occupancy.cells)
+    middle = int(np.median((document.graph_arrays.feet[:, 0] - occupancy.origin[0]) / occupancy.resolution)) + 3
+    cells[:, middle : middle + 2] = OCCUPIED
+    walled = replace(occupancy, cells=cells)
+    feet = document.graph_arrays.feet
+    wall = occupancy.origin[0] + (middle + 1) * occupancy.resolution
+    eye = np.array([feet[:, 0].min() - 0.5, np.median(feet[:, 1]), 1.5])
+    assert (behind_walls(walled, eye, feet) == (feet[:, 0] > wall)).all()
+    assert not behind_walls(walled, eye + [0, 0, 40.0], feet).any(), "from above nothing is behind a wall"
+    document.set_contents(replace(document.contents, occupancy=walled))
+    scene = window.scene
+    scene.navigation.set_pose(ViewPose(tuple(eye), np.pi / 2, -0.1))
+    view = scene.overlays.graph.seen(scene.overlay_camera)
+    assert scene.overlays.graph.hidden(view).sum() == (feet[:, 0] > wall).sum() > 3
+    faint = scene.grab().toImage()
+    window.actions_table["fade_hidden"].trigger()
+    assert scene.grab().toImage() != faint and not scene.overlays.graph.hidden(view).any()

@@ -113,7 +113,8 @@ def test_svg_graphml_and_geojson_are_well_formed_whatever_the_names(
     graph = NavGraph(scan, viewpoints, {tuple(sorted(ids)): edge(*ids)})  # type: ignore[dict-item]
     from nvsim.graph.exports.geojson import write_geojson
     from nvsim.graph.exports.graphml import write_graphml
-    from nvsim.graph.exports.picture import draw, write_svg
+    from nvsim.graph.exports.picture import draw
+    from nvsim.graph.exports.picture_files import write_svg
 
     ElementTree.parse(write_svg(draw(graph), folder / "graph.svg"))
     strict(write_geojson(graph, folder / "graph.geojson").read_text())

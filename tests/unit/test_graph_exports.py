@@ -84,7 +84,7 @@ def test_pictures_show_the_map_the_edges_and_the_viewpoints(tmp_path: Path) -> N
     occupancy = OccupancyMap(cells, 0.1, (-2.0, -2.0))
     picture = draw(GRAPH, occupancy, 800)
     pixels = cv2.imread(str(write_png(picture, tmp_path / "g.png")))
-    assert max(pixels.shape[:2]) == 800
+    assert pixels.shape[1] == 800 == picture.width and pixels.shape[0] == picture.whole_height > picture.height
     scale = 800 / (12.0 + 1.6)
 
     def at(x: float, y: float) -> list[int]:
@@ -95,7 +95,10 @@ def test_pictures_show_the_map_the_edges_and_the_viewpoints(tmp_path: Path) -> N
     svg = ET.parse(write_svg(picture, tmp_path / "g.svg")).getroot()
     names = [t.text for t in svg.iter("{http://www.w3.org/2000/svg}title")]
     assert names == ["house", *PLACES]
-    assert len(list(svg.iter("{http://www.w3.org/2000/svg}line"))) == 2
+    texts = [t.text for t in svg.iter("{http://www.w3.org/2000/svg}text")]
+    assert texts == [key.words for key in picture.legend] + [picture.bar[1]] and len(texts) >= 3
+    lines = sum(key.dash >= 0 for key in picture.legend)
+    assert len(list(svg.iter("{http://www.w3.org/2000/svg}line"))) == 2 + lines
     plain = draw(GRAPH, None, 200)
     assert plain.ground is None and max(plain.width, plain.height) == 200
     with pytest.raises(InputError, match="neither a viewpoint nor a map"):

@@ -1,26 +1,23 @@
-"""An image of the graph on its map, seen from above with y up: SVG for papers, PNG for everything else."""
+"""An image of the graph on its map, seen from above with y up, and its legend, as lines, dots and words."""
 
 from __future__ import annotations
 
-import base64
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files import atomic
-from nvsim.graph.exports.characters import legal
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 Colour = tuple[int, int, int]  # red, green, blue
-_PAPER, _INK = (255, 255, 255), (70, 70, 70)
+PAPER, INK = (255, 255, 255), (70, 70, 70)
 _STATES: dict[int, Colour] = {int(FREE): (252, 252, 252), int(OCCUPIED): (70, 70, 70), int(UNKNOWN): (222, 224, 228)}
 _EDGES: dict[str, Colour] = {"step": (46, 125, 84), "merge": (122, 90, 168), "person": (25, 105, 200)}
+_ORIGINS = {"step": "steps of the search", "merge": "merges", "person": "made by a user"}
 _OTHER: Colour = (60, 110, 130)
 _NODE, _START, _EXCLUDED = (24, 78, 52), (225, 130, 20), (150, 150, 150)
 _MARGIN = 0.8  # metres around everything
@@ -36,23 +33,47 @@ class Line:
     b: tuple[float, float]
     colour: Colour
     width: float
+    dash: int = 0  # of marks.DASHES
 
 
 @dataclass(frozen=True)
 class Dot:
-    """A disc, or a ring for what is excluded; pixels."""
+    """A disc or another of marks.SHAPES, or its outline for what is excluded; pixels."""
 
     at: tuple[float, float]
     radius: float
     colour: Colour
     filled: bool
     name: str
+    shape: str = "disc"
+
+
+@dataclass(frozen=True)
+class Key:
+    """A row of the legend. `shape` is one of marks.SHAPES, "" without viewpoints; `dash` of marks.DASHES, -1 without
+    edges."""
+
+    words: str
+    colour: Colour
+    shape: str = "disc"
+    dash: int = 0
+    filled: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """What colours stand for: `viewpoints`, id -> row of `keys`, and `edges`, key -> row; those left out are grey."""
+
+    title: str
+    keys: tuple[Key, ...]
+    viewpoints: Mapping[str, int]
+    edges: Mapping[tuple[str, str], int]
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """width, height pixels; ground (height, width, 3) uint8 RGB, None for plain paper; bar: its length in pixels and
-    its words."""
+    """width, height pixels, without the legend below; ground (height, width, 3) uint8 RGB, None for plain paper; bar:
+    its length in pixels and its words."""
 
     width: int
     height: int
@@ -61,10 +82,35 @@ class Picture:
     dots: tuple[Dot, ...]
     bar: tuple[float, str]
     scan: str
+    title: str = ""  # of the legend
+    legend: tuple[Key, ...] = ()
+
+    @property
+    def size(self) -> float:
+        """Of the letters, pixels."""
+        return max(10.0, 0.014 * max(self.width, self.height))
+
+    @property
+    def whole_height(self) -> int:
+        """With the legend, where there is one."""
+        if not self.legend:
+            return self.height
+        return self.height + math.ceil(1.6 * self.size * (len(self.legend) + bool(self.title)) + 0.8 * self.size)
+
+    def row(self, number: int) -> float:
+        """y of the middle of a row of the legend, its title being row 0."""
+        return self.height + 1.6 * self.size * (number + (0.5 if self.title else -0.5)) + 0.4 * self.size
 
 
-def draw(graph: NavGraph, occupancy: OccupancyMap | None = None, longest_side: int = 1600) -> Picture:
-    """The image as lines and dots; lines are coloured by who made the edge: steps green, merges violet, a user's blue.
+def draw(
+    graph: NavGraph,
+    occupancy: OccupancyMap | None = None,
+    longest_side: int = 1600,
+    groups: Groups | None = None,
+    unit: tuple[str, float] = ("m", 1.0),
+) -> Picture:
+    """The image as lines and dots with a legend. Colours are those of `groups`; without them lines are coloured by who
+    made the edge: steps green, merges violet, a user's blue. `unit` of the scale bar: its symbol, and metres of one.
     Raises InputError when there is nothing to draw, or the side is not between 64 and 16,384 pixels."""
     if not 64 <= longest_side <= _LARGEST:
         raise InputError(f"An image cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
@@ -79,79 +125,51 @@ def draw(graph: NavGraph, occupancy: OccupancyMap | None = None, longest_side: i
 
     # A viewpoint is as large as a person's shoulders, but to be seen on any map and apart on every one.
     radius = min(max(0.12 * scale, 2.0), 0.01 * longest_side)
+    told = _by_origin(graph) if groups is None else groups
     lines = []
-    for (a, b), edge in graph.edges.items():
-        walked = graph.viewpoints[a].included and graph.viewpoints[b].included
-        colour = _EDGES.get(edge.origin, _OTHER) if walked else _EXCLUDED
-        lines.append(Line(at(a), at(b), colour, max(0.4 * radius, 1.0)))
+    for ends in graph.edges:
+        key = told.keys[told.edges[ends]] if ends in told.edges else _NO_KEY
+        lines.append(Line(at(ends[0]), at(ends[1]), key.colour, max(0.4 * radius, 1.0), max(key.dash, 0)))
     dots = []
     for v in graph.viewpoints.values():
-        colour = _EXCLUDED if not v.included else _START if v.origin == "start" else _NODE
-        dots.append(Dot(at(v.id), radius, colour, v.included, v.id))
-    metres = max((b for b in _BARS if b * scale <= 0.25 * width), default=_BARS[0])
+        key = told.keys[told.viewpoints[v.id]] if v.id in told.viewpoints else _NO_KEY
+        dots.append(Dot(at(v.id), radius, key.colour, v.included, v.id, key.shape or "disc"))
+    symbol, metres = unit
+    length = max((b for b in _BARS if b * metres * scale <= 0.25 * width), default=_BARS[0])
     ground = None if occupancy is None else _ground(occupancy, low, high, scale, width, height)
-    return Picture(width, height, ground, tuple(lines), tuple(dots), (metres * scale, f"{metres:g} m"), graph.scan)
+    bar = (length * metres * scale, f"{length:g} {symbol}")
+    return Picture(width, height, ground, tuple(lines), tuple(dots), bar, graph.scan, told.title, told.keys)
 
 
-def write_svg(picture: Picture, path: Path) -> Path:
-    """Lines and discs stay vectors, with the ids as titles; the map is an image in it. Returns `path`. Raises
-    InputError when the disk refuses."""
-    p = picture
-    rows = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{p.width}" height="{p.height}" '
-        f'viewBox="0 0 {p.width} {p.height}">',
-        f"<title>{escape(legal(p.scan))}</title>",
-        f'<rect width="100%" height="100%" fill="{_hex(_PAPER)}"/>',
-    ]
-    if p.ground is not None:
-        data = base64.b64encode(_png(p.ground)).decode()
-        rows.append(f'<image width="{p.width}" height="{p.height}" href="data:image/png;base64,{data}"/>')
-    rows.append('<g stroke-linecap="round">')
-    for line in p.lines:
-        (x0, y0), (x1, y1) = line.a, line.b
-        rows.append(
-            f'<line x1="{x0:.2f}" y1="{y0:.2f}" x2="{x1:.2f}" y2="{y1:.2f}" stroke="{_hex(line.colour)}" '
-            f'stroke-width="{line.width:.2f}"/>'
-        )
-    rows.append("</g>")
-    for dot in p.dots:
-        paint = f'fill="{_hex(dot.colour)}"' if dot.filled else f'fill="none" stroke="{_hex(dot.colour)}"'
-        x, y = dot.at
-        rows.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{dot.radius:.2f}" {paint}><title>{escape(legal(dot.name))}</title></circle>')  # fmt: skip # noqa: E501
-    x, y, length, size = _bar(p)
-    rows.append(f'<path d="M{x:.1f} {y:.1f}h{length:.1f}" stroke="{_hex(_INK)}" stroke-width="{size / 5:.1f}"/>')
-    rows.append(f'<text x="{x:.1f}" y="{y - size / 2:.1f}" font-family="sans-serif" font-size="{size:.1f}" fill="{_hex(_INK)}">{p.bar[1]}</text>')  # fmt: skip # noqa: E501
-    rows.append("</svg>\n")
-    atomic.write_text(path, "\n".join(rows))
-    return path
+_NO_KEY = Key("", _EXCLUDED)
 
 
-def write_png(picture: Picture, path: Path) -> Path:
-    """Returns `path`. Raises InputError when the disk refuses."""
-    import cv2
-
-    p = picture
-    pixels = np.full((p.height, p.width, 3), _PAPER, np.uint8) if p.ground is None else p.ground.copy()
-
-    def fixed(at: tuple[float, float]) -> tuple[int, int]:
-        return round(at[0] * 16), round(at[1] * 16)  # sixteenths of a pixel: cv2's `shift` of 4
-
-    for line in p.lines:
-        cv2.line(pixels, fixed(line.a), fixed(line.b), line.colour, max(1, round(line.width)), cv2.LINE_AA, 4)
-    for dot in p.dots:
-        cv2.circle(pixels, fixed(dot.at), round(dot.radius * 16), dot.colour, -1 if dot.filled else 1, cv2.LINE_AA, 4)
-    x, y, length, size = _bar(p)
-    cv2.line(pixels, fixed((x, y)), fixed((x + length, y)), _INK, max(1, round(size / 5)), cv2.LINE_AA, 4)
-    at = (round(x), round(y - size / 2))
-    cv2.putText(pixels, p.bar[1], at, cv2.FONT_HERSHEY_SIMPLEX, size / 24, _INK, max(1, round(size / 14)), cv2.LINE_AA)
-    atomic.write_bytes(path, _png(pixels))
-    return path
-
-
-def _bar(picture: Picture) -> tuple[float, float, float, float]:
-    """Left end, line, length and size of the letters of the scale bar, pixels."""
-    size = max(10.0, 0.014 * max(picture.width, picture.height))
-    return size, picture.height - size, picture.bar[0], size
+def _by_origin(graph: NavGraph) -> Groups:
+    """Who made an edge, and where the search began: the rows that this graph has something of."""
+    keys = {
+        **{origin: Key(words, _EDGES[origin], "", 0) for origin, words in _ORIGINS.items()},
+        "other": Key("other edges", _OTHER, "", 0),
+        "out": Key("not in navigation", _EXCLUDED, "disc", 2, filled=False),
+        "start": Key("start of the search", _START, "disc", -1),
+        "node": Key("viewpoints", _NODE, "disc", -1),
+    }
+    edges = {
+        ends: (edge.origin if edge.origin in _ORIGINS else "other")
+        if all(graph.viewpoints[end].included for end in ends)
+        else "out"
+        for ends, edge in graph.edges.items()
+    }
+    viewpoints = {
+        v.id: "out" if not v.included else "start" if v.origin == "start" else "node" for v in graph.viewpoints.values()
+    }
+    used = [name for name in keys if name in {*edges.values(), *viewpoints.values()}]
+    row = {name: i for i, name in enumerate(used)}
+    return Groups(
+        "",
+        tuple(keys[name] for name in used),
+        {id: row[name] for id, name in viewpoints.items()},
+        {ends: row[name] for ends, name in edges.items()},
+    )
 
 
 def _ground(
@@ -179,13 +197,3 @@ def _extent(
         raise InputError("There is neither a viewpoint nor a map to draw; name another graph.")
     everything = np.concatenate(boxes)
     return everything.min(axis=0) - _MARGIN, everything.max(axis=0) + _MARGIN
-
-
-def _png(pixels: NDArray[np.uint8]) -> bytes:
-    import cv2
-
-    return bytes(cv2.imencode(".png", pixels[..., ::-1])[1].tobytes())
-
-
-def _hex(colour: Colour) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)

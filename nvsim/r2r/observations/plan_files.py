@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
-from nvsim.graph.exports.picture import Dot, Line, Picture, write_png
+from nvsim.graph.exports.picture import Dot, Line, Picture
+from nvsim.graph.exports.picture_files import write_png
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.encoding import png
 from nvsim.r2r.observations.floor_plan import CUT, Frame, draw_plan

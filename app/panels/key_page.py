@@ -1,0 +1,224 @@
+"""The table of keys: every command with its keys, what is in its way, and a row to change them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSortFilterProxyModel, Qt
+from PySide6.QtGui import QColor, QKeySequence
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QCheckBox,
+    QHeaderView,
+    QKeySequenceEdit,
+    QPushButton,
+    QTableView,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.look import colors
+from app.look.labels import Label
+from app.look.plain_text import plain, tip
+from app.look.wrapping import WrappingRow
+from app.panels.key_bindings import KeyBindings, KeyRow
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+_COLUMNS = ("Command", "Where", "Keys", "At first", "In the way")
+_KEYS, _CONFLICT = 2, 4
+
+
+class KeyTable(QAbstractTableModel):
+    """One row for every command, then what flies, then what cannot be changed."""
+
+    def __init__(self, bindings: KeyBindings, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._bindings = bindings
+        self._conflicts = bindings.conflicts()
+
+    def refresh(self) -> None:
+        self._conflicts = self._bindings.conflicts()
+        self.dataChanged.emit(self.index(0, 0), self.index(self.rowCount() - 1, len(_COLUMNS) - 1))
+
+    def row(self, index: int) -> KeyRow:
+        return self._bindings.rows[index]
+
+    @property
+    def conflicts(self) -> dict[str, tuple[str, ...]]:
+        return self._conflicts
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self._bindings.rows)
+
+    def columnCount(self, parent: _Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(_COLUMNS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return _COLUMNS[section]
+        return None
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid():
+            return None
+        row, column = self.row(index.row()), index.column()
+        others = self._conflicts.get(row.id, ())
+        if role == Qt.ItemDataRole.DisplayRole:
+            keys = self._bindings.keys(row)
+            at_first = "cannot be changed" if not row.id else row.default if keys != row.default else ""
+            cells = (row.title, row.place, keys, at_first, f"⚠ {', '.join(others)}" if others else "")
+            return plain(cells[column])
+        if role == Qt.ItemDataRole.ToolTipRole and others:
+            return tip(f"Also the keys of: {', '.join(others)}. Neither does anything until one has others.")
+        if role == Qt.ItemDataRole.ForegroundRole and others and column in (_KEYS, _CONFLICT):
+            return QColor(colors.text("blocked"))
+        if role == Qt.ItemDataRole.ForegroundRole and not row.id:
+            return self._faded()
+        return None
+
+    def _faded(self) -> QColor:
+        parent = self.parent()
+        assert isinstance(parent, QWidget)
+        return parent.palette().placeholderText().color()
+
+
+class _Fitting(QSortFilterProxyModel):
+    """The rows that have all words in one of their cells, and with `only` those in each other's way."""
+
+    words: tuple[str, ...] = ()
+    only = False
+
+    def show_only(self, words: tuple[str, ...], only: bool) -> None:
+        self.words, self.only = words, only
+        self.invalidate()
+
+    def filterAcceptsRow(self, source_row: int, source_parent: _Index) -> bool:
+        table = self.sourceModel()
+        assert isinstance(table, KeyTable)
+        if self.only and table.row(source_row).id not in table.conflicts:
+            return False
+        cells = " ".join(str(table.data(table.index(source_row, c))) for c in range(len(_COLUMNS))).casefold()
+        return all(word in cells for word in self.words)
+
+
+class KeyPage(QWidget):
+    """`search` is told what the dialog searches for."""
+
+    def __init__(self, bindings: KeyBindings, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._bindings = bindings
+        self.table = KeyTable(bindings, self)
+        self._fitting = _Fitting(self)
+        self._fitting.setSourceModel(self.table)
+        self.view = self._view()
+        self.editor = QKeySequenceEdit(self)
+        self.editor.setMaximumSequenceLength(1)
+        self.editor.setAccessibleName("New keys")
+        self.editor.setToolTip("Click here and press the keys; they are taken at once")
+        self.none = self._button("None", "No keys for this command")
+        self.reset = self._button("As at first", "The keys that the command had at first")
+        self.reset_all = self._button("All as at first", "Every command has the keys that it had at first")
+        self.only = QCheckBox("Only what is in the way", self)
+        self.only.setToolTip("Show only commands that have the same keys as another one")
+        self.words = Label(self)
+        self.words.setWordWrap(True)
+        row = WrappingRow()
+        self.of = Label("Keys", self)
+        for widget in (self.of, self.editor, self.none, self.reset, self.reset_all, self.only):
+            row.addWidget(widget)
+        layout = QVBoxLayout(self)
+        layout.addWidget(self.view, 1)
+        layout.addLayout(row)
+        layout.addWidget(self.words)
+        self.editor.editingFinished.connect(self._bind)
+        self.none.clicked.connect(self._clear)
+        self.reset.clicked.connect(self._reset)
+        self.reset_all.clicked.connect(bindings.reset_all)
+        self.only.toggled.connect(self._filter)
+        self.view.selectionModel().currentRowChanged.connect(self._show)
+        self.view.doubleClicked.connect(self.editor.setFocus)
+        bindings.changed.connect(self._on_changed)
+        self._typed = ""
+        self._say("")
+        self._show()
+
+    def _view(self) -> QTableView:
+        view = QTableView(self)
+        view.setModel(self._fitting)
+        view.setAccessibleName("Commands and their keys")
+        view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        view.setAlternatingRowColors(True)
+        view.setShowGrid(False)
+        view.setTabKeyNavigation(False)
+        view.verticalHeader().hide()
+        header = view.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        header.setStretchLastSection(True)
+        for column, width in enumerate((210, 100, 110, 100)):
+            header.resizeSection(column, width)
+        return view
+
+    def _button(self, text: str, words: str) -> QPushButton:
+        button = QPushButton(text, self)
+        button.setToolTip(tip(words))
+        button.setAutoDefault(False)
+        return button
+
+    @property
+    def current(self) -> KeyRow | None:
+        """The chosen row."""
+        index = self._fitting.mapToSource(self.view.currentIndex())
+        return self.table.row(index.row()) if index.isValid() else None
+
+    def choose(self, id: str) -> None:
+        """Brings a command into view. Raises StopIteration where there is none."""
+        row = next(i for i, row in enumerate(self._bindings.rows) if row.id == id)
+        self.view.setCurrentIndex(self._fitting.mapFromSource(self.table.index(row, 0)))
+
+    def search(self, typed: str) -> int:
+        """Shows the rows that have these words; returns how many."""
+        self._typed = typed
+        self._filter()
+        return self._fitting.rowCount()
+
+    def _filter(self, _: object = None) -> None:
+        self._fitting.show_only(tuple(self._typed.casefold().split()), self.only.isChecked())
+
+    def _bind(self) -> None:
+        row, keys = self.current, self.editor.keySequence().toString()
+        if row is not None and row.id and keys and keys != self._bindings.keys(row):
+            self._say(self._bindings.bind(row.id, keys))
+            self._show()
+
+    def _clear(self) -> None:
+        if (row := self.current) is not None and row.id:
+            self._say(self._bindings.bind(row.id, ""))
+            self._show()
+
+    def _reset(self) -> None:
+        if (row := self.current) is not None and row.id:
+            self._bindings.reset(row.id)
+            self._show()
+
+    def _show(self, *_: object) -> None:
+        row = self.current
+        free = row is not None and bool(row.id)
+        for widget in (self.editor, self.none, self.reset):
+            widget.setEnabled(free)
+        self.of.setText("Keys of the chosen command:" if row is None else f"Keys of {plain(row.title)}:")
+        keys = "" if row is None or not free else self._bindings.keys(row)
+        if self.editor.keySequence().toString() != keys:
+            self.editor.setKeySequence(QKeySequence(keys))
+
+    def _on_changed(self) -> None:
+        self.table.refresh()
+        self._say("")
+        self._show()
+        self._filter()
+
+    def _say(self, refusal: str) -> None:
+        found = self.table.conflicts
+        both = f"{len(found)} commands have keys of another one; none of these does anything by its keys."
+        self.words.setText(refusal or (both if found else "No keys are in each other's way."))

@@ -1,0 +1,82 @@
+"""The preferences: the dialog, and what each value does to the window. Theme, renderer, splat budget and saving are the
+matter of other parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.look import lengths
+from app.look.front import bring_up
+from app.panels.key_bindings import KeyBindings
+from app.panels.preference_dialog import PreferenceDialog
+from app.views.hands import Hands
+from app.wiring.part import Part, Workspace
+
+
+class PreferencePart(Part):
+    ACTIONS = (
+        Action("preferences", "Pre&ferences…", "Units, mouse, keys, saving, theme, memory, threads", "&Edit", 90,
+               "Ctrl+,"),
+        Action("preference_keys", "&Keys…", "Every command with its keys: search, change, see what is in the way",
+               "&Edit", 90, "Ctrl+Alt+K"),
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.dialog: PreferenceDialog | None = None
+        self._ways: Mapping[int, tuple[int, int, int]] = Hands().keys
+        workspace.preferences.changed.connect(self._apply)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"preferences": self.open, "preference_keys": self.open_keys}
+
+    def restore(self, settings: QSettings) -> None:
+        self.bindings = KeyBindings(self.workspace.window.actions_table, settings, self._fly, self)
+        for key in ("units", "mouse/", "mouse/flying", "job_threads"):
+            self._apply(key)
+
+    def open(self) -> PreferenceDialog:
+        """The one dialog, in front."""
+        if self.dialog is None:
+            self.dialog = PreferenceDialog(self.workspace.preferences, self.bindings, self.workspace.window)
+            self.dialog.destroyed.connect(self._forget)
+        bring_up(self.dialog)
+        return self.dialog
+
+    def open_keys(self) -> PreferenceDialog:
+        """The same, at the table of keys."""
+        dialog = self.open()
+        dialog.tabs.setCurrentWidget(dialog.keys)
+        return dialog
+
+    def _forget(self) -> None:
+        self.dialog = None
+
+    def _fly(self, ways: Mapping[int, tuple[int, int, int]]) -> None:
+        self._ways = ways
+        self._apply("mouse/")
+
+    def _apply(self, key: str) -> None:
+        set, navigation = self.workspace.preferences, self.workspace.scene.navigation
+        if key == "units":
+            lengths.choose(str(set["units"]))
+            self.workspace.document.unitsChanged.emit()
+            self.workspace.modes.refresh()
+        elif key == "mouse/flying":
+            navigation.speed = set.number(key)
+        elif key.startswith("mouse/"):
+            navigation.hands = Hands(
+                str(set["mouse/left"]),
+                str(set["mouse/middle"]),
+                str(set["mouse/right"]),
+                bool(set["mouse/upside_down"]),
+                bool(set["mouse/backwards"]),
+                set.number("mouse/turning"),
+                set.number("mouse/rolling"),
+                self._ways,
+            )
+        elif key == "job_threads":
+            self.workspace.jobs.threads = round(set.number(key))
