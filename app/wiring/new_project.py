@@ -17,12 +17,15 @@ from app.state.reasons import Reason
 from app.wiring.jobs import JobsPart
 from app.wiring.part import Part
 from nvsim.capture import formats
+from nvsim.capture.left_out import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.project.path_kind import GRAPHS, path_kind, sentence_about
 from nvsim.project.work import STAGE
 
 MOST_RECENT = 10
+LEFT_OUT = "left_out.txt"
+"""The file of a project that names the frames which were not to be imported."""
 _KEY = "recent"
 
 
@@ -135,7 +138,7 @@ class NewProjectPart(Part):
 
     def _add(self, new: NewProject) -> None:
         for capture in new.captures:
-            arguments = [str(capture), "--add", "--project", str(new.project)]
+            arguments = [str(capture), "--add", "--project", str(new.project), *self._leaving_out(new)]
             self.workspace.jobs.start("import", arguments, new.project, f"Add {capture.name}")
         if new.everything:
             self.workspace.part(JobsPart).run_everything()
@@ -151,10 +154,22 @@ class NewProjectPart(Part):
                     self.workspace.notices.error(str(error))
                     return
             names = " and ".join(c.name for c in new.captures)
-            arguments = [str(source), "--project", str(new.project), *new.options]
+            arguments = [str(source), "--project", str(new.project), *new.options, *self._leaving_out(new)]
             self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")
             if new.everything:
                 self.workspace.part(JobsPart).run_everything()
+
+    def _leaving_out(self, new: NewProject) -> list[str]:
+        """The flags for the frames that are left out; their names lie in the project, as a job may be taken up again
+        later. A failure becomes a notice."""
+        if not new.left_out:
+            return []
+        path = new.project / LEFT_OUT
+        try:
+            write_names(new.left_out, path)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+        return ["--leave-out", f"{FROM_FILE}{path}"]
 
     def choose_demo(self) -> None:
         """Asks where the demo project goes, and makes it there."""

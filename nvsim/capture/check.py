@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.far_frames import check_far_frames
-from nvsim.capture.findings import Finding, Findings
+from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
 from nvsim.capture.image_folder import looked_for_in
@@ -115,7 +115,7 @@ def _check_geometry(
             return None
     if not alignment.scale_known:
         findings.warning(
-            "the scale is unknown",
+            SCALE_UNKNOWN,
             raw.source.name,
             "the import asks for it: --camera-height METRES above the floor, or --scale METRES per unit",
         )

@@ -11,6 +11,9 @@ from nvsim.errors import InputError
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+SCALE_UNKNOWN = "the scale is unknown"
+IMAGE_MISSING = "the image is missing"
+"""Messages of findings that have a remedy of their own."""
 _LISTED = 40
 _LONGEST = 1000  # characters of a message
 _KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory

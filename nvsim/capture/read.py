@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
-from nvsim.capture.findings import Findings
+from nvsim.capture.findings import IMAGE_MISSING, Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.image_folder import looked_for_in
 from nvsim.capture.left_out import without
@@ -47,7 +47,7 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
     """Whether the image is missing or empty, which becomes an error finding."""
     size = file_size(frame.image_path)
     if size is None:
-        findings.error("the image is missing", frame.where, f"{LOST_FRAME}; looked for {frame.image_path}")
+        findings.error(IMAGE_MISSING, frame.where, f"{LOST_FRAME}; looked for {frame.image_path}")
     elif size == 0:
         findings.error("the image is empty (0 bytes)", frame.where, LOST_FRAME)
     return not size

@@ -64,7 +64,7 @@ def test_frames_with_errors_are_listed_in_a_file_and_left_out_by_it(
     stored = json.loads((next(project.rglob("capture.json"))).read_text())
     assert len(stored["frames"]) == 17 and not set(names) & {f["name"] for f in stored["frames"]}
     assert main(["import", str(path), "--project", str(project), "--leave-out", ",".join(names)]) == 0
-    assert "unchanged" in capsys.readouterr().out
+    assert "unchanged" in capsys.readouterr().err
     assert main(["check", str(path), "--leave-out", f"@{listed}"]) == 2
     with pytest.raises(InputError, match="line ends"):
         write_names(["a\nb"], listed)
