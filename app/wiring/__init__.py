@@ -30,6 +30,7 @@ from app.wiring.palette import PalettePart
 from app.wiring.panels import LogPart, MapPart, ShownPart, SubmapPart
 from app.wiring.part import Part
 from app.wiring.proposing import ProposePart
+from app.wiring.recent import RecentPart
 from app.wiring.results import ResultPart
 from app.wiring.selecting import SelectPart
 from app.wiring.storeys import StoreyPart
@@ -53,6 +54,7 @@ PARTS: tuple[type[Part], ...] = (
     ThresholdPart,
     JobsPart,
     NewProjectPart,
+    RecentPart,
     ModelsPart,
     ResultPart,
     LogPart,

@@ -216,9 +216,9 @@ class JobsPart(Part):
         if missing is None or document.contents.capture is not None or document.project is None:
             return
         if making is None:
-            window.empty.say(*missing, document.contents.missing_verb, True)
+            window.empty.say(*missing, document.contents.missing_verb)
         else:
-            window.empty.say(f"{making.title} …", "", "", True)
+            window.empty.say(f"{making.title} …", "")
 
     def _open_again(self, handle: JobHandle) -> None:
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):

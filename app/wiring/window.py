@@ -18,6 +18,7 @@ from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
+from app.panels.start_page import StartPage
 from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
@@ -49,9 +50,11 @@ class MainWindow(QMainWindow):
         self._stored = False
         self.scene = SceneView(document)
         self.empty = EmptyState()
+        self.start = StartPage()
         self.centre = QStackedWidget(self)
         self.centre.addWidget(self.scene)
         self.centre.addWidget(self.empty)
+        self.centre.addWidget(self.start)
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
         self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front covers it
@@ -165,10 +168,11 @@ class MainWindow(QMainWindow):
         contents = self.document.contents
         missing = contents.missing
         nothing = len(self.document.extent) == 0
-        if nothing or self.centre.currentWidget() is self.empty:
-            self.centre.setCurrentWidget(self.empty if nothing else self.scene)
+        if nothing or self.centre.currentWidget() in (self.empty, self.start):
+            bare = self.start if contents.path is None else self.empty
+            self.centre.setCurrentWidget(bare if nothing else self.scene)
         if missing is not None:
-            self.empty.say(*missing, contents.missing_verb, contents.path is not None)
+            self.empty.say(*missing, contents.missing_verb)
         self.show_title()
         self._summarise()
 
@@ -247,6 +251,7 @@ class MainWindow(QMainWindow):
     def _dress(self) -> None:
         self.actions_table.dress(self.palette())
         self.empty.dress()
+        self.start.dress()
 
     def _restore(self) -> None:
         geometry, state = self.settings.value("geometry"), self.settings.value("state")

@@ -33,7 +33,9 @@ def write_names(names: Sequence[str], path: Path) -> None:
     cannot stand on a line."""
     for name in names:
         if name != name.strip() or len(name.splitlines()) > 1:
-            raise InputError(f"{name!r} cannot stand in a list of frames because of its spaces or line ends; rename it.")
+            raise InputError(
+                f"{name!r} cannot stand in a list of frames because of its spaces or line ends; rename it."
+            )
     atomic.write_text(path, "".join(f"{name}\n" for name in names))
 
 

@@ -43,8 +43,8 @@ class Summary:
 
 
 def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -> Summary:
-    """`capture` is `raw` in the aligned frame, None where it cannot be brought there; `bad` names the frames that cannot
-    be used."""
+    """`capture` is `raw` in the aligned frame, None where it cannot be brought there; `bad` names the frames that
+    cannot be used."""
     sizes = Counter((f.lens.width, f.lens.height) for f in raw.frames if f.lens is not None)
     points = 0 if raw.cloud is None else len(raw.cloud.points)
     counted = Summary(

@@ -124,26 +124,6 @@ def test_a_dropped_capture_becomes_a_project_and_the_next_stage_is_offered(
     qtbot.waitUntil(lambda: not jobs.running, timeout=SECONDS)
 
 
-def test_projects_that_were_open_are_offered_again(
-    qtbot: QtBot, session: Session, settings: QSettings, tmp_path: Path
-) -> None:
-    from nvsim.project.project import Project
-
-    for name in ("one.nvsim", "two.nvsim"):
-        Project.create_or_open(tmp_path / name).close()
-        session.open(tmp_path / name)
-    part = part_of(session)
-    assert [p.name for p in part.recent()] == ["two.nvsim", "one.nvsim"]
-    assert "Open &recent" in [a.text() for m in session.window.menuBar().findChildren(QMenu) for a in m.actions()]
-    (menu,) = [m for m in session.window.findChildren(QMenu) if m.title() == "Open &recent"]
-    menu.aboutToShow.emit()
-    menu.actions()[1].trigger()
-    assert session.document.project == tmp_path / "one.nvsim"
-    assert session.window.empty.imports.isVisible()  # it has no capture yet
-    (tmp_path / "two.nvsim" / "project.db").unlink()
-    assert [p.name for p in part.recent()] == ["one.nvsim"]
-
-
 def test_several_captures_become_one_list_and_one_project(qtbot: QtBot, session: Session, tmp_path: Path) -> None:
     captures = [tmp_path / "first", tmp_path / "second"]
     dialog = part_of(session).open_dialog(captures)

@@ -250,7 +250,7 @@ def test_texts_of_pages_menus_and_results_are_text(attacked: MainWindow, fifo: P
         replace(document.contents, capture=None, graph=None, submaps=(), scene_stamp=None, occupancy=None)
     )
     window.empty.show_recent(part.recent())
-    window.empty.say(evil, evil, "import", False)
+    window.empty.say(evil, evil, "import")
     assert _shown(window) == []
 
 

@@ -28,9 +28,7 @@ def test_a_capture_is_summed_up_in_figures_that_were_put_into_it(tmp_path: Path)
     assert check(tmp_path / "nowhere").summary is None
 
 
-def test_identical_findings_are_one_line_with_their_number(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_identical_findings_are_one_line_with_their_number(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(20), sample.room())
     for i in range(9):
         (tmp_path / "images" / f"{i:03d}.png").unlink()
