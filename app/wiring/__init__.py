@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from app.actions import Action
 from app.wiring.agent import AgentPart
+from app.wiring.arrangements import ArrangementPart
 from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
 from app.wiring.camera_path import CameraPathPart
@@ -76,6 +77,7 @@ PARTS: tuple[type[Part], ...] = (
     PalettePart,
     ViewsPart,
     KeepingPart,
+    ArrangementPart,
 )
 
 

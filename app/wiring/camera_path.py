@@ -73,7 +73,7 @@ class CameraPathPart(Part):
         workspace.document.projectChanged.connect(self._clear)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps"),)
+        return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

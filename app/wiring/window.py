@@ -3,6 +3,7 @@ in the parts."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, QTimer, Signal
@@ -25,7 +26,6 @@ from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, Workspace
 
-LAYOUT_VERSION = 3  # raised when docks or toolbars change, so that an old stored layout is not forced on them
 _REASON = 6000  # milliseconds for which the status bar says why a key did nothing
 _AREAS = {
     "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
@@ -73,7 +73,6 @@ class MainWindow(QMainWindow):
         self.actions_table = ActionTable(document, actions(), handlers, self)
         self._build_bars()
         self._arrange()
-        self._default_layout = self.saveState(LAYOUT_VERSION)
         self._connect()
         self.resize(1480, 920)
         self._restore()
@@ -237,14 +236,15 @@ class MainWindow(QMainWindow):
         self._docks[name].show()
         self._docks[name].raise_()
 
-    def front_dock(self, name: str) -> None:
-        """Brings a panel before those it shares a place with, unless it was closed. Raises KeyError like show_dock."""
-        if not self._docks[name].isHidden():
-            self._docks[name].raise_()
+    @property
+    def docks(self) -> Mapping[str, QDockWidget]:
+        """Name -> the dock that holds the panel."""
+        return self._docks
 
-    def reset_layout(self) -> None:
-        """Every panel where it was at first."""
-        self.restoreState(self._default_layout, LAYOUT_VERSION)
+    @property
+    def rows(self) -> Sequence[Dock]:
+        """What the parts said of their panels."""
+        return self._rows
 
     # Look and layout -------------------------------------------------------------------------------------------
 
@@ -254,11 +254,9 @@ class MainWindow(QMainWindow):
         self.start.dress()
 
     def _restore(self) -> None:
-        geometry, state = self.settings.value("geometry"), self.settings.value("state")
+        geometry = self.settings.value("geometry")
         if isinstance(geometry, QByteArray):
             self.restoreGeometry(geometry)
-        if isinstance(state, QByteArray):
-            self.restoreState(state, LAYOUT_VERSION)
         for part in self.parts:
             part.restore(self.settings)
 
@@ -281,7 +279,6 @@ class MainWindow(QMainWindow):
             return
         self._stored = True
         self.settings.setValue("geometry", self.saveGeometry())
-        self.settings.setValue("state", self.saveState(LAYOUT_VERSION))
         for part in self.parts:
             part.store(self.settings)
         self.jobs.stop()

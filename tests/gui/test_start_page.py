@@ -201,9 +201,7 @@ def test_a_look_at_a_project_finds_an_image_that_it_has_and_fails_at_none(tmp_pa
     assert look_at(project).picture == b"" and time.monotonic() - begun < 5
 
 
-def test_what_the_view_showed_becomes_the_image_of_the_project(
-    session: Session, tmp_path: Path, qtbot: QtBot
-) -> None:
+def test_what_the_view_showed_becomes_the_image_of_the_project(session: Session, tmp_path: Path, qtbot: QtBot) -> None:
     project = demo_project.write_project(tmp_path / "seen.nvsim", count=500, models=1)
     session.open(project)
     part = session.window.part(RecentPart)
