@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
+from app.look.icons import icon
 from app.look.plain_text import plain, tip
 from app.state.recent_child import Looked
 
@@ -69,6 +70,9 @@ class _Row(QStyledItemDelegate):
         painter.fillPath(shape, option.palette.midlight())
         pixmap = image.pixmap(image.availableSizes()[0]) if isinstance(image, QIcon) and not image.isNull() else None
         if pixmap is None:
+            icon("nvsim", option.palette).paint(
+                painter, box.adjusted(20, 16, -20, -16), mode=QIcon.Mode.Disabled if gone else QIcon.Mode.Normal
+            )
             return
         painter.setClipPath(shape)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from PySide6.QtCore import QRectF, Qt, Signal
+from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QFont, QMouseEvent, QPainter, QPaintEvent, QPen, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QStackedLayout, QVBoxLayout, QWidget
 
@@ -81,6 +81,7 @@ class StartPage(QWidget):
         super().__init__(parent)
         self.setAutoFillBackground(True)
         self._mark = Label(self)
+        self._mark.setFixedSize(44, 44)
         name = Label("NVSim", self)
         self._large(name, 8)
         words = Label("A capture of a building becomes a simulator for vision-and-language navigation.", self)
@@ -154,6 +155,10 @@ class StartPage(QWidget):
         self.dress()
         self.show_recent(())
 
+    def minimumSizeHint(self) -> QSize:
+        """Small: while something is open the page is hidden and must not hold the window wide."""
+        return QSize(300, 200)
+
     def _large(self, label: Label, more: float) -> None:
         font = QFont(label.font())
         font.setPointSizeF(font.pointSizeF() + more)
@@ -189,6 +194,11 @@ class StartPage(QWidget):
     def take_keys(self) -> None:
         """The list has the keys, or Open where there is none."""
         (self.recent if self.recent.count() else self.open).setFocus()
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self.dress()
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)

@@ -24,7 +24,7 @@ from app.wiring.part import Part, Workspace
 
 OpenKind = Literal["nothing", "project", "graph", "splats"]
 LAYOUT_VERSION = 4  # raised when docks or toolbars change, so that an old stored layout is not forced on them
-_READING = 700  # milliseconds without news until a project that was opened counts as read
+_READING = 700  # milliseconds without news until what was opened counts as read
 _TOLD = 6000  # milliseconds
 
 
@@ -247,7 +247,7 @@ class ArrangementPart(Part):
         return {name: not dock.isHidden() for name, dock in self._docks.items()}
 
     def _on_project(self) -> None:
-        self._reading = self.workspace.document.project is not None
+        self._reading = kind_of(self.workspace.document) in ("project", "graph")
         self._begin()
         if self._reading:
             self._soon.start()

@@ -17,7 +17,8 @@ from app.inspector.state import Inspection
 from app.state.directions import Direction
 from app.state.document import Document
 from app.state.graph_files import ForeignGraph
-from app.state.reasons import Reason, with_graph, with_measured
+from app.state.graph_reasons import with_editing
+from app.state.reasons import Reason, with_graph
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
 from nvsim.project.work import STAGE, sentence
@@ -66,7 +67,7 @@ class InspectorPart(Part):
         workspace.document.contentsChanged.connect(self._on_contents)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("inspector", "Inspector", self.panel, "right", tab="details", needs=with_measured),)
+        return (Dock("inspector", "Inspector", self.panel, "right", tab="details", needs=with_editing),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"inspect": self.show_panel, "show_rois": self._show_regions}

@@ -251,7 +251,6 @@ class MainWindow(QMainWindow):
     def _dress(self) -> None:
         self.actions_table.dress(self.palette())
         self.empty.dress()
-        self.start.dress()
 
     def _restore(self) -> None:
         geometry = self.settings.value("geometry")
