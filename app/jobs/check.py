@@ -72,8 +72,8 @@ def result_of(text: str) -> CheckResult:
 def _finding(tree: Any) -> Finding:
     if tree["severity"] not in SEVERITIES:
         raise ValueError(f"not a finding of a data check: {str(tree)[:80]}")
-    words = (str(tree[name]) for name in ("message", "where", "consequence"))
-    return Finding(tree["severity"], *words, tuple(str(name) for name in tree.get("frames", ())))
+    frames = tuple(str(name) for name in tree.get("frames", ()))
+    return Finding(tree["severity"], str(tree["message"]), str(tree["where"]), str(tree["consequence"]), frames)
 
 
 def _summary(tree: Any) -> Summary:

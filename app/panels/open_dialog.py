@@ -67,7 +67,6 @@ class OpenDialog(QDialog):
         self.up = QPushButton("Up", self)
         self.up.setToolTip("The folder above (Alt+Up)")
         self.up.setShortcut("Alt+Up")
-        self.up.setAutoDefault(False)
         self.up.clicked.connect(self.go_up)
         self.list = QTreeWidget(self)
         self.list.setHeaderLabels(["Name", "What it is"])
@@ -96,8 +95,8 @@ class OpenDialog(QDialog):
         self.ok.clicked.connect(self.open_target)
         self.inside.clicked.connect(self._go_inside)
         buttons.rejected.connect(self.reject)
-        for button in buttons.buttons():
-            button.setAutoDefault(False)
+        for button in self.findChildren(QPushButton):
+            button.setAutoDefault(False)  # Enter means what the line or the list says
         head = QHBoxLayout()
         head.addWidget(self.line, 1)
         head.addWidget(self.up)
@@ -230,6 +229,11 @@ class OpenDialog(QDialog):
         else:
             self._go_inside()
 
+    def _choose_first(self) -> None:
+        first = self.list.topLevelItem(0)
+        if first is not None:
+            self.list.setCurrentItem(first)
+
     def _go_inside(self) -> None:
         if self.entry is not None and self.entry.is_folder:
             self.go_to(self.entry.path)
@@ -244,13 +248,13 @@ class OpenDialog(QDialog):
                 if self._due.isActive() or self._waiting.busy:
                     return True  # what the line means is not known yet
                 if watched is self.line and self.entry is None and self.list.topLevelItemCount() == 1 and self._typed:
-                    self.list.setCurrentItem(self.list.topLevelItem(0))
+                    self._choose_first()
                 self.open_target()
                 return True
             if watched is self.line and key in (Qt.Key.Key_Down, Qt.Key.Key_PageDown):
                 self.list.setFocus()
-                if self.entry is None and self.list.topLevelItemCount():
-                    self.list.setCurrentItem(self.list.topLevelItem(0))
+                if self.entry is None:
+                    self._choose_first()
                 return True
             if watched is self.list and key == Qt.Key.Key_Right:
                 self._go_inside()

@@ -114,7 +114,7 @@ class RecentList(QListWidget):
                 item.setIcon(kept[path][0])
                 item.setData(_GONE, kept[path][1])
         if self.count():
-            self.setCurrentRow(list(paths).index(current) if current in paths else 0)
+            self.setCurrentRow(list(paths).index(current) if current is not None and current in paths else 0)
 
     def show_looks(self, looked: Mapping[Path, Looked]) -> None:
         """What was found out about them."""

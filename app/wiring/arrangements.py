@@ -69,6 +69,7 @@ ARRANGEMENTS = (
         ("layers", "compare", "details", "results"), {"results": 230, "map": 360, "details": 380},
     ),
 )  # fmt: skip
+_BY_COMMAND = ("agent", "tasks")  # panels that the command opens to which they belong
 _BY_ID = {arrangement.id: arrangement for arrangement in ARRANGEMENTS}
 _FIRST: dict[OpenKind, str] = {"nothing": "explore", "project": "explore", "graph": "edit", "splats": "explore"}
 
@@ -182,7 +183,7 @@ class ArrangementPart(Part):
         names = [names] if isinstance(names, str) else names
         own = isinstance(names, list) and isinstance(state, QByteArray)
         self._asked.clear()
-        self._wanted = {str(n) for n in names} & set(self._docks) if own else set(self.current.panels)
+        self._wanted = {str(n) for n in names} & set(self._docks) if own else self._first_panels()
         if self.kind == "nothing":
             self._wanted = set()
         window.setUpdatesEnabled(False)
@@ -194,6 +195,11 @@ class ArrangementPart(Part):
         if not own:
             self._arrange()
         window.setUpdatesEnabled(True)
+
+    def _first_panels(self) -> set[str]:
+        """Those of this workspace, and those that no workspace names."""
+        named = {name for arrangement in ARRANGEMENTS for name in arrangement.panels}
+        return set(self.current.panels) | (set(self._docks) - named - set(_BY_COMMAND))
 
     def _arrange(self) -> None:
         """The places and sizes that this workspace has at first."""

@@ -161,6 +161,7 @@ def test_a_graph_file_and_a_splat_file_show_what_concerns_them(
         assert shown(window) == set()
     finally:
         session.close()
+        qtbot.waitUntil(lambda: not window.scene.link.ready, timeout=20_000)
 
 
 def test_whatever_stands_in_the_settings_of_a_workspace_is_survived(

@@ -102,7 +102,7 @@ def test_open_is_driven_by_keys_and_opens_what_is_typed(session: Session, shelf:
     assert session.document.project == shelf / "house.nvsim"
 
 
-@pytest.mark.parametrize("name", ["walk", "other_connectivity.json", "chair.splat"])
+@pytest.mark.parametrize("name", ["walk", "other_connectivity.json"])
 def test_each_kind_goes_where_it_belongs(session: Session, shelf: Path, qtbot: QtBot, name: str) -> None:
     dialog = session.window.part(FilePart).choose()
     dialog.go_to(shelf)
@@ -116,6 +116,20 @@ def test_each_kind_goes_where_it_belongs(session: Session, shelf: Path, qtbot: Q
     else:
         qtbot.waitUntil(lambda: session.document.path == shelf / name, timeout=SECONDS)
         assert session.document.project is None
+
+
+def test_a_splat_file_that_was_chosen_is_handed_on(session: Session, shelf: Path, qtbot: QtBot) -> None:
+    dialog = session.window.part(FilePart).choose()
+    chosen: list[Path] = []
+    session.window.projectChosen.disconnect()
+    session.window.projectChosen.connect(chosen.append)
+    dialog.go_to(shelf)
+    listed(dialog, qtbot)
+    dialog.line.setFocus()
+    qtbot.keyClicks(dialog.line, "chair")
+    listed(dialog, qtbot)
+    qtbot.keyClick(dialog.line, Qt.Key.Key_Return)  # the only one
+    assert chosen == [shelf / "chair.splat"]
 
 
 def test_a_folder_that_cannot_be_read_is_said_in_the_list(session: Session, tmp_path: Path, qtbot: QtBot) -> None:
