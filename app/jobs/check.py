@@ -85,7 +85,7 @@ def _summary(tree: Any) -> Summary:
         float(tree["length"]),
         float(tree["width"]),
         float(tree["depth"]),
-        tuple((float(x), float(y)) for x, y in tree["path"]),
+        tuple(tuple((float(x), float(y)) for x, y in path) for path in tree["paths"]),
         tuple((float(x), float(y)) for x, y in tree["faulty"]),
         int(tree["points"]),
         str(tree["cloud"]),

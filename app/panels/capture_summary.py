@@ -43,11 +43,11 @@ class TrajectoryMap(QWidget):
         painter.setBrush(self.palette().base())
         painter.drawRoundedRect(QRectF(self.rect()).adjusted(0.5, 0.5, -0.5, -0.5), 4, 4)
         summary = self._summary
-        if summary is None or not summary.path:
+        if summary is None or not summary.paths:
             painter.setPen(self.palette().placeholderText().color())
             painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, "no trajectory")
             return
-        places = [*summary.path, *summary.faulty]
+        places = [place for path in (*summary.paths, summary.faulty) for place in path]
         left, right = min(x for x, _ in places), max(x for x, _ in places)
         low, high = min(y for _, y in places), max(y for _, y in places)
         room = QRectF(self.rect()).adjusted(_MARGIN, _MARGIN, -_MARGIN, -_MARGIN - _BAR)
@@ -60,14 +60,16 @@ class TrajectoryMap(QWidget):
 
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.setPen(QPen(QColor(colors.NODE), 1.6))
-        painter.drawPolyline(QPolygonF([at(place) for place in summary.path]))
+        for path in summary.paths:
+            painter.drawPolyline(QPolygonF([at(place) for place in path]))
         painter.setPen(QPen(QColor(colors.BLOCKED_TEXT), 1.6))
         for spot in map(at, summary.faulty):
             painter.drawLine(spot + QPointF(-3.5, -3.5), spot + QPointF(3.5, 3.5))
             painter.drawLine(spot + QPointF(-3.5, 3.5), spot + QPointF(3.5, -3.5))
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(self.palette().text())
-        painter.drawEllipse(at(summary.path[0]), 3.5, 3.5)
+        for path in summary.paths:
+            painter.drawEllipse(at(path[0]), 3.5, 3.5)
         self._scale(painter, pixels, "m" if summary.scale_known else "units")
 
     def _scale(self, painter: QPainter, pixels: float, unit: str) -> None:
@@ -131,6 +133,6 @@ def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:
         "Images": f"{summary.images:,}" + (f", {faulty:,} cannot be used" if faulty else ""),
         "Cameras": f"{summary.cameras:,}",
         "Resolution": ", ".join([*sizes, "…"][: len(summary.sizes) if len(summary.sizes) <= 3 else 4]) or "unknown",
-        "Trajectory": way if summary.path else "no image has a pose",
+        "Trajectory": way if summary.paths else "no image has a pose",
         "Cloud": f"{summary.points:,} points, {_CLOUDS.get(summary.cloud, '')}" if summary.points else "none",
     }

@@ -22,10 +22,14 @@ def test_a_capture_is_summed_up_in_figures_that_were_put_into_it(tmp_path: Path)
     found = check(sample.write_nerfstudio(tmp_path, poses, sample.room())).summary
     assert found is not None and (found.images, found.cameras, found.sizes) == (30, 1, ((64, 48, 30),))
     assert found.points == len(sample.room()) and found.cloud == "lidar" and found.scale_known
-    assert np.allclose(found.path, poses[:, :2, 3], atol=1e-3) and found.faulty == ()
+    assert np.allclose(found.paths, [poses[:, :2, 3]], atol=1e-3) and found.faulty == ()
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
     assert found.length == pytest.approx(steps.sum(), abs=0.01)
     assert check(tmp_path / "nowhere").summary is None
+    sample.write_nerfstudio(tmp_path / "second", sample.walk(8), sample.room())
+    (tmp_path / "both.captures").write_text(f"{tmp_path}\n{tmp_path / 'second'}\n")
+    both = check(tmp_path / "both.captures").summary
+    assert both is not None and [len(path) for path in both.paths] == [30, 8] and both.cameras == 2
 
 
 def test_identical_findings_are_one_line_with_their_number(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -72,6 +72,6 @@ def words_of(summary: Summary) -> str:
     unit = "m" if summary.scale_known else "units"
     parts = [f"{summary.images} images of {summary.cameras} camera{'' if summary.cameras == 1 else 's'}"]
     parts += [f"{sizes}{more} pixels"] if sizes else []
-    parts += [f"{summary.length:.4g} {unit} over {summary.width:.3g} x {summary.depth:.3g}"] if summary.path else []
+    parts += [f"{summary.length:.4g} {unit} over {summary.width:.3g} x {summary.depth:.3g}"] if summary.paths else []
     cloud = f"{summary.points} points {_WHERE_FROM[summary.cloud]}" if summary.points else "no point cloud"
     return f"{'; '.join([*parts, cloud])}."

@@ -35,7 +35,8 @@ def run(
 
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, str(source)))
-    config = dataclasses.replace(config, leave_out=written_out(config.leave_out))
+    images = str(Path(config.images).expanduser().absolute()) if config.images else ""
+    config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
     capture = read(
         source,
         scale=config.scale,
