@@ -5,35 +5,44 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QObject
 
 from app.jobs.question import Question
-from nvsim.capture.findings import SEVERITIES, Severity
-
-SCALE_UNKNOWN = "the scale is unknown"
-
-
-@dataclass(frozen=True)
-class Group:
-    """What is the matter, how bad, what it would cause, and all the places where it is so."""
-
-    severity: Severity
-    message: str
-    consequence: str
-    places: tuple[str, ...]
+from nvsim.capture.findings import IMAGE_MISSING, SCALE_UNKNOWN, SEVERITIES, Finding, Kind, grouped
+from nvsim.capture.summary import Summary
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Whether an import would refuse the capture, what was found, worst first, and whether metres must be given."""
+    """Whether an import would refuse the capture, what was found, worst first, and what is in it, where it can be
+    read."""
 
     refused: bool
-    groups: tuple[Group, ...]
+    kinds: tuple[Kind, ...]
+    summary: Summary | None = None
 
     @property
     def wants_scale(self) -> bool:
-        return any(g.message == SCALE_UNKNOWN for g in self.groups)
+        """Metres must be given."""
+        return any(k.message == SCALE_UNKNOWN for k in self.kinds)
+
+    @property
+    def wants_images(self) -> bool:
+        """Images are not where the capture says."""
+        return any(k.message == IMAGE_MISSING for k in self.kinds)
+
+    @property
+    def bad_frames(self) -> tuple[str, ...]:
+        """Names of the frames in which errors lie."""
+        return tuple(dict.fromkeys(name for k in self.kinds if k.severity == "error" for name in k.frames))
+
+    @property
+    def mendable(self) -> bool:
+        """Whether errors are gone once frames are left out or the folder of the images is named."""
+        left = self.summary is not None and len(self.bad_frames) < self.summary.images
+        return self.wants_images or (left and bool(self.bad_frames))
 
     @property
     def sentence(self) -> str:
@@ -42,7 +51,7 @@ class CheckResult:
             return "This capture cannot be used as it is."
         if self.wants_scale:
             return "The capture can be used once its scale is known: say how high the cameras were above the floor."
-        warnings = sum(g.severity == "warning" for g in self.groups)
+        warnings = sum(k.severity == "warning" for k in self.kinds)
         if warnings:
             return f"The capture can be used; {warnings} thing{'s' if warnings > 1 else ''} may cost quality."
         return "The capture is fine."
@@ -52,18 +61,35 @@ def result_of(text: str) -> CheckResult:
     """What `nvsim check --json` printed. Raises ValueError when it is something else."""
     try:
         data = json.loads(text)
-        groups: dict[tuple[Severity, str], list[dict[str, str]]] = {}
-        for finding in data["findings"]:
-            if finding["severity"] not in SEVERITIES:
-                raise ValueError(f"not a finding of a data check: {str(finding)[:80]}")
-            groups.setdefault((finding["severity"], finding["message"]), []).append(finding)
-        found = tuple(
-            Group(severity, message, items[0]["consequence"], tuple(i["where"] for i in items))
-            for (severity, message), items in groups.items()
-        )
-        return CheckResult(bool(data["refused"]), found)
-    except (KeyError, TypeError, AttributeError, RecursionError) as error:
+        kinds = grouped([_finding(finding) for finding in data["findings"]])
+        summary = data.get("summary")
+        return CheckResult(bool(data["refused"]), kinds, None if summary is None else _summary(summary))
+    except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
+
+
+# Any, here and below: JSON as somebody wrote it.
+def _finding(tree: Any) -> Finding:
+    if tree["severity"] not in SEVERITIES:
+        raise ValueError(f"not a finding of a data check: {str(tree)[:80]}")
+    frames = tuple(str(name) for name in tree.get("frames", ()))
+    return Finding(tree["severity"], str(tree["message"]), str(tree["where"]), str(tree["consequence"]), frames)
+
+
+def _summary(tree: Any) -> Summary:
+    return Summary(
+        int(tree["images"]),
+        int(tree["cameras"]),
+        tuple((int(width), int(height), int(count)) for width, height, count in tree["sizes"]),
+        bool(tree["scale_known"]),
+        float(tree["length"]),
+        float(tree["width"]),
+        float(tree["depth"]),
+        tuple(tuple((float(x), float(y)) for x, y in path) for path in tree["paths"]),
+        tuple((float(x), float(y)) for x, y in tree["faulty"]),
+        int(tree["points"]),
+        str(tree["cloud"]),
+    )
 
 
 class CaptureCheck(Question):
@@ -72,9 +98,17 @@ class CaptureCheck(Question):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(result_of, "The data check", parent)
 
-    def start(self, capture: Path, scale: float | None = None, camera_height: float | None = None) -> None:
-        """Checks in the background, in place of what is being checked."""
+    def start(
+        self,
+        capture: Path,
+        scale: float | None = None,
+        camera_height: float | None = None,
+        leave_out: str = "",
+        images: str = "",
+    ) -> None:
+        """Checks in the background, in place of what is being checked. The options are those of `nvsim check`."""
         words = ["check", str(capture), "--json"]
-        words += [] if scale is None else ["--scale", str(scale)]
-        words += [] if camera_height is None else ["--camera-height", str(camera_height)]
+        options = {"scale": scale, "camera-height": camera_height, "leave-out": leave_out, "images": images}
+        for name, value in options.items():
+            words += [f"--{name}", str(value)] if value not in (None, "") else []
         self.ask(words)

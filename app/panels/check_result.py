@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
 from app.jobs.check import CheckResult
 from app.look import colors
 from app.look.plain_text import lines, plain, tip
+from nvsim.capture.findings import Kind
 
 _COLORS = {"error": "blocked", "warning": "warning", "note": "quiet"}
 _SIGNS = {"error": "✗ ", "warning": "⚠ ", "note": ""}
@@ -38,32 +39,43 @@ class _Wrapped(QStyledItemDelegate):
 
 
 class FindingTree(QTreeWidget):
-    """One row for each kind of finding."""
+    """One row for each kind of finding; `kinds` are those that are shown."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self.kinds: tuple[Kind, ...] = ()
         self.setHeaderLabels(["What", "Where", "What it causes"])
         self.header().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
-        for column, width in enumerate((300, 150, 240)):
+        for column, width in enumerate((260, 130, 220)):
             self.header().resizeSection(column, width)
         self.header().sectionResized.connect(self.scheduleDelayedItemsLayout)
         self.setItemDelegate(_Wrapped(self))
         self.setWordWrap(True)
         self.setAlternatingRowColors(True)
 
+    @property
+    def chosen(self) -> Kind | None:
+        """The one that is selected, or one of whose places is."""
+        items = self.selectedItems()
+        if not items:
+            return None
+        item = items[0].parent() or items[0]
+        return self.kinds[self.indexOfTopLevelItem(item)]
+
     def show_result(self, result: CheckResult) -> None:
         """In place of what was shown before."""
         self.clear()
-        for group in result.groups:
-            many = len(group.places) > 1
-            message = group.message[:1].upper() + group.message[1:]
-            where = f"{len(group.places)} places" if many else group.places[0]
-            shown = f"{_SIGNS[group.severity]}{lines(message)}"
-            item = QTreeWidgetItem([shown, plain(where), lines(group.consequence)])
-            item.setForeground(0, QColor(colors.text(_COLORS.get(group.severity, "quiet"))))
-            tips = (f"{message} ({_WORDS[group.severity]})", "\n".join(group.places[:20]), group.consequence)
+        self.kinds = result.kinds
+        for kind in result.kinds:
+            many = len(kind.places) > 1
+            message = kind.message[:1].upper() + kind.message[1:]
+            where = f"{len(kind.places)} places" if many else kind.places[0]
+            shown = f"{_SIGNS[kind.severity]}{lines(message)}"
+            item = QTreeWidgetItem([shown, plain(where), lines(kind.consequence)])
+            item.setForeground(0, QColor(colors.text(_COLORS.get(kind.severity, "quiet"))))
+            tips = (f"{message} ({_WORDS[kind.severity]})", "\n".join(kind.places[:20]), kind.consequence)
             for column, words in enumerate(tips):
                 item.setToolTip(column, tip(words))
-            for place in group.places[:_MOST_PLACES] if many else ():
+            for place in kind.places[:_MOST_PLACES] if many else ():
                 item.addChild(QTreeWidgetItem(["", plain(place), ""]))
             self.addTopLevelItem(item)

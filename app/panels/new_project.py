@@ -25,26 +25,30 @@ from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
+from app.panels.capture_mending import CaptureMending
+from app.panels.capture_summary import CaptureSummary
 from app.panels.check_result import FindingTree
 from app.state.project_place import place_for, problem_with
 from nvsim.capture import formats
+from nvsim.capture.left_out import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
 
 BETWEEN = "; "  # several captures in one line
 TYPING = 500  # milliseconds after the last change until the check starts
-_OPTIONS = ("camera_height", "scale", "hold_out")
 
 
 @dataclass(frozen=True)
 class NewProject:
-    """What the user chose: captures in one world, one most often; `options` are flags of `nvsim import`."""
+    """What the user chose: captures in one world, one most often; `options` are flags of `nvsim import`, `left_out` the
+    names of the frames that are not imported."""
 
     captures: tuple[Path, ...]
     project: Path
     options: tuple[str, ...]
     everything: bool
+    left_out: tuple[str, ...] = ()
 
 
 class NewProjectDialog(QDialog):
@@ -68,6 +72,8 @@ class NewProjectDialog(QDialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._fixed = project
         self._named = project is not None  # the user chose the project's place
+        self._images = "" if understood is None else understood.images  # the folder that holds them
+        self.left_out: tuple[str, ...] = ()
         self.result_shown: CheckResult | None = None
         self._scratch = QTemporaryDir()  # for the list of several captures while they are checked
         self.check = CaptureCheck(self)
@@ -85,7 +91,7 @@ class NewProjectDialog(QDialog):
                 editor.setEnabled(False)
         if captures:
             self.set_captures(captures)
-        self.resize(760, 560)
+        self.resize(940, 620)
         self._show_state()
 
     def _build(self) -> None:
@@ -146,6 +152,13 @@ class NewProjectDialog(QDialog):
         policy.setRetainSizeWhenHidden(True)
         self.busy.setSizePolicy(policy)
         self.findings = FindingTree(self)
+        self.findings.itemSelectionChanged.connect(self._show_state)
+        self.summary = CaptureSummary(self)
+        self.mending = CaptureMending(self)
+        self.mending.leaveOutWanted.connect(self._leave_out)
+        self.mending.takeBackWanted.connect(lambda: self._take(()))
+        self.mending.folderWanted.connect(self._browse_images)
+        self.mending.scaleWanted.connect(self._ask_height)
         self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
         buttons = QDialogButtonBox(self)
@@ -160,7 +173,13 @@ class NewProjectDialog(QDialog):
         layout.addLayout(grid)
         layout.addWidget(self.verdict)
         layout.addWidget(self.busy)
-        layout.addWidget(self.findings, 1)
+        found = QGridLayout()
+        found.setColumnStretch(0, 1)
+        found.addWidget(self.findings, 0, 0)
+        found.addWidget(self.mending, 1, 0)
+        found.addWidget(self.summary, 0, 1, 2, 1)
+        self.summary.setFixedWidth(250)
+        layout.addLayout(found, 1)
         layout.addWidget(self.problem)
         layout.addWidget(buttons)
         self.capture.textChanged.connect(self._on_capture)
@@ -189,7 +208,9 @@ class NewProjectDialog(QDialog):
         captures = self.captures()
         if not self._named and captures:
             self.project.setText(str(place_for(captures[0])))
-        self.result_shown = None
+        self.result_shown, self.left_out = None, ()
+        if not self._beside:
+            self._images = ""
         self._due.start()
         self._show_state()
 
@@ -224,7 +245,14 @@ class NewProjectDialog(QDialog):
             except InputError as error:
                 self._on_failed(str(error))
                 return
-        self.check.start(source, values["scale"], values["camera_height"])
+        leave_out = Path(self._scratch.path()) / "left_out.txt"
+        try:
+            write_names(self.left_out, leave_out)
+        except InputError as error:
+            self._on_failed(str(error))
+            return
+        listed = f"{FROM_FILE}{leave_out}" if self.left_out else ""
+        self.check.start(source, values["scale"], values["camera_height"], listed, self._images)
         self._show_state()
 
     # What the check says ----------------------------------------------------------------------------------------
@@ -233,12 +261,38 @@ class NewProjectDialog(QDialog):
         """Shows what was found."""
         self.result_shown = result
         self.findings.show_result(result)
+        self.summary.show_summary(result.summary, len(result.bad_frames), len(self.left_out))
         self._show_state()
 
     def _on_failed(self, sentence: str) -> None:
         self.findings.clear()
+        self.summary.show_summary(None)
         self._show_state()
         self.verdict.setText(sentence)
+
+    # Mending ----------------------------------------------------------------------------------------------------
+
+    def _leave_out(self, names: tuple[str, ...]) -> None:
+        self._take((*self.left_out, *names))
+
+    def _take(self, names: tuple[str, ...]) -> None:
+        """These frames are left out, and no others."""
+        self.left_out = tuple(dict.fromkeys(names))
+        self._start_check()
+
+    def _browse_images(self) -> None:
+        chosen = QFileDialog.getExistingDirectory(self, "The folder that holds the images", self._start())
+        if chosen:
+            self.look_in(chosen)
+
+    def look_in(self, folder: str) -> None:
+        """Checks again with the images of that folder."""
+        self._images = folder
+        self._start_check()
+
+    def _ask_height(self) -> None:
+        self.camera_height.line.setFocus()
+        self.camera_height.line.selectAll()
 
     def _show_state(self) -> None:
         result = self.result_shown
@@ -246,12 +300,14 @@ class NewProjectDialog(QDialog):
         if self.check.running or self._due.isActive():
             self.verdict.setText("Checking the capture: every image, pose and point…")
         elif result is not None:
-            self.verdict.setText(result.sentence)
+            mended = " What mends it stands under the list." if result.refused and result.mendable else ""
+            self.verdict.setText(f"{result.sentence}{mended}")
         elif not self.capture.text().strip():
             self.verdict.setText("Choose a capture, or drop one on the window. It is checked before anything starts.")
         problem = self._problem()
         self.problem.setText(problem)
         checking = self.check.running or self._due.isActive()
+        self.mending.offer(None if checking else result, self.findings.chosen, len(self.left_out), not self._beside)
         ready = result is not None and not result.refused and not result.wants_scale and not problem and not checking
         self.run_button.setEnabled(ready)
         self.import_button.setEnabled(ready)
@@ -273,8 +329,10 @@ class NewProjectDialog(QDialog):
             field = self._options[name]
             if value != field.default:
                 options += [field.flag, str(value)]
+        if self._images and not self._beside:
+            options += [self._options["images"].flag, self._images]
         project = Path(self.project.text().strip()).expanduser().absolute()
-        self.chosen.emit(NewProject(tuple(self.captures()), project, tuple(options), everything))
+        self.chosen.emit(NewProject(tuple(self.captures()), project, tuple(options), everything, self.left_out))
         self.accept()
 
     def _browse_folder(self) -> None:

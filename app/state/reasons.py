@@ -28,6 +28,29 @@ def with_positions(document: Document) -> Reason:
     return None if len(document.extent) else "the project has neither a trajectory nor a graph yet"
 
 
+def with_places(document: Document) -> Reason:
+    """Frames or viewpoints, which can be chosen and told of."""
+    if document.contents.outline is not None:
+        return UNDECIDED
+    return with_positions(document)
+
+
+def with_project_folder(document: Document) -> Reason:
+    """Neither a splat file nor a graph of its own."""
+    return None if document.project is not None else "no project is open"
+
+
+def with_results(document: Document) -> Reason:
+    return None if document.contents.results else "nothing was evaluated yet"
+
+
+def with_measured(document: Document) -> Reason:
+    """A graph of a project, whose map building left evidence."""
+    if (first := with_graph(document)) is not None:
+        return first
+    return None if document.project is not None else "a graph file holds no evidence to decide again"
+
+
 def with_scene(document: Document) -> Reason:
     return None if document.contents.scene_stamp is not None else STAGE["train"].lacking
 

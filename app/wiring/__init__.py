@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from app.actions import Action
 from app.wiring.agent import AgentPart
+from app.wiring.arrangements import ArrangementPart
 from app.wiring.autosave import AutosavePart
 from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
@@ -33,6 +34,7 @@ from app.wiring.panes import PanePart
 from app.wiring.part import Part
 from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
+from app.wiring.recent import RecentPart
 from app.wiring.results import ResultPart
 from app.wiring.selecting import SelectPart
 from app.wiring.storeys import StoreyPart
@@ -57,6 +59,7 @@ PARTS: tuple[type[Part], ...] = (
     ThresholdPart,
     JobsPart,
     NewProjectPart,
+    RecentPart,
     ModelsPart,
     TrainingPart,
     ResultPart,
@@ -82,6 +85,7 @@ PARTS: tuple[type[Part], ...] = (
     PalettePart,
     ViewsPart,
     KeepingPart,
+    ArrangementPart,
 )
 
 

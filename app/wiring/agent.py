@@ -92,7 +92,7 @@ class AgentPart(Part):
         document.contentsChanged.connect(self._on_contents)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("agent", "Agent", self.panel, "right", tab="details"),)
+        return (Dock("agent", "Agent", self.panel, "right", tab="details", needs=with_editing),)
 
     def restore(self, settings: QSettings) -> None:
         restricted = settings.value("agent/restricted", "true") in (True, "true")

@@ -9,19 +9,12 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.state.document import Document
-from app.state.reasons import Reason, with_graph
+from app.state.reasons import with_measured
 from app.thresholds.calibration_panel import CalibrationPanel
 from app.thresholds.calibrations import Calibrations
 from app.wiring.part import Dock, Part
 from app.wiring.thresholds import ThresholdPart
 from nvsim.graph.difference import Difference
-
-
-def _with_evidence(document: Document) -> Reason:
-    if (first := with_graph(document)) is not None:
-        return first
-    return None if document.project is not None else "a graph file holds no evidence to decide again"
 
 
 class CalibratePart(Part):
@@ -32,7 +25,7 @@ class CalibratePart(Part):
             "What every value of a threshold buys and costs, judged by an occupancy map, with a suggestion",
             "&Graph",
             9,
-            enabled=_with_evidence,
+            enabled=with_measured,
         ),
     )
 
@@ -44,7 +37,7 @@ class CalibratePart(Part):
         document.projectChanged.connect(self.calibrations.clear)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_edit)
-        return (Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs"),)
+        return (Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs", needs=with_measured),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"calibration": self.show_panel}

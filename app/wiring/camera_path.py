@@ -74,7 +74,7 @@ class CameraPathPart(Part):
         workspace.document.unitsChanged.connect(self._list)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps"),)
+        return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

@@ -41,7 +41,7 @@ class CheckPart(Part):
         workspace.document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("validation", "Validation", self.panel, "right", "details"),)
+        return (Dock("validation", "Validation", self.panel, "right", "details", needs=with_editing),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

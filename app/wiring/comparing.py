@@ -53,7 +53,7 @@ class ComparePart(Part):
         workspace.modes.layers.append(self.paint)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("compare", "Compare", self.panel, "left", "frames"),)
+        return (Dock("compare", "Compare", self.panel, "left", "frames", needs=with_editing),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"compare": lambda: self.workspace.window.show_dock("compare")}

@@ -1,44 +1,34 @@
-"""Opening projects and splat files, reading again, saving an image of the view."""
+"""Opening whatever the window can open, reading again, saving an image of the view."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
+from app.panels.open_dialog import OpenDialog
 from app.state.graph_files import ForeignGraph
 from app.state.graph_reasons import with_scans
 from app.state.reasons import with_project
+from app.wiring.new_project import NewProjectPart
 from app.wiring.part import Part
-from nvsim.splats.formats.choice import READABLE
+
+_FOLDER = "open_folder"
 
 
 class FilePart(Part):
     ACTIONS = (
         Action(
             "open",
-            "&Open project…",
-            "Open another project folder",
+            "&Open…",
+            "Open a project, a capture, a navigation graph (R2R connectivity) or a splat file; each is said what it is",
             "&File",
             shortcut="Ctrl+O",
             icon="open",
             toolbar=True,
-        ),
-        Action(
-            "open_splats",
-            "Open s&plats…",
-            "Open a splat file of any program: PLY, compressed PLY, SPZ, SOG, .splat",
-            "&File",
-            shortcut="Ctrl+Shift+O",
-        ),
-        Action(
-            "open_graph",
-            "Open &graph…",
-            "Open any connectivity file: of Matterport3D, R2R, or NVSim",
-            "&File",
-            shortcut="Ctrl+G",
         ),
         Action(
             "next_scan",
@@ -89,9 +79,7 @@ class FilePart(Part):
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         window = self.workspace.window
         return {
-            "open": self.choose_project,
-            "open_splats": self.choose_splats,
-            "open_graph": self.choose_graph,
+            "open": lambda _=False: self.choose(),
             "next_scan": lambda: self._step_scan(1),
             "previous_scan": lambda: self._step_scan(-1),
             "refresh": window.refreshWanted.emit,
@@ -100,24 +88,19 @@ class FilePart(Part):
             "quit": window.close,
         }
 
-    def choose_project(self) -> None:
-        folder = QFileDialog.getExistingDirectory(self.workspace.window, "Open a project", self._start())
-        if folder:
-            self.workspace.window.projectChosen.emit(Path(folder))
+    def restore(self, settings: QSettings) -> None:
+        self.workspace.window.start.openWanted.connect(self.choose)
 
-    def choose_splats(self) -> None:
-        pattern = " ".join(f"*{suffix}" for suffix in READABLE)
-        window = self.workspace.window
-        name, _ = QFileDialog.getOpenFileName(window, "Open a splat file", self._start(), f"Splats ({pattern})")
-        if name:
-            window.projectChosen.emit(Path(name))
+    def choose(self) -> OpenDialog:
+        """Asks what to open, and opens it."""
+        dialog = OpenDialog(self._start(), self.workspace.window)
+        dialog.chosen.connect(self._on_chosen)
+        dialog.open()
+        return dialog
 
-    def choose_graph(self) -> None:
-        window = self.workspace.window
-        pattern = "Connectivity (*_connectivity.json *.json)"
-        name, _ = QFileDialog.getOpenFileName(window, "Open a graph", self._start(), pattern)
-        if name:
-            window.projectChosen.emit(Path(name))
+    def _on_chosen(self, path: Path) -> None:
+        self.workspace.settings.setValue(_FOLDER, str(path.parent))
+        self.workspace.part(NewProjectPart).take([path])
 
     def _step_scan(self, step: int) -> None:
         file = self.workspace.document.contents.graph_file
@@ -131,5 +114,8 @@ class FilePart(Part):
         if name:
             window.save_picture(Path(name), self.workspace.scene)
 
-    def _start(self) -> str:
-        return str(self.workspace.document.path or Path.home())
+    def _start(self) -> Path:
+        """The folder of what is open, else that of what was opened last."""
+        path = self.workspace.document.path
+        last = Path(str(self.workspace.settings.value(_FOLDER, "") or Path.home()))
+        return path.absolute().parent if path is not None else last if last.is_dir() else Path.home()

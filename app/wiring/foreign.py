@@ -18,9 +18,6 @@ from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX
 from nvsim.graph.foreign import words_of_saving
 
-_OF_A_GRAPH = ("layers", "history", "tables", "validation")
-_OF_A_PROJECT = ("submaps", "frames", "jobs", "details")
-
 
 class ForeignPart(Part):
     ACTIONS = (
@@ -37,7 +34,6 @@ class ForeignPart(Part):
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
-        self._alone = False
         self.scans = QComboBox(workspace.window)
         self.scans.setToolTip("The scans of this folder (Ctrl+PgDown, Ctrl+PgUp)")
         self.scans.setAccessibleName("Scan")
@@ -92,17 +88,12 @@ class ForeignPart(Part):
     def _on_contents(self, parts: frozenset[str]) -> None:
         contents = self.workspace.document.contents
         file = contents.graph_file
-        alone = isinstance(file, ForeignGraph)
         if "graph" in parts and isinstance(file, ForeignGraph) and len(file.scans) > 1:
             self.scans.clear()
             for path in file.scans:
                 self.scans.addItem(plain(path.name.removesuffix(SUFFIX), CAPTION), path)
             self.scans.setCurrentIndex(file.scans.index(contents.path) if contents.path in file.scans else -1)
             self.scans.show()
-        if contents.graph is not None and alone != self._alone:
-            self._alone = alone
-            for name in _OF_A_GRAPH if alone else _OF_A_PROJECT:
-                self.workspace.window.front_dock(name)
 
     def _choose(self, row: int) -> None:
         self.workspace.window.projectChosen.emit(self.scans.itemData(row))

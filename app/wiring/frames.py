@@ -16,7 +16,7 @@ from app.frames.state import FrameState
 from app.painting.tones import CHANNELS
 from app.panels.frames import FramePanel
 from app.panels.help import open_help
-from app.state.reasons import with_frame, with_masks, with_page
+from app.state.reasons import with_frame, with_masks, with_page, with_trajectory
 from app.state.results import Result
 from app.state.view_states import PageState
 from app.wiring.part import Dock, Part, Workspace
@@ -143,7 +143,7 @@ class FramePart(Part):
         self.browser.toolChanged.connect(self._show_tool)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("frames", "Frames", self.panel, "left", height=350),)
+        return (Dock("frames", "Frames", self.panel, "left", height=350, needs=with_trajectory),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         corrector = self.browser.corrector

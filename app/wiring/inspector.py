@@ -17,6 +17,7 @@ from app.inspector.state import Inspection
 from app.state.directions import Direction
 from app.state.document import Document
 from app.state.graph_files import ForeignGraph
+from app.state.graph_reasons import with_editing
 from app.state.reasons import Reason, with_graph
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, Workspace
@@ -67,7 +68,7 @@ class InspectorPart(Part):
         workspace.document.unitsChanged.connect(self.inspection.changed)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("inspector", "Inspector", self.panel, "right", tab="details"),)
+        return (Dock("inspector", "Inspector", self.panel, "right", tab="details", needs=with_editing),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"inspect": self.show_panel, "show_rois": self._show_regions}

@@ -14,7 +14,7 @@ from app.jobs.queue import JobHandle
 from app.panels.earlier import EarlierResults
 from app.panels.jobs import JobPanel, waiting_words
 from app.panels.stage_bar import RunningJob, StageBar
-from app.state.reasons import with_earlier
+from app.state.reasons import with_earlier, with_project_folder
 from app.state.stages import enabled
 from app.wiring.part import Dock, Part
 from nvsim.errors import InputError
@@ -86,7 +86,7 @@ class JobsPart(Part):
         w.jobs.ended.connect(self._on_ended)
         w.jobs.found.connect(self._on_found)
         w.jobs.foundForeign.connect(self._on_foreign)
-        return (Dock("jobs", "Jobs", self.panel, "bottom", height=215),)
+        return (Dock("jobs", "Jobs", self.panel, "bottom", height=215, needs=with_project_folder),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {
@@ -213,9 +213,9 @@ class JobsPart(Part):
         if missing is None or document.contents.capture is not None or document.project is None:
             return
         if making is None:
-            window.empty.say(*missing, document.contents.missing_verb, True)
+            window.empty.say(*missing, document.contents.missing_verb)
         else:
-            window.empty.say(f"{making.title} …", "", "", True)
+            window.empty.say(f"{making.title} …", "")
 
     def _open_again(self, handle: JobHandle) -> None:
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):

@@ -9,7 +9,7 @@ from PySide6.QtCore import QSettings
 
 from app.actions import Action
 from app.panels.layers import LayersPanel
-from app.state.reasons import with_graph, with_occupancy, with_trajectory
+from app.state.reasons import with_graph, with_occupancy, with_positions, with_trajectory
 from app.wiring.part import Dock, Part, Workspace
 
 _PREFIX = "layers/"
@@ -79,7 +79,7 @@ class LayersPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         panel = LayersPanel(self.workspace.scene.overlays, self.workspace.document)
-        return (Dock("layers", "Layers", panel, "left", tab="submaps"),)
+        return (Dock("layers", "Layers", panel, "left", tab="submaps", needs=with_positions),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         overlays = self.workspace.scene.overlays

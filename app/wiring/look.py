@@ -1,4 +1,4 @@
-"""The look of the window: theme, full screen, layout; and the help beside it."""
+"""The look of the window: theme, full screen; and the help beside it."""
 
 from __future__ import annotations
 
@@ -36,9 +36,6 @@ class LookPart(Part):
             icon="fullscreen",
             check="off",
         ),
-        Action(
-            "reset_layout", "&Reset layout", "Put all panels back where they were at first", "&Window", icon="layout"
-        ),
         Action("help", "&Help pages", "Read or search the help", "&Help", 1, "F1", "help"),
         Action("help_keys", "&Keys and mouse", "How to move around and what the keys do", "&Help", 1, "Shift+F1"),
         Action("about", "&About NVSim", "Versions, and a report of this system to copy", "&Help", 2),
@@ -49,7 +46,6 @@ class LookPart(Part):
         return {
             "dark": self._set_dark,
             "fullscreen": lambda on: window.showFullScreen() if on else window.showNormal(),
-            "reset_layout": window.reset_layout,
             "help": lambda: open_help("start", window),
             "help_keys": lambda: open_help("keys", window),
             "about": self._show_about,

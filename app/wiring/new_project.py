@@ -1,4 +1,4 @@
-"""New projects, recent ones, and what is dropped on the window."""
+"""New projects, and what is dropped on the window or chosen to be opened."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QMimeData, QObject, QSettings
-from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QFileDialog, QMenu
+from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.look.plain_text import caption, tip
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.state.document import Document
 from app.state.reasons import Reason
 from app.wiring.jobs import JobsPart
 from app.wiring.part import Part
 from nvsim.capture import formats
+from nvsim.capture.left_out import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.project.path_kind import GRAPHS, path_kind, sentence_about
 from nvsim.project.work import STAGE
 
-MOST_RECENT = 10
-_KEY = "recent"
+LEFT_OUT = "left_out.txt"
+"""The file of a project that names the frames which were not to be imported."""
 
 
 def without_capture(document: Document) -> Reason:
@@ -87,20 +87,9 @@ class NewProjectPart(Part):
         window = self.workspace.window
         window.setAcceptDrops(True)
         window.installEventFilter(self)
-        self._menu = QMenu("Open &recent", window)
-        self._menu.aboutToShow.connect(self._fill_menu)
-        following = window.actions_table["open_splats"]
-        for menu in window.menuBar().findChildren(QMenu):
-            if following in menu.actions():
-                menu.insertMenu(following, self._menu)
-        empty = window.empty
-        empty.newWanted.connect(lambda: self.open_dialog())
-        empty.importWanted.connect(lambda: self.open_dialog(project=self.workspace.document.project))
-        empty.demoWanted.connect(self.choose_demo)
-        empty.openWanted.connect(window.actions_table["open"].trigger)
-        empty.recentWanted.connect(window.projectChosen.emit)
-        empty.show_recent(self.recent())
-        self.workspace.document.projectChanged.connect(self._remember)
+        window.empty.importWanted.connect(lambda: self.open_dialog(project=self.workspace.document.project))
+        window.start.newWanted.connect(lambda: self.open_dialog())
+        window.start.demoWanted.connect(self.choose_demo)
 
     # Making -----------------------------------------------------------------------------------------------------
 
@@ -135,7 +124,7 @@ class NewProjectPart(Part):
 
     def _add(self, new: NewProject) -> None:
         for capture in new.captures:
-            arguments = [str(capture), "--add", "--project", str(new.project)]
+            arguments = [str(capture), "--add", "--project", str(new.project), *self._leaving_out(new)]
             self.workspace.jobs.start("import", arguments, new.project, f"Add {capture.name}")
         if new.everything:
             self.workspace.part(JobsPart).run_everything()
@@ -151,10 +140,22 @@ class NewProjectPart(Part):
                     self.workspace.notices.error(str(error))
                     return
             names = " and ".join(c.name for c in new.captures)
-            arguments = [str(source), "--project", str(new.project), *new.options]
+            arguments = [str(source), "--project", str(new.project), *new.options, *self._leaving_out(new)]
             self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")
             if new.everything:
                 self.workspace.part(JobsPart).run_everything()
+
+    def _leaving_out(self, new: NewProject) -> list[str]:
+        """The flags for the frames that are left out; their names lie in the project, as a job may be taken up again
+        later. A failure becomes a notice."""
+        if not new.left_out:
+            return []
+        path = new.project / LEFT_OUT
+        try:
+            write_names(new.left_out, path)
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+        return ["--leave-out", f"{FROM_FILE}{path}"]
 
     def choose_demo(self) -> None:
         """Asks where the demo project goes, and makes it there."""
@@ -179,40 +180,15 @@ class NewProjectPart(Part):
             self.workspace.window.projectChosen.emit(path)
         return self.workspace.document.project == path
 
-    # Recent projects --------------------------------------------------------------------------------------------
-
-    def recent(self) -> list[Path]:
-        """Projects that were open lately and are still there, newest first."""
-        stored = self.workspace.settings.value(_KEY, [])
-        names = [stored] if isinstance(stored, str) else stored if isinstance(stored, list) else []
-        return [Path(str(n)) for n in names if path_kind(Path(str(n))) == "project"][:MOST_RECENT]
-
-    def _remember(self) -> None:
-        path = self.workspace.document.project
-        if path is None:
-            return
-        path = path.absolute()
-        others = [p for p in self.recent() if p != path]
-        self.workspace.settings.setValue(_KEY, [str(p) for p in [path, *others][:MOST_RECENT]])
-        self.workspace.window.empty.show_recent(self.recent())
-
-    def _fill_menu(self) -> None:
-        self._menu.clear()
-        paths = self.recent()
-        for path in paths:
-            action = QAction(caption(f"{path.name}   {path.parent}"), self._menu)
-            action.setToolTip(tip(path))
-            action.triggered.connect(lambda _=False, p=path: self.workspace.window.projectChosen.emit(p))
-            self._menu.addAction(action)
-        if not paths:
-            self._menu.addAction("No project was open yet").setEnabled(False)
-
     # Dropping ---------------------------------------------------------------------------------------------------
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if isinstance(event, QDragEnterEvent) and _dropped(event.mimeData()):
             event.acceptProposedAction()
+            self.workspace.window.start.drop.highlight(True)
             return True
+        if event.type() in (QEvent.Type.DragLeave, QEvent.Type.Drop):
+            self.workspace.window.start.drop.highlight(False)
         if isinstance(event, QDropEvent) and event.type() == QEvent.Type.Drop:
             paths = _dropped(event.mimeData())
             if paths:
@@ -222,7 +198,7 @@ class NewProjectPart(Part):
         return super().eventFilter(watched, event)
 
     def take(self, paths: Sequence[Path]) -> None:
-        """Opens what was dropped: a project, a graph, a splat file, or else captures."""
+        """Opens what was dropped or chosen: a project, a graph, a splat file, or else captures."""
         path, kind = paths[0], path_kind(paths[0])
         if kind in ("project", "splats", *GRAPHS):
             self.workspace.window.projectChosen.emit(path)

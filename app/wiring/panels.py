@@ -16,7 +16,7 @@ from app.panels.details import DetailsPanel
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapPanel
 from app.state.document import Document
-from app.state.reasons import with_positions
+from app.state.reasons import Reason, always, with_places, with_positions, with_trajectory
 from app.views.map_view import MapView
 from app.wiring.part import Dock, Part, Workspace
 
@@ -25,7 +25,7 @@ class SubmapPart(Part):
     def docks(self) -> tuple[Dock, ...]:
         panel = SubmapPanel(self.workspace.document)
         panel.table.doubleClicked.connect(lambda _: self.workspace.scene.focus_on_selection())
-        return (Dock("submaps", "Submaps", panel, "left", width=330, height=250),)
+        return (Dock("submaps", "Submaps", panel, "left", width=330, height=250, needs=with_trajectory),)
 
 
 class MapPart(Part):
@@ -47,7 +47,7 @@ class MapPart(Part):
         view.hovered.connect(self.workspace.scene.show_hovered)
         view.cameraDragged.connect(self._drag_camera)
         view.cameraPlaced.connect(self._place_camera)
-        return (Dock("map", "Map", view, "right", width=380, height=380),)
+        return (Dock("map", "Map", view, "right", width=380, height=380, needs=with_places),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"whole_map": self.view.show_whole}
@@ -78,9 +78,10 @@ class Shown:
     tab: str = ""
     width: int = 0
     height: int = 0
+    needs: Callable[[Document], Reason] = always
 
 
-SHOWN: tuple[Shown, ...] = (Shown("details", "Details", DetailsPanel, "right", height=440),)
+SHOWN: tuple[Shown, ...] = (Shown("details", "Details", DetailsPanel, "right", height=440, needs=with_places),)
 """A new panel that only shows something is a file in `app.panels` and a line here."""
 
 
@@ -88,7 +89,8 @@ class ShownPart(Part):
     def docks(self) -> tuple[Dock, ...]:
         document = self.workspace.document
         return tuple(
-            Dock(row.name, row.title, row.panel(document), row.area, row.tab, row.width, row.height) for row in SHOWN
+            Dock(row.name, row.title, row.panel(document), row.area, row.tab, row.width, row.height, row.needs)
+            for row in SHOWN
         )
 
 

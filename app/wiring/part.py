@@ -14,6 +14,7 @@ from app.jobs.queue import JobQueue
 from app.look.notices import Notices
 from app.panels.preferences import Preferences
 from app.state.document import Document
+from app.state.reasons import Reason, always
 
 if TYPE_CHECKING:
     from app.modes.controller import ModeController
@@ -31,6 +32,7 @@ class Dock:
     area    the side it stands on, below what stands there already
     tab     name of the dock it shares its place with, "" for a place of its own
     width, height   pixels that it has at first where there is room, 0 for whatever is left
+    needs    why it has nothing to say of what is open, None where it has; it is closed while it has nothing to say
     """
 
     name: str
@@ -40,11 +42,12 @@ class Dock:
     tab: str = ""
     width: int = 0
     height: int = 0
+    needs: Callable[[Document], Reason] = always
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """What every part may use."""
+    """What every part may use. (What users call a workspace is an `arrangements.Arrangement`.)"""
 
     document: Document
     settings: QSettings

@@ -6,6 +6,7 @@ from PySide6.QtCore import Signal
 
 from app.jobs.queue import JobHandle
 from app.panels.results import ResultPanel
+from app.state.reasons import with_results
 from app.state.results import Result, result_of_job, stored_result
 from app.wiring.part import Dock, Part
 from nvsim.project.work import EVALUATIONS
@@ -26,7 +27,7 @@ class ResultPart(Part):
         w.document.projectChanged.connect(self._on_project)
         w.jobs.changed.connect(self._gather)
         w.jobs.ended.connect(self._on_ended)
-        return (Dock("results", "Results", self.panel, "bottom", tab="jobs"),)
+        return (Dock("results", "Results", self.panel, "bottom", tab="jobs", needs=with_results),)
 
     def _on_project(self) -> None:
         self._read.clear()

@@ -52,9 +52,9 @@ class SelectPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (
-            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs"),
-            Dock("histogram", "Histogram", self.histogram, "bottom", "jobs"),
-            Dock("history", "History", self.history, "left", "frames"),
+            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs", needs=with_editing),
+            Dock("histogram", "Histogram", self.histogram, "bottom", "jobs", needs=with_editing),
+            Dock("history", "History", self.history, "left", "frames", needs=with_editing),
         )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:

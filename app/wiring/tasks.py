@@ -79,7 +79,7 @@ class TaskPart(Part):
             self.play(Path(name))
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("tasks", "Tasks", self.panel, "right", tab="details"),)
+        return (Dock("tasks", "Tasks", self.panel, "right", tab="details", needs=with_editing),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"tasks": lambda: self.workspace.window.show_dock("tasks")}

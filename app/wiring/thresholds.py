@@ -9,7 +9,7 @@ from dataclasses import asdict
 from PySide6.QtCore import QSettings
 
 from app.actions import Action
-from app.state.reasons import with_graph
+from app.state.reasons import with_graph, with_measured
 from app.thresholds.panel import ThresholdPanel
 from app.thresholds.preview import PreviewLayer, PreviewMarks
 from app.thresholds.table import thresholds
@@ -65,7 +65,7 @@ class ThresholdPart(Part):
         document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("thresholds", "Thresholds", self.panel, "right", tab="details"),)
+        return (Dock("thresholds", "Thresholds", self.panel, "right", tab="details", needs=with_measured),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

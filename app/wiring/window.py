@@ -3,6 +3,7 @@ in the parts."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, QTimer, Signal
@@ -20,13 +21,13 @@ from app.look.scrolling import LEAST, Scrolling
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
 from app.panels.preferences import Preferences
+from app.panels.start_page import StartPage
 from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, Workspace
 
-LAYOUT_VERSION = 3  # raised when docks or toolbars change, so that an old stored layout is not forced on them
 _REASON = 6000  # milliseconds for which the status bar says why a key did nothing
 _AREAS = {
     "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
@@ -51,9 +52,11 @@ class MainWindow(QMainWindow):
         self._stored = False
         self.scene = SceneView(document)
         self.empty = EmptyState()
+        self.start = StartPage()
         self.centre = QStackedWidget(self)
         self.centre.addWidget(self.scene)
         self.centre.addWidget(self.empty)
+        self.centre.addWidget(self.start)
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
         self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front covers it
@@ -73,7 +76,6 @@ class MainWindow(QMainWindow):
         self.actions_table = ActionTable(document, actions(), handlers, self)
         self._build_bars()
         self._arrange()
-        self._default_layout = self.saveState(LAYOUT_VERSION)
         self._connect()
         self.resize(1480, 920)
         self._restore()
@@ -171,10 +173,11 @@ class MainWindow(QMainWindow):
         contents = self.document.contents
         missing = contents.missing
         nothing = len(self.document.extent) == 0
-        if nothing or self.centre.currentWidget() is self.empty:
-            self.centre.setCurrentWidget(self.empty if nothing else self.scene)
+        if nothing or self.centre.currentWidget() in (self.empty, self.start):
+            bare = self.start if contents.path is None else self.empty
+            self.centre.setCurrentWidget(bare if nothing else self.scene)
         if missing is not None:
-            self.empty.say(*missing, contents.missing_verb, contents.path is not None)
+            self.empty.say(*missing, contents.missing_verb)
         self.show_title()
         self._summarise()
 
@@ -239,14 +242,15 @@ class MainWindow(QMainWindow):
         self._docks[name].show()
         self._docks[name].raise_()
 
-    def front_dock(self, name: str) -> None:
-        """Brings a panel before those it shares a place with, unless it was closed. Raises KeyError like show_dock."""
-        if not self._docks[name].isHidden():
-            self._docks[name].raise_()
+    @property
+    def docks(self) -> Mapping[str, QDockWidget]:
+        """Name -> the dock that holds the panel."""
+        return self._docks
 
-    def reset_layout(self) -> None:
-        """Every panel where it was at first."""
-        self.restoreState(self._default_layout, LAYOUT_VERSION)
+    @property
+    def rows(self) -> Sequence[Dock]:
+        """What the parts said of their panels."""
+        return self._rows
 
     # Look and layout -------------------------------------------------------------------------------------------
 
@@ -255,11 +259,9 @@ class MainWindow(QMainWindow):
         self.empty.dress()
 
     def _restore(self) -> None:
-        geometry, state = self.settings.value("geometry"), self.settings.value("state")
+        geometry = self.settings.value("geometry")
         if isinstance(geometry, QByteArray):
             self.restoreGeometry(geometry)
-        if isinstance(state, QByteArray):
-            self.restoreState(state, LAYOUT_VERSION)
         for part in self.parts:
             part.restore(self.settings)
 
@@ -282,7 +284,6 @@ class MainWindow(QMainWindow):
             return
         self._stored = True
         self.settings.setValue("geometry", self.saveGeometry())
-        self.settings.setValue("state", self.saveState(LAYOUT_VERSION))
         for part in self.parts:
             part.store(self.settings)
         self.jobs.stop()

@@ -3,22 +3,48 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
-from nvsim.capture.far_frames import check_far_frames, without
-from nvsim.capture.findings import Finding, Findings, Report
+from nvsim.capture.far_frames import check_far_frames
+from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
+from nvsim.capture.image_folder import looked_for_in
 from nvsim.capture.images import decode
+from nvsim.capture.left_out import without
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import report_absent_image
-from nvsim.capture.types import Alignment
+from nvsim.capture.summary import Summary, summary_of
+from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 
 __all__ = ["Finding", "Report", "check"]
 _ORDER = {"error": 0, "warning": 1, "note": 2}
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything found in one capture, errors first. `format` is "" where none was recognised, `summary` None where
+    nothing could be read."""
+
+    source: Path
+    format: str
+    findings: tuple[Finding, ...]
+    summary: Summary | None = None
+
+    @property
+    def refused(self) -> bool:
+        """Whether an import would refuse the capture."""
+        return any(f.severity == "error" for f in self.findings)
+
+    @property
+    def bad_frames(self) -> tuple[str, ...]:
+        """Names of the frames in which errors lie: without them these errors are gone."""
+        return tuple(dict.fromkeys(name for f in self.findings if f.severity == "error" for name in f.frames))
 
 
 def check(
@@ -27,26 +53,32 @@ def check(
     camera_height: float | None = None,
     leave_out: str = "",
     alignment: Alignment | None = None,
+    images: str = "",
 ) -> Report:
     """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
-    errors first; every image is decoded. An `alignment` that was found already spares a capture without a cloud to be
+    errors first; every image is decoded, and looked for in the folder `images` where it does not lie where the capture
+    says. An `alignment` that was found already spares a capture without a cloud to be
     aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with one
     error."""
     findings = Findings()
     path = Path(path)
     try:
-        raw = without(read_raw(path, findings), leave_out, findings)
+        raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
     except InputError as error:
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
-        return _report(path, "", findings)
+        return Report(path, "", _sorted(findings))
     _check_images(raw, findings)
+    capture = None
     if any(f.camera_to_world is not None for f in raw.frames):
-        _check_geometry(raw, scale, camera_height, alignment, findings)
-    return _report(raw.source, raw.format, findings)
+        capture = _check_geometry(raw, scale, camera_height, alignment, findings)
+    names = {frame.where: (frame.name,) for frame in raw.frames}
+    found = _sorted(replace(f, frames=f.frames or names.get(f.where, ())) for f in findings)
+    report = Report(raw.source, raw.format, found)
+    return replace(report, summary=summary_of(raw, capture, frozenset(report.bad_frames)))
 
 
-def _report(source: Path, kind: str, findings: Findings) -> Report:
-    return Report(source, kind, tuple(sorted(findings, key=lambda f: _ORDER[f.severity])))
+def _sorted(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    return tuple(sorted(findings, key=lambda f: _ORDER[f.severity]))
 
 
 def _check_images(raw: RawCapture, findings: Findings) -> None:
@@ -72,26 +104,28 @@ def _check_geometry(
     camera_height: float | None,
     alignment: Alignment | None,
     findings: Findings,
-) -> None:
+) -> Capture | None:
+    """What is wrong with where things are; the capture in the aligned frame, None where it cannot be brought there."""
     floor = None
     if alignment is None or raw.cloud is not None:
         try:
             alignment, floor = align(raw, scale, camera_height, findings)
         except InputError as error:
             findings.error(str(error).rstrip("."), raw.source.name, "the capture cannot be brought to metres")
-            return
+            return None
     if not alignment.scale_known:
         findings.warning(
-            "the scale is unknown",
+            SCALE_UNKNOWN,
             raw.source.name,
             "the import asks for it: --camera-height METRES above the floor, or --scale METRES per unit",
         )
     capture = apply(raw, alignment)
     if not capture.frames:
-        return
+        return capture
     where = {f.name: f.where for f in raw.frames}
     if not check_far_frames(capture, where, findings):
-        return  # what else is out of the ordinary follows from that
+        return capture  # what else is out of the ordinary follows from that
     check_outliers(capture, where, findings)
     if check_cloud_meets_cameras(capture, findings):
         check_floor_in_view(capture, floor, findings)
+    return capture

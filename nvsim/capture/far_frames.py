@@ -1,4 +1,4 @@
-"""Frames whose pose is so far from the trajectory that no map could hold both, and leaving frames out by name.
+"""Frames whose pose is so far from the trajectory that no map could hold both.
 
 One wrong pose some kilometres away asks for a map that reaches it. The trajectory's own size says what is far: in
 metres, the distance from the middle that half of the cameras keep; without a scale, that of nine in ten, or 20 steps.
@@ -9,15 +9,12 @@ trajectory.)
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
-from nvsim.capture.raw import RawCapture
 from nvsim.capture.types import Capture
-from nvsim.errors import InputError
 from nvsim.geometry.cells import MOST_CELLS
 
 _TIMES = 50.0  # the trajectory's own size, beyond which a camera belongs to another place, or to none
@@ -57,6 +54,7 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
             f"--leave-out {names}",
             ", ".join(where[f.name] for f in frames[:_LISTED]),
             "the map would have to reach there, which no memory holds",
+            tuple(f.name for f in frames),
         )
         return False
     if capture.alignment.scale_known and len(positions):
@@ -70,35 +68,3 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
             )
             return False
     return True
-
-
-def names_in(text: str, frames: frozenset[str]) -> frozenset[str]:
-    """The names of `frames` that `text` lists with commas between them; a name may hold commas itself. Raises
-    InputError for a name that no frame has."""
-    found, pieces = set(), text.split(",")
-    most = 1 + max((name.count(",") for name in frames), default=0)  # pieces of a name
-    at = 0
-    while at < len(pieces):
-        joined = {end: ",".join(pieces[at:end]).strip() for end in range(at + most, at, -1)}
-        end = next((e for e, name in joined.items() if name in frames), None)
-        if end is not None:
-            found.add(joined[end])
-        elif pieces[at].strip():
-            example = f", such as {min(frames)}" if frames else ""
-            raise InputError(
-                f"--leave-out names {pieces[at].strip()!r}, which is no frame of the capture; give names as it "
-                f"lists them{example}."
-            )
-        at = at + 1 if end is None else end
-    return frozenset(found)
-
-
-def without(raw: RawCapture, leave_out: str, findings: Findings) -> RawCapture:
-    """`raw` without the frames that `leave_out` names, and `findings` without what was found about them. Raises
-    InputError for a name that no frame has."""
-    if not leave_out:
-        return raw
-    names = names_in(leave_out, frozenset(f.name for f in raw.frames))
-    findings.forget(frozenset(f.where for f in raw.frames if f.name in names))
-    depths = tuple(d for d in raw.depths if d.frame not in names)
-    return replace(raw, frames=tuple(f for f in raw.frames if f.name not in names), depths=depths)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast, get_args
@@ -11,6 +11,9 @@ from nvsim.errors import InputError
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+SCALE_UNKNOWN = "the scale is unknown"
+IMAGE_MISSING = "the image is missing"
+"""Messages of findings that have a remedy of their own."""
 _LISTED = 40
 _LONGEST = 1000  # characters of a message
 _KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory
@@ -32,12 +35,14 @@ class Finding:
     message      what is the matter, the same words for every place where it happens
     where        file and line, or frame, or element
     consequence  what it would cause
+    frames       names of the frames that it is about; without them it would not be so
     """
 
     severity: Severity
     message: str
     where: str
     consequence: str
+    frames: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.message} ({self.where}): {self.consequence}"
@@ -66,8 +71,8 @@ class Findings:
         if self._counts[finding.severity] <= _KEPT:
             self._items.append(replace(finding, message=shown(finding.message, _LONGEST)))
 
-    def error(self, message: str, where: str, consequence: str) -> None:
-        self.add(Finding("error", message, where, consequence))
+    def error(self, message: str, where: str, consequence: str, frames: tuple[str, ...] = ()) -> None:
+        self.add(Finding("error", message, where, consequence, frames))
 
     def warning(self, message: str, where: str, consequence: str) -> None:
         self.add(Finding("warning", message, where, consequence))
@@ -91,15 +96,11 @@ class Findings:
         errors = self.errors
         if not errors:
             return
-        places: dict[str, list[str]] = {}
-        for finding in errors:
-            places.setdefault(finding.message, []).append(shown(finding.where))
         kinds = []
-        for message, wheres in sorted(places.items(), key=lambda kind: -len(kind[1])):
-            listed = ", ".join(wheres[:_LISTED])
-            more = f" and {len(wheres) - _LISTED} more" if len(wheres) > _LISTED else ""
-            count = f", {len(wheres)} times" if len(wheres) > 1 else ""
-            kinds.append(f"{message}{count} ({listed}{more})")
+        for kind in sorted(grouped(errors), key=lambda kind: -len(kind.places)):
+            listed = ", ".join(shown(place) for place in kind.places[:_LISTED])
+            more = f" and {len(kind.places) - _LISTED} more" if len(kind.places) > _LISTED else ""
+            kinds.append(f"{kind.message}{kind.count} ({listed}{more})")
         raise InputError(
             f"{source} cannot be used: {'; '.join(kinds)}; repair these and try again, "
             f"`nvsim check {source}` says what each would cause."
@@ -107,14 +108,42 @@ class Findings:
 
 
 @dataclass(frozen=True)
-class Report:
-    """Everything found in one capture, errors first. `format` is "" where none was recognised."""
+class Kind:
+    """The same finding at several places: what is the matter, what it would cause at the first of them, every place,
+    and the names of all frames that it is about."""
 
-    source: Path
-    format: str
-    findings: tuple[Finding, ...]
+    severity: Severity
+    message: str
+    consequence: str
+    places: tuple[str, ...]
+    frames: tuple[str, ...]
 
     @property
-    def refused(self) -> bool:
-        """Whether an import would refuse the capture."""
-        return any(f.severity == "error" for f in self.findings)
+    def count(self) -> str:
+        """What follows the message where it is so at several places."""
+        return f", {len(self.places)} times" if len(self.places) > 1 else ""
+
+    def sentence(self, most: int | None = None) -> str:
+        """One line with at most `most` places, all of them by default."""
+        listed = self.places if most is None else self.places[:most]
+        left = len(self.places) - len(listed)
+        more = f" and {left} more" if left else ""
+        places = "; ".join(shown(place, _LONGEST) for place in listed)
+        return f"{self.severity}: {self.message}{self.count}: {places}{more} ({self.consequence})"
+
+
+def grouped(findings: Iterable[Finding]) -> tuple[Kind, ...]:
+    """Findings that say the same, together, in the order in which they first come."""
+    kinds: dict[tuple[Severity, str], list[Finding]] = {}
+    for finding in findings:
+        kinds.setdefault((finding.severity, finding.message), []).append(finding)
+    return tuple(
+        Kind(
+            severity,
+            message,
+            found[0].consequence,
+            tuple(f.where for f in found),
+            tuple(dict.fromkeys(name for f in found for name in f.frames)),
+        )
+        for (severity, message), found in kinds.items()
+    )

@@ -42,15 +42,19 @@ class CaptureConfig:
     hold_out: int = 8
     """Every how many frames one is kept out of training, for evaluation; 0 keeps none out."""
     leave_out: str = ""
-    """Names of frames that are not imported, with commas between them: those with a wrong pose, say."""
+    """Names of frames that are not imported, with commas between them, or @FILE with a name on each line: those with a
+    wrong pose, say."""
+    images: str = ""
+    """The folder that holds the images, where they do not lie where the capture says."""
 
     @property
     def key(self) -> dict[str, dict[str, object]]:
         """What the import's key holds of it. An option that came later counts where it is used only, so that what was
         imported before stays current."""
         values = asdict(self)
-        if not self.leave_out:
-            del values["leave_out"]
+        for later in ("leave_out", "images"):
+            if not values[later]:
+                del values[later]
         return {type(self).__name__: values}
 
 

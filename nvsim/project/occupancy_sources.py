@@ -60,7 +60,8 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
 
     stored = project.need_capture()
     try:
-        found = read(stored.source, alignment=stored.alignment, leave_out=capture_config(project).leave_out)
+        config = capture_config(project)
+        found = read(stored.source, alignment=stored.alignment, leave_out=config.leave_out, images=config.images)
     except InputError as error:
         listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", STAGE))
         return stored

@@ -59,7 +59,7 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     assert isinstance(panel, JobPanel) and isinstance(results, ResultPanel)
 
     # A new project, from the button of the empty window.
-    QTest.mouseClick(window.empty.new, LEFT)
+    QTest.mouseClick(window.start.new, LEFT)
     (dialog,) = window.findChildren(NewProjectDialog)
     QTest.keyClicks(dialog.capture, str(capture))
     dialog.project.selectAll()

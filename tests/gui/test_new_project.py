@@ -11,14 +11,15 @@ import pytest
 import tiny_capture
 from PySide6.QtCore import QMimeData, QPoint, QPointF, QSettings, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QApplication, QMenu
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.jobs.check import CheckResult, Group, result_of
+from app.jobs.check import CheckResult, result_of
 from app.panels.new_project import NewProjectDialog
 from app.panels.stage_bar import StageBar
 from app.session import Session
 from app.wiring.new_project import NewProjectPart
+from nvsim.capture.findings import SCALE_UNKNOWN, Kind
 
 SECONDS = 120_000
 
@@ -47,7 +48,7 @@ def test_findings_are_grouped_by_what_is_the_matter() -> None:
         for i in range(3)
     ] + [{"severity": "warning", "message": "the scale is unknown", "where": "x", "consequence": "asked"}]
     result = result_of(json.dumps({"refused": True, "findings": findings}))
-    assert [(g.message, len(g.places)) for g in result.groups] == [
+    assert [(g.message, len(g.places)) for g in result.kinds] == [
         ("the image is missing", 3),
         ("the scale is unknown", 1),
     ]
@@ -73,7 +74,7 @@ def test_the_scale_is_asked_for_where_it_is_unknown(qtbot: QtBot, tmp_path: Path
     dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
     qtbot.addWidget(dialog)
     dialog.project.setText(str(tmp_path / "new.nvsim"))
-    dialog.show_result(CheckResult(False, (Group("warning", "the scale is unknown", "it asks", ("x",)),)))
+    dialog.show_result(CheckResult(False, (Kind("warning", SCALE_UNKNOWN, "it asks", ("x",), ()),)))
     assert not dialog.run_button.isEnabled() and "how high the cameras were" in dialog.verdict.text()
     dialog.show_result(CheckResult(False, ()))
     assert dialog.run_button.isEnabled()
@@ -123,26 +124,6 @@ def test_a_dropped_capture_becomes_a_project_and_the_next_stage_is_offered(
     qtbot.waitUntil(lambda: not jobs.running, timeout=SECONDS)
 
 
-def test_projects_that_were_open_are_offered_again(
-    qtbot: QtBot, session: Session, settings: QSettings, tmp_path: Path
-) -> None:
-    from nvsim.project.project import Project
-
-    for name in ("one.nvsim", "two.nvsim"):
-        Project.create_or_open(tmp_path / name).close()
-        session.open(tmp_path / name)
-    part = part_of(session)
-    assert [p.name for p in part.recent()] == ["two.nvsim", "one.nvsim"]
-    assert "Open &recent" in [a.text() for m in session.window.menuBar().findChildren(QMenu) for a in m.actions()]
-    (menu,) = [m for m in session.window.findChildren(QMenu) if m.title() == "Open &recent"]
-    menu.aboutToShow.emit()
-    menu.actions()[1].trigger()
-    assert session.document.project == tmp_path / "one.nvsim"
-    assert session.window.empty.imports.isVisible()  # it has no capture yet
-    (tmp_path / "two.nvsim" / "project.db").unlink()
-    assert [p.name for p in part.recent()] == ["one.nvsim"]
-
-
 def test_several_captures_become_one_list_and_one_project(qtbot: QtBot, session: Session, tmp_path: Path) -> None:
     captures = [tmp_path / "first", tmp_path / "second"]
     dialog = part_of(session).open_dialog(captures)
@@ -186,3 +167,37 @@ def test_a_second_walk_is_added_and_the_next_stage_is_offered_again(
     qtbot.mouseClick(bar.stage, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: document.contents.missing_verb == "floors", timeout=SECONDS)
     assert {i for s in document.contents.submaps for i in s.core} == set(range(2 * frames))
+
+
+def test_what_is_wrong_with_a_capture_is_mended_where_it_is_said(
+    qtbot: QtBot, session: Session, capture: Path, tmp_path: Path
+) -> None:
+    broken = Path(shutil.copytree(capture, tmp_path / "walk"))
+    images = sorted((broken / "images").iterdir())
+    for image in images[:3]:
+        image.write_bytes(b"")
+    elsewhere = (broken / "images").rename(tmp_path / "elsewhere")
+    dialog = part_of(session).open_dialog([broken])
+    dialog.project.setText(str(tmp_path / "walk.nvsim"))
+
+    def checked() -> None:
+        qtbot.waitUntil(lambda: not dialog.check.running and not dialog._due.isActive(), timeout=SECONDS)
+
+    qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
+    mending = dialog.mending
+    assert [k.message for k in dialog.result_shown.kinds if k.severity == "error"] == ["the image is missing"]
+    assert mending.folder.isVisible() and not mending.leave_out.isEnabled()  # nothing would be left
+    dialog.look_in(str(elsewhere))
+    checked()
+    assert not mending.folder.isVisible() and mending.leave_out.text() == "Leave out 3 frames"
+    assert dialog.summary.rows["Images"].text() == f"{len(images)}, 3 cannot be used"
+    dialog.grab()
+    qtbot.mouseClick(mending.leave_out, Qt.MouseButton.LeftButton)
+    checked()
+    assert dialog.import_button.isEnabled() and mending.take_back.text() == "Take 3 frames back"
+    assert dialog.summary.rows["Images"].text() == f"{len(images) - 3}"
+    qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: session.document.contents.capture is not None, timeout=SECONDS)
+    frames = session.document.contents.capture.frames
+    assert len(frames) == len(images) - 3 and {f.image_path.parent for f in frames} == {elsewhere}
+    qtbot.waitUntil(lambda: not session.window.jobs.running, timeout=SECONDS)

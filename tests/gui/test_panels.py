@@ -98,7 +98,7 @@ def test_details_explain_every_direction_of_a_viewpoint(document: Document, qtbo
 def test_the_empty_state_offers_a_command_to_copy(qtbot: QtBot) -> None:
     state = EmptyState()
     qtbot.addWidget(state)
-    state.say("No graph.", "nvsim map --project p", "map", has_project=True)
+    state.say("No graph.", "nvsim map --project p", "map")
     qtbot.mouseClick(state.copy, Qt.MouseButton.LeftButton)
     assert QGuiApplication.clipboard().text() == "nvsim map --project p"
 

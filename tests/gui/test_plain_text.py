@@ -27,7 +27,7 @@ from app.state.results import Result, Table
 from app.wiring.comparing import ComparePart
 from app.wiring.context import ContextPart
 from app.wiring.frames import FramePart
-from app.wiring.new_project import NewProjectPart
+from app.wiring.recent import RecentPart
 from app.wiring.window import MainWindow
 from nvsim.events import Failed, Log, Progress
 from nvsim.graph.selection import GraphSelection
@@ -233,10 +233,10 @@ def test_texts_of_pages_menus_and_results_are_text(attacked: MainWindow, fifo: P
         menu = _part(window, ContextPart).menu(Pointer(scene.surface, point))
         assert hostile.faults(menu) == []
         menu.deleteLater()
-    part = _part(window, NewProjectPart)
-    part._remember()
+    part = _part(window, RecentPart)
+    part._on_project()
     part._fill_menu()
-    assert len(part.recent()) == 1 and hostile.faults(part._menu) == []
+    assert len(part.projects.paths) == 1 and hostile.faults(part._menu) == []
     # Results.
     evil = hostile.text(fifo)
     rows = tuple((f"{evil}{i}", float(i), evil) for i in range(5))
@@ -249,8 +249,8 @@ def test_texts_of_pages_menus_and_results_are_text(attacked: MainWindow, fifo: P
     document.set_contents(
         replace(document.contents, capture=None, graph=None, submaps=(), scene_stamp=None, occupancy=None)
     )
-    window.empty.show_recent(part.recent())
-    window.empty.say(evil, evil, "import", False)
+    window.start.show_recent(part.projects.paths)
+    window.empty.say(evil, evil, "import")
     assert _shown(window) == []
 
 

@@ -44,7 +44,7 @@ def test_the_help_is_searched_and_one_window_shows_all_pages(window: MainWindow,
     first = open_help("keys", window)
     assert "turn around" in first.text.toPlainText()
     assert open_help("frames", window) is first and "brush" in first.text.toPlainText()
-    qtbot.keyClicks(first.search, "reset")
+    qtbot.keyClicks(first.search, "removed do not come")
     assert first.list.count() >= 1 and first.page == "thresholds"
     assert len(first.text.extraSelections()) >= 1
     first.search.setText("qqqq")
@@ -230,7 +230,7 @@ def test_the_next_window_opens_what_was_open_unless_it_was_closed_or_is_gone(
         session.open(project)
         if close_project:
             session.window.actions_table["close_project"].trigger()
-            assert session.document.path is None and session.window.centre.currentWidget() is session.window.empty
+            assert session.document.path is None and session.window.centre.currentWidget() is session.window.start
         session.close()
 
     live(close_project=False)

@@ -1,12 +1,21 @@
-"""What is wrong with a capture, before any work starts: every finding with its place, severity and consequence."""
+"""What is in a capture and what is wrong with it, before any work starts: every finding with its place, severity and
+consequence."""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.show import as_json
+
+if TYPE_CHECKING:
+    from nvsim.capture.summary import Summary
+
+_PLACES = 3
+_WHERE_FROM = {"lidar": "of a scanner", "sfm": "of features of the images", "images": "of the depth of the images"}
 
 
 @dataclass(frozen=True)
@@ -17,23 +26,52 @@ class Arguments:
     camera_height: float | None = None
     """Metres of the cameras above the floor."""
     leave_out: str = ""
-    """Names of frames that are not looked at, with commas between them."""
+    """Names of frames that are not looked at, with commas between them, or @FILE with a name on each line."""
+    images: str = ""
+    """The folder that holds the images, where they do not lie where the capture says."""
+    bad_frames: Path | None = None
+    """Write the names of the frames that cannot be used into this file, for --leave-out @FILE."""
+    places: bool = False
+    """Name every place of a finding, not the first three."""
     json: bool = False
     """Print one JSON object."""
 
 
 def run(arguments: Arguments) -> int:
     from nvsim.capture.check import check
-    from nvsim.capture.findings import shown
+    from nvsim.capture.findings import grouped
+    from nvsim.capture.left_out import write_names, written_out
 
-    report = check(arguments.capture, arguments.scale, arguments.camera_height, arguments.leave_out)
-    findings = [dataclasses.asdict(f) for f in report.findings]
+    leave_out = written_out(arguments.leave_out)
+    report = check(arguments.capture, arguments.scale, arguments.camera_height, leave_out, images=arguments.images)
+    if arguments.bad_frames is not None:
+        write_names(report.bad_frames, arguments.bad_frames)
     if arguments.json:
-        print(as_json({"refused": report.refused, "findings": findings}))
-    else:
-        # Lines, not a table: a place that is cut short cannot be found.
-        for f in findings:
-            print(f"{f['severity']}: {shown(f['where'], 1000)}: {f['message']} ({f['consequence']})")
-    if not arguments.json:
-        print("The capture cannot be used as it is." if report.refused else "The capture can be used.")
+        findings = [dataclasses.asdict(f) for f in report.findings]
+        summary = None if report.summary is None else dataclasses.asdict(report.summary)
+        print(as_json({"refused": report.refused, "findings": findings, "summary": summary}))
+        return 2 if report.refused else 0
+    if report.summary is not None:
+        print(words_of(report.summary))
+    for kind in grouped(report.findings):  # lines, not a table: a place that is cut short cannot be found
+        print(kind.sentence(None if arguments.places else _PLACES))
+    print("The capture cannot be used as it is." if report.refused else "The capture can be used.")
+    bad = len(report.bad_frames)
+    if bad and report.summary is not None and bad < report.summary.images:
+        if arguments.bad_frames is not None:
+            print(f"Leave the {bad} frames with errors out with --leave-out @{arguments.bad_frames}.")
+        else:
+            print(f"Errors lie in {bad} frames: --bad-frames FILE lists them, --leave-out @FILE goes on without them.")
     return 2 if report.refused else 0
+
+
+def words_of(summary: Summary) -> str:
+    """What is in a capture, as one line."""
+    sizes = ", ".join(f"{width} x {height}" for width, height, _ in summary.sizes[:3])
+    more = f" and {len(summary.sizes) - 3} more" if len(summary.sizes) > 3 else ""
+    unit = "m" if summary.scale_known else "units"
+    parts = [f"{summary.images} images of {summary.cameras} camera{'' if summary.cameras == 1 else 's'}"]
+    parts += [f"{sizes}{more} pixels"] if sizes else []
+    parts += [f"{summary.length:.4g} {unit} over {summary.width:.3g} x {summary.depth:.3g}"] if summary.paths else []
+    cloud = f"{summary.points} points {_WHERE_FROM[summary.cloud]}" if summary.points else "no point cloud"
+    return f"{'; '.join([*parts, cloud])}."

@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from nvsim.capture.far_frames import names_in
 from nvsim.capture.findings import Findings
 from nvsim.capture.formats import read_raw
+from nvsim.capture.left_out import names_in, written_out
 from nvsim.capture.multi_capture import SUFFIX, labels, listed, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
@@ -32,7 +32,8 @@ def sources(capture: Capture) -> list[Path]:
 
 def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -> Capture:
     """Imports the project's captures and `source`, which may be a list itself, as one, without the frames that
-    `leave_out` names as they will be called then, and without those that were left out before. Raises
+    `leave_out` names as they will be called then, and without those that were left out before. Images are looked for
+    where they were found before. Raises
     InputError when the project has no capture or holds this one already, and for what an import refuses; the
     project is then as before."""
     former = project.need_capture()
@@ -63,7 +64,7 @@ def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -
 def _left_out(project: Project, former: Capture, label: str, more: str) -> CaptureConfig:
     """How the first capture was understood; what it left out is named after it from now on."""
     config = imported.capture_config(project)
-    before = config.leave_out
+    before, more = config.leave_out, written_out(more)
     if before and former.source.suffix != SUFFIX:
         frames = frozenset(f.name for f in read_raw(former.source, Findings()).frames)
         before = ",".join(f"{label}/{name}" for name in sorted(names_in(before, frames)))

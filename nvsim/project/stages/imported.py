@@ -29,13 +29,21 @@ def run(
     check refuses it or its scale is unknown."""
     from nvsim.capture.check import check
     from nvsim.capture.findings import shown
+    from nvsim.capture.left_out import written_out
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
 
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, str(source)))
+    images = str(Path(config.images).expanduser().absolute()) if config.images else ""
+    config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
     capture = read(
-        source, scale=config.scale, camera_height=config.camera_height, alignment=alignment, leave_out=config.leave_out
+        source,
+        scale=config.scale,
+        camera_height=config.camera_height,
+        alignment=alignment,
+        leave_out=config.leave_out,
+        images=config.images,
     )
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
@@ -44,7 +52,7 @@ def run(
             if stored is not None:
                 listen(Log("The capture is unchanged.", STAGE))
                 return stored
-    report = check(source, config.scale, config.camera_height, config.leave_out, capture.alignment)
+    report = check(source, config.scale, config.camera_height, config.leave_out, capture.alignment, config.images)
     for finding in report.findings:
         if finding.severity == "warning":
             listen(Warning(f"{finding.message} ({finding.where}): {finding.consequence}", STAGE))

@@ -1,0 +1,58 @@
+"""What mends a capture, beside what is wrong with it: frames are left out, the folder of the images is named, the scale
+is given."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QPushButton, QWidget
+
+from app.jobs.check import CheckResult
+from app.look.plain_text import tip
+from app.look.wrapping import WrappingRow
+from nvsim.capture.findings import Kind
+
+
+class CaptureMending(QWidget):
+    """leaveOutWanted(tuple of names), takeBackWanted(), folderWanted(), scaleWanted()."""
+
+    leaveOutWanted = Signal(object)
+    takeBackWanted = Signal()
+    folderWanted = Signal()
+    scaleWanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._frames: tuple[str, ...] = ()
+        self.leave_out, self.take_back = QPushButton(self), QPushButton(self)
+        self.folder = QPushButton("Folder of the images…", self)
+        self.scale = QPushButton("Give the camera height", self)
+        self.folder.setToolTip("The folder that holds the images, where they do not lie where the capture says")
+        self.scale.setToolTip("Metres of the cameras above the floor; with Scale, metres per unit of the capture")
+        self.leave_out.clicked.connect(lambda: self.leaveOutWanted.emit(self._frames))
+        self.take_back.clicked.connect(self.takeBackWanted)
+        self.folder.clicked.connect(self.folderWanted)
+        self.scale.clicked.connect(self.scaleWanted)
+        row = WrappingRow(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        for button in (self.folder, self.leave_out, self.scale, self.take_back):
+            row.addWidget(button)
+        self.offer(None, None, 0, True)
+
+    def offer(self, result: CheckResult | None, chosen: Kind | None, left_out: int, own_images: bool) -> None:
+        """What mends `result`, None while nothing is known. Frames are those of the `chosen` finding where it has any,
+        else all in which errors lie; `left_out` are left out already. `own_images`: their folder may be named."""
+        frames = () if result is None else result.bad_frames
+        if result is not None and chosen is not None and chosen.frames:
+            frames = chosen.frames
+        self._frames = frames
+        self.leave_out.setText(f"Leave out {len(frames):,} frame{'' if len(frames) == 1 else 's'}")
+        self.leave_out.setVisible(bool(frames))
+        summary = None if result is None else result.summary
+        all_of_them = summary is not None and len(frames) >= summary.images
+        self.leave_out.setEnabled(not all_of_them)
+        listed = "\n".join(frames[:20]) + ("\n…" if len(frames) > 20 else "")
+        self.leave_out.setToolTip(tip("Not now: no image would be left." if all_of_them else listed))
+        self.take_back.setText(f"Take {left_out:,} frame{'' if left_out == 1 else 's'} back")
+        self.take_back.setVisible(left_out > 0 and result is not None)
+        self.folder.setVisible(result is not None and result.wants_images and own_images)
+        self.scale.setVisible(result is not None and result.wants_scale)

@@ -1,0 +1,138 @@
+"""What is in a capture at a glance: figures, and the way it was taken along, seen from above."""
+
+from __future__ import annotations
+
+import math
+
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QFormLayout, QSizePolicy, QVBoxLayout, QWidget
+
+from app.look import colors
+from app.look.labels import Label
+from nvsim.capture.summary import Summary
+
+_MARGIN = 14  # pixels around the trajectory
+_BAR = 22  # pixels under it, for the scale
+_CLOUDS = {"lidar": "of a scanner", "sfm": "features of the images", "images": "depth of the images"}
+
+
+class TrajectoryMap(QWidget):
+    """The trajectory from above, x to the right and y up, the cameras of faulty images marked, and a scale bar."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._summary: Summary | None = None
+        self.setMinimumSize(180, 120)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setAccessibleName("The trajectory from above")
+        self.setToolTip("The trajectory from above; the dot is its beginning, crosses are images that cannot be used")
+
+    def sizeHint(self) -> QSize:
+        return QSize(240, 190)
+
+    def show_summary(self, summary: Summary | None) -> None:
+        """None shows nothing."""
+        self._summary = summary
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(self.palette().mid().color())
+        painter.setBrush(self.palette().base())
+        painter.drawRoundedRect(QRectF(self.rect()).adjusted(0.5, 0.5, -0.5, -0.5), 4, 4)
+        summary = self._summary
+        if summary is None or not summary.paths:
+            painter.setPen(self.palette().placeholderText().color())
+            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, "no trajectory")
+            return
+        places = [place for path in (*summary.paths, summary.faulty) for place in path]
+        left, right = min(x for x, _ in places), max(x for x, _ in places)
+        low, high = min(y for _, y in places), max(y for _, y in places)
+        room = QRectF(self.rect()).adjusted(_MARGIN, _MARGIN, -_MARGIN, -_MARGIN - _BAR)
+        pixels = min(room.width() / max(right - left, 1e-6), room.height() / max(high - low, 1e-6))
+        middle = room.center()
+
+        def at(place: tuple[float, float]) -> QPointF:
+            x, y = place
+            return QPointF(middle.x() + pixels * (x - (left + right) / 2), middle.y() - pixels * (y - (low + high) / 2))
+
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.setPen(QPen(QColor(colors.NODE), 1.6))
+        for path in summary.paths:
+            painter.drawPolyline(QPolygonF([at(place) for place in path]))
+        painter.setPen(QPen(QColor(colors.text("blocked")), 1.6))
+        for spot in map(at, summary.faulty):
+            painter.drawLine(spot + QPointF(-3.5, -3.5), spot + QPointF(3.5, 3.5))
+            painter.drawLine(spot + QPointF(-3.5, 3.5), spot + QPointF(3.5, -3.5))
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(self.palette().text())
+        for path in summary.paths:
+            painter.drawEllipse(at(path[0]), 3.5, 3.5)
+        self._scale(painter, pixels, "m" if summary.scale_known else "units")
+
+    def _scale(self, painter: QPainter, pixels: float, unit: str) -> None:
+        length = round_length(0.4 * self.width() / pixels)
+        y = self.height() - _BAR / 2 - 2
+        painter.setPen(QPen(self.palette().text().color(), 1.5))
+        end = _MARGIN + length * pixels
+        painter.drawLine(QPointF(_MARGIN, y), QPointF(end, y))
+        for x in (_MARGIN, end):
+            painter.drawLine(QPointF(x, y - 3), QPointF(x, y + 3))
+        painter.drawText(QPointF(end + 6, y + 4), f"{length:g} {unit}")
+
+
+def round_length(longest: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is no longer."""
+    power = 10.0 ** math.floor(math.log10(longest))
+    return max(step * power for step in (1, 2, 5) if step * power <= longest * (1 + 1e-9))
+
+
+class CaptureSummary(QWidget):
+    """The map over the figures."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.map = TrajectoryMap(self)
+        self.rows: dict[str, Label] = {}
+        form = QFormLayout()
+        form.setContentsMargins(0, 0, 0, 0)
+        form.setVerticalSpacing(3)
+        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
+        for name in ("Images", "Cameras", "Resolution", "Trajectory", "Cloud", "Left out"):
+            value = self.rows[name] = Label(self)
+            value.setWordWrap(True)
+            value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+            form.addRow(Label(name, self), value)
+        self.form = form
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.map, 1)
+        layout.addLayout(form)
+        self.show_summary(None)
+
+    def show_summary(self, summary: Summary | None, faulty: int = 0, left_out: int = 0) -> None:
+        """What was read, how many images of it cannot be used, and how many frames the user left out; None says that
+        nothing is known."""
+        self.map.show_summary(summary)
+        words = dict.fromkeys(self.rows, "–") if summary is None else figures(summary, faulty)
+        words["Left out"] = f"{left_out:,} frame{'' if left_out == 1 else 's'}" if left_out else ""
+        for name, value in self.rows.items():
+            value.setText(words[name])
+        self.form.setRowVisible(self.rows["Left out"], bool(left_out))
+
+
+def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:
+    """Each figure by its name, in words."""
+    sizes = [f"{width} × {height}" + (f" ({count:,})" if len(summary.sizes) > 1 else "")
+             for width, height, count in summary.sizes[:3]]  # fmt: skip
+    unit = "m" if summary.scale_known else "units"
+    way = f"{summary.length:.4g} {unit} over {summary.width:.3g} × {summary.depth:.3g}"
+    return {
+        "Images": f"{summary.images:,}" + (f", {faulty:,} cannot be used" if faulty else ""),
+        "Cameras": f"{summary.cameras:,}",
+        "Resolution": ", ".join([*sizes, "…"][: len(summary.sizes) if len(summary.sizes) <= 3 else 4]) or "unknown",
+        "Trajectory": way if summary.paths else "no image has a pose",
+        "Cloud": f"{summary.points:,} points, {_CLOUDS.get(summary.cloud, '')}" if summary.points else "none",
+    }

@@ -1,0 +1,270 @@
+"""Opening anything: a line for a path, and what lies in its folder, each with what it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
+from PySide6.QtGui import QFont, QKeyEvent
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QHBoxLayout,
+    QHeaderView,
+    QLineEdit,
+    QPushButton,
+    QStyle,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.look.hint import Hint
+from app.look.labels import Label
+from app.look.plain_text import plain, tip
+from app.state.folder_listing import Entry, FolderLook, Listing
+from app.state.waiting import Waiting
+from nvsim.project.path_kind import PathKind
+
+_TYPING = 120  # milliseconds after the last letter until the folder is looked at
+_WORDS: dict[PathKind, str] = {
+    "project": "project",
+    "capture": "capture",
+    "graph": "graph",
+    "graph folder": "graphs, a folder of them",
+    "splats": "splats",
+}
+_OPENS: dict[PathKind, str] = {
+    "project": "A project: it is opened.",
+    "capture": "A capture: it is checked, and a project is made of it.",
+    "graph": "A navigation graph (R2R connectivity): it is opened alone.",
+    "graph folder": "A folder of navigation graphs (R2R connectivity): the first is opened, all can be chosen.",
+    "splats": "A splat file: it is opened alone.",
+}
+
+
+class OpenDialog(QDialog):
+    """chosen(Path) of something that can be opened."""
+
+    chosen = Signal(object)
+
+    def __init__(self, folder: Path, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Open")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.listing: Listing | None = None
+        self._trouble = ""
+        self._waiting = Waiting("folder", self)
+        self._waiting.ended.connect(self._on_listed)
+        self._due = QTimer(self, singleShot=True, interval=_TYPING)
+        self._due.timeout.connect(self._look)
+        self.line = QLineEdit(self)
+        self.line.setAccessibleName("Path")
+        self.line.setPlaceholderText("The path of a project, a capture, a graph or a splat file")
+        self.line.textEdited.connect(self._on_typed)
+        self.line.installEventFilter(self)
+        self.up = QPushButton("Up", self)
+        self.up.setToolTip("The folder above (Alt+Up)")
+        self.up.setShortcut("Alt+Up")
+        self.up.clicked.connect(self.go_up)
+        self.list = QTreeWidget(self)
+        self.list.setHeaderLabels(["Name", "What it is"])
+        self.list.setRootIsDecorated(False)
+        self.list.setUniformRowHeights(True)
+        self.list.setAccessibleName("What lies in the folder")
+        self.list.header().setStretchLastSection(False)
+        self.list.header().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self.list.header().setSectionResizeMode(1, QHeaderView.ResizeMode.ResizeToContents)
+        self.list.itemSelectionChanged.connect(self._on_selected)
+        self.list.itemDoubleClicked.connect(self._on_activated)
+        self.list.installEventFilter(self)
+        self._hint = Hint(self.list, self._nothing).follow(self.list)
+        self.says = Label(self)
+        self.says.setWordWrap(True)
+        font = QFont(self.says.font())
+        font.setBold(True)
+        self.says.setFont(font)
+        self.rest = Label(self)
+        self.rest.setForegroundRole(self.rest.palette().ColorRole.PlaceholderText)
+        buttons = QDialogButtonBox(self)
+        self.ok = buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.inside = buttons.addButton("Look inside", QDialogButtonBox.ButtonRole.ActionRole)
+        self.inside.setToolTip("Show what lies in the chosen folder (Right)")
+        buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self.ok.clicked.connect(self.open_target)
+        self.inside.clicked.connect(self._go_inside)
+        buttons.rejected.connect(self.reject)
+        for button in self.findChildren(QPushButton):
+            button.setAutoDefault(False)  # Enter means what the line or the list says
+        head = QHBoxLayout()
+        head.addWidget(self.line, 1)
+        head.addWidget(self.up)
+        layout = QVBoxLayout(self)
+        layout.addLayout(head)
+        layout.addWidget(self.list, 1)
+        layout.addWidget(self.rest)
+        layout.addWidget(self.says)
+        layout.addWidget(buttons)
+        self.resize(720, 480)
+        self.go_to(folder)
+
+    # Where --------------------------------------------------------------------------------------------------------
+
+    @property
+    def folder(self) -> Path:
+        """The one that is listed, or about to be."""
+        text = self.line.text().strip()
+        path = Path(text).expanduser() if text else Path.home()
+        return path if text.endswith(("/", "\\")) or not text else path.parent
+
+    def go_to(self, folder: Path) -> None:
+        """Lists what lies there."""
+        text = str(folder)
+        self.line.setText(text if text.endswith("/") else f"{text}/")
+        self._look()
+
+    def go_up(self) -> None:
+        self.go_to(self.folder.parent)
+
+    def _on_typed(self, _: str) -> None:
+        self._due.start()
+
+    def _look(self) -> None:
+        """Lists the folder of the line, unless it is shown already."""
+        self._due.stop()
+        if self.listing is not None and self.listing.folder == self.folder:
+            self._fill()
+            return
+        self.listing, self._trouble = None, ""
+        self._waiting.start(FolderLook(self.folder))
+        self._fill()
+
+    def _on_listed(self, found: Listing | None, trouble: str) -> None:
+        if found is None and not trouble:
+            return
+        self.listing, self._trouble = found, trouble
+        self._fill()
+
+    # What is listed -----------------------------------------------------------------------------------------------
+
+    def _fill(self) -> None:
+        """The entries whose names begin with what was typed, or hold it."""
+        self.list.clear()
+        listing, typed = self.listing, self._typed.casefold()
+        style = self.style()
+        for entry in () if listing is None else listing.entries:
+            if typed not in entry.path.name.casefold():
+                continue
+            what = _WORDS.get(entry.kind, "folder")
+            item = QTreeWidgetItem([plain(entry.path.name), what])
+            icon = QStyle.StandardPixmap.SP_DirIcon if entry.is_folder else QStyle.StandardPixmap.SP_FileIcon
+            item.setIcon(0, style.standardIcon(icon))
+            item.setToolTip(0, tip(entry.path))
+            item.setData(0, Qt.ItemDataRole.UserRole, entry)
+            if not entry.openable:
+                item.setForeground(1, self.palette().placeholderText())
+            self.list.addTopLevelItem(item)
+            if entry.path.name.casefold() == typed:
+                self.list.setCurrentItem(item)
+        words = []
+        if listing is not None and listing.others:
+            words.append(f"{listing.others:,} file{'' if listing.others == 1 else 's'} that cannot be opened alone")
+        if listing is not None and listing.cut:
+            words.append("the folder holds more than is listed; type a path")
+        self.rest.setText("; ".join(words))
+        self._hint.refresh()
+        self._say()
+
+    @property
+    def _typed(self) -> str:
+        """The part of a name at the end of the line."""
+        text = self.line.text().strip()
+        return "" if not text or text.endswith(("/", "\\")) else Path(text).name
+
+    def _nothing(self) -> str:
+        if self.list.topLevelItemCount():
+            return ""
+        if self._trouble:
+            return self._trouble
+        return "…" if self.listing is None else "Nothing here can be opened."
+
+    @property
+    def entry(self) -> Entry | None:
+        """What is chosen in the list."""
+        items = self.list.selectedItems()
+        return items[0].data(0, Qt.ItemDataRole.UserRole) if items else None
+
+    @property
+    def target(self) -> tuple[Path, PathKind] | None:
+        """What Open opens: what is chosen, else the folder that is listed; None where that is nothing to open."""
+        if self.entry is not None:
+            return (self.entry.path, self.entry.kind) if self.entry.openable else None
+        listing = self.listing
+        if listing is None or self._typed or listing.kind not in _OPENS:
+            return None
+        return listing.folder, listing.kind
+
+    def _say(self) -> None:
+        target = self.target
+        inside = self.entry is not None and self.entry.is_folder
+        self.ok.setEnabled(target is not None)
+        self.inside.setEnabled(inside)
+        if target is not None:
+            self.says.setText(f"{plain(target[0].name)} – {_OPENS[target[1]]}")
+        else:
+            self.says.setText("A folder: Enter shows what lies in it." if inside else "Choose what to open.")
+
+    def _on_selected(self) -> None:
+        self._say()
+
+    # Choosing -----------------------------------------------------------------------------------------------------
+
+    def open_target(self) -> None:
+        """Opens what can be opened, and shows the inside of another folder."""
+        target = self.target
+        if target is not None:
+            self.accept()
+            self.chosen.emit(target[0])
+        else:
+            self._go_inside()
+
+    def _choose_first(self) -> None:
+        first = self.list.topLevelItem(0)
+        if first is not None:
+            self.list.setCurrentItem(first)
+
+    def _go_inside(self) -> None:
+        if self.entry is not None and self.entry.is_folder:
+            self.go_to(self.entry.path)
+
+    def _on_activated(self, _: QTreeWidgetItem) -> None:
+        self.open_target()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress:
+            key = event.key()
+            if key in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+                if self._due.isActive() or self._waiting.busy:
+                    return True  # what the line means is not known yet
+                if watched is self.line and self.entry is None and self.list.topLevelItemCount() == 1 and self._typed:
+                    self._choose_first()
+                self.open_target()
+                return True
+            if watched is self.line and key in (Qt.Key.Key_Down, Qt.Key.Key_PageDown):
+                self.list.setFocus()
+                if self.entry is None:
+                    self._choose_first()
+                return True
+            if watched is self.list and key == Qt.Key.Key_Right:
+                self._go_inside()
+                return True
+            if watched is self.list and key in (Qt.Key.Key_Left, Qt.Key.Key_Backspace):
+                self.go_up()
+                return True
+        return super().eventFilter(watched, event)
+
+    def done(self, code: int) -> None:
+        self._due.stop()
+        self._waiting.stop()
+        super().done(code)

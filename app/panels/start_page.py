@@ -1,0 +1,205 @@
+"""What the centre shows while nothing is open: one way to open everything, a new project, the demo, recent projects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QFont, QMouseEvent, QPainter, QPaintEvent, QPen, QShowEvent
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QStackedLayout, QVBoxLayout, QWidget
+
+from app.look.icons import icon
+from app.look.labels import Label
+from app.look.plain_text import tip
+from app.panels.recent_list import RecentList
+from app.state.recent_child import Looked
+from nvsim.capture import formats
+
+KINDS = (
+    ("Project", "a folder NAME.nvsim"),
+    ("Capture", f"images with camera poses: {formats.names()}"),
+    ("Graph", "R2R connectivity, a file or a folder of them"),
+    ("Splats", "PLY, compressed PLY, SPZ, SOG, .splat, of any program"),
+)
+"""What can be opened, and what each is."""
+
+
+class DropZone(QWidget):
+    """A place to drop things on; the whole window takes them. clicked()."""
+
+    clicked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._hot = False
+        self.setCursor(Qt.CursorShape.PointingHandCursor)
+        self.setAccessibleName("Drop a project, a capture, a graph or a splat file here")
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(16, 14, 16, 14)
+        layout.setSpacing(4)
+        words = Label("Drop anything here", self)
+        font = QFont(words.font())
+        font.setBold(True)
+        words.setFont(font)
+        layout.addWidget(words)
+        for kind, what in KINDS:
+            row = Label(f"{kind} – {what}", self)
+            row.setWordWrap(True)
+            row.setForegroundRole(row.palette().ColorRole.PlaceholderText)
+            layout.addWidget(row)
+
+    def highlight(self, on: bool) -> None:
+        """While something hovers over the window that can be dropped."""
+        self._hot = on
+        self.update()
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if self.rect().contains(event.position().toPoint()):
+            self.clicked.emit()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        palette = self.palette()
+        color = palette.accent().color() if self._hot else palette.placeholderText().color()
+        painter.setPen(QPen(color, 2.0 if self._hot else 1.2, Qt.PenStyle.DashLine))
+        painter.setBrush(palette.base() if self._hot else Qt.BrushStyle.NoBrush)
+        painter.drawRoundedRect(QRectF(self.rect()).adjusted(1, 1, -1, -1), 8, 8)
+
+
+class StartPage(QWidget):
+    """openWanted(), newWanted(), demoWanted(), recentWanted(Path), forgetWanted(Path)."""
+
+    openWanted = Signal()
+    newWanted = Signal()
+    demoWanted = Signal()
+    recentWanted = Signal(object)
+    forgetWanted = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setAutoFillBackground(True)
+        self._mark = Label(self)
+        self._mark.setFixedSize(44, 44)
+        name = Label("NVSim", self)
+        self._large(name, 8)
+        words = Label("A capture of a building becomes a simulator for vision-and-language navigation.", self)
+        words.setWordWrap(True)
+        words.setForegroundRole(words.palette().ColorRole.PlaceholderText)
+        self.open = self._button("Open…", "A project, a capture, a graph or a splat file (Ctrl+O)", self.openWanted)
+        self.new = self._button(
+            "New project from a capture…", "Check a capture and make a project of it (Ctrl+N)", self.newWanted
+        )
+        self.demo = self._button(
+            "Try the built-in building…", "Generate a building with its truth and run the whole job on it",
+            self.demoWanted,
+        )  # fmt: skip
+        self.open.setDefault(True)
+        self.drop = DropZone(self)
+        self.drop.clicked.connect(self.openWanted)
+        head = QHBoxLayout()
+        head.addWidget(self._mark)
+        head.addWidget(name, 1)
+        left = QVBoxLayout()
+        left.addLayout(head)
+        left.addWidget(words)
+        left.addSpacing(10)
+        for button in (self.open, self.new, self.demo):
+            left.addWidget(button)
+        left.addSpacing(10)
+        left.addWidget(self.drop)
+        left.addStretch(1)
+        holder = QWidget(self)
+        holder.setLayout(left)
+        holder.setMinimumWidth(260)
+        holder.setMaximumWidth(360)
+        recent = Label("Recent projects", self)
+        self._large(recent, 2)
+        self.recent = RecentList(self)
+        self.recent.setMinimumWidth(260)
+        self.recent.chosen.connect(self.recentWanted)
+        self.recent.forgotten.connect(self.forgetWanted)
+        self.nothing = Label("Projects that were open stand here.", self, alignment=Qt.AlignmentFlag.AlignCenter)
+        self.nothing.setForegroundRole(self.nothing.palette().ColorRole.PlaceholderText)
+        self.nothing.setWordWrap(True)
+        self._recents = QStackedLayout()
+        self._recents.addWidget(self.recent)
+        self._recents.addWidget(self.nothing)
+        self.forget = QPushButton("Forget", self)
+        self.forget.setToolTip("Take the project off this list (Del); its files stay as they are")
+        self.forget.clicked.connect(self.recent.forget_current)
+        self.go = QPushButton("Open project", self)
+        self.go.setToolTip("Open the project that is chosen (Enter)")
+        self.go.clicked.connect(self._choose)
+        below = QHBoxLayout()
+        below.addStretch(1)
+        below.addWidget(self.forget)
+        below.addWidget(self.go)
+        right = QVBoxLayout()
+        right.addWidget(recent)
+        right.addLayout(self._recents, 1)
+        right.addLayout(below)
+        right_holder = QWidget(self)
+        right_holder.setLayout(right)
+        right_holder.setMaximumWidth(640)
+        both = QHBoxLayout()
+        both.setSpacing(28)
+        both.addStretch(1)
+        both.addWidget(holder, 5)
+        both.addWidget(right_holder, 8)
+        both.addStretch(1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(20, 28, 20, 20)
+        layout.addLayout(both, 1)
+        self.dress()
+        self.show_recent(())
+
+    def minimumSizeHint(self) -> QSize:
+        """Small: while something is open the page is hidden and must not hold the window wide."""
+        return QSize(300, 200)
+
+    def _large(self, label: Label, more: float) -> None:
+        font = QFont(label.font())
+        font.setPointSizeF(font.pointSizeF() + more)
+        label.setFont(font)
+
+    def _button(self, text: str, what: str, wanted: object) -> QPushButton:
+        button = QPushButton(text, self)
+        button.setToolTip(tip(what))
+        button.setMinimumHeight(30)
+        button.setAutoDefault(True)
+        button.clicked.connect(wanted)
+        return button
+
+    def dress(self) -> None:
+        """Draws the mark in the palette's colours."""
+        self._mark.setPixmap(icon("nvsim", self.palette()).pixmap(40, 40))
+
+    def show_recent(self, paths: Sequence[Path]) -> None:
+        """Offers these projects."""
+        self.recent.show_projects(paths)
+        self._recents.setCurrentWidget(self.recent if paths else self.nothing)
+        for button in (self.forget, self.go):
+            button.setVisible(bool(paths))
+
+    def show_looks(self, looked: Mapping[Path, Looked]) -> None:
+        """What was found out about recent projects in the background."""
+        self.recent.show_looks(looked)
+
+    def _choose(self) -> None:
+        if self.recent.current is not None:
+            self.recentWanted.emit(self.recent.current)
+
+    def take_keys(self) -> None:
+        """The list has the keys, or Open where there is none."""
+        (self.recent if self.recent.count() else self.open).setFocus()
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self.dress()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        self.take_keys()

@@ -1,0 +1,80 @@
+"""What lies in a folder and what each of it is, for choosing what to open. Knows no Qt."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.files.reading import as_reading_error
+from nvsim.project.path_kind import PathKind, path_kind
+
+OPENABLE: tuple[PathKind, ...] = ("project", "capture", "graph", "graph folder", "splats")
+_MOST = 5_000  # entries of a folder that are looked at
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A folder, or a file that can be opened. A folder may be a project, a capture or graphs itself."""
+
+    path: Path
+    kind: PathKind
+    is_folder: bool
+
+    @property
+    def openable(self) -> bool:
+        return self.kind in OPENABLE
+
+
+@dataclass(frozen=True)
+class Listing:
+    """folder   what was looked at
+    kind     what it is itself
+    entries  folders and files that can be opened, folders first, by name
+    others   files that are nothing that can be opened
+    cut      whether the folder has more than was looked at
+    """
+
+    folder: Path
+    kind: PathKind
+    entries: tuple[Entry, ...]
+    others: int
+    cut: bool
+
+
+class FolderLook:
+    """One look at `folder`, which `result` begins; to be waited for beside the window."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._killed = threading.Event()
+
+    def kill(self) -> None:
+        """Its answer is not wanted any more; from any thread."""
+        self._killed.set()
+
+    def result(self) -> Listing | None:
+        """None after `kill`. Raises InputError when the folder cannot be read."""
+        try:
+            with os.scandir(self._folder) as found:
+                seen = [(e.name, e.is_dir()) for e in itertools.islice(found, _MOST + 1) if not e.name.startswith(".")]
+        except (OSError, ValueError) as error:
+            raise (
+                as_reading_error(self._folder, error)
+                if isinstance(error, OSError)
+                else InputError(f"{str(self._folder)!r} cannot be a folder; check the path.")
+            ) from error
+        entries, others = [], 0
+        for name, is_folder in sorted(seen[:_MOST], key=lambda e: (not e[1], e[0].casefold())):
+            if self._killed.is_set():
+                return None
+            path = self._folder / name
+            entry = Entry(path, path_kind(path), is_folder)
+            if is_folder or entry.openable:
+                entries.append(entry)
+            else:
+                others += 1
+        return Listing(self._folder, path_kind(self._folder), tuple(entries), others, len(seen) > _MOST)

@@ -1,0 +1,350 @@
+"""Workspaces: which panels stand around the 3D view for a kind of work. (In code an arrangement: `part.Workspace` is
+what every part may use.)
+
+Panels that have nothing to say of what is open are closed, and come back by themselves when they have. What the user
+opens, closes and moves is kept for each workspace, and for projects, graph files and splat files apart. One key shows a
+single view alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Literal
+
+from PySide6.QtCore import QByteArray, QSettings, Qt, QTimer
+from PySide6.QtWidgets import QApplication, QDockWidget, QHBoxLayout, QMenu, QTabBar, QToolButton, QWidget
+
+from app.actions import Action
+from app.look.notices import Notice
+from app.state.document import Document
+from app.state.reasons import with_project
+from app.wiring.part import Part, Workspace
+
+OpenKind = Literal["nothing", "project", "graph", "splats"]
+LAYOUT_VERSION = 4  # raised when docks or toolbars change, so that an old stored layout is not forced on them
+_READING = 700  # milliseconds without news until what was opened counts as read
+_TOLD = 6000  # milliseconds
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """A workspace.
+
+    panels   names of the docks that are open in it
+    front    those that stand before the others of their place
+    heights  pixels that docks have at first where there is room
+    """
+
+    id: str
+    text: str
+    tip: str
+    shortcut: str
+    panels: tuple[str, ...]
+    front: tuple[str, ...]
+    heights: Mapping[str, int] = field(default_factory=dict)
+
+
+ARRANGEMENTS = (
+    Arrangement(
+        "explore", "&Explore", "Look around: the 3D view, the map, layers and frames", "Alt+1",
+        ("submaps", "layers", "camera_path", "frames", "map", "details", "inspector"),
+        ("layers", "frames", "details"), {"map": 400, "details": 420, "layers": 270, "frames": 420},
+    ),
+    Arrangement(
+        "train", "&Train", "Make and watch: jobs, curves, results, submaps", "Alt+2",
+        ("submaps", "frames", "map", "details", "jobs", "results", "log"),
+        ("submaps", "frames", "details", "jobs"), {"jobs": 320, "map": 360, "details": 300},
+    ),
+    Arrangement(
+        "edit", "Edit &graph", "Review and edit the graph: findings, thresholds, history, tables", "Alt+3",
+        ("layers", "history", "map", "details", "validation", "thresholds", "inspector", "tables", "histogram",
+         "calibration"),
+        ("layers", "history", "validation", "tables"), {"tables": 190, "map": 340, "details": 400},
+    ),
+    Arrangement(
+        "compare", "&Compare", "Hold against each other: two graphs, frames and renders, figures", "Alt+4",
+        ("layers", "compare", "frames", "map", "details", "inspector", "results", "tables"),
+        ("layers", "compare", "details", "results"), {"results": 230, "map": 360, "details": 380},
+    ),
+)  # fmt: skip
+_BY_COMMAND = ("agent", "tasks")  # panels that the command opens to which they belong
+_BY_ID = {arrangement.id: arrangement for arrangement in ARRANGEMENTS}
+_FIRST: dict[OpenKind, str] = {"nothing": "explore", "project": "explore", "graph": "edit", "splats": "explore"}
+
+
+def kind_of(document: Document) -> OpenKind:
+    """What is open, known before it is read."""
+    if document.path is None:
+        return "nothing"
+    if document.contents.outline is not None:
+        return "splats"
+    if document.project is not None:
+        return "project"
+    return "graph" if document.graph is not None or document.path.suffix.lower() == ".json" else "splats"
+
+
+class ArrangementPart(Part):
+    ACTIONS = (
+        *(
+            Action(f"workspace_{a.id}", f"{a.text} workspace", a.tip, "&View", 8, a.shortcut, check="off",
+                   group="workspace", enabled=with_project)
+            for a in ARRANGEMENTS
+        ),
+        Action("maximise", "&Maximise the view", "Show the panel that has the keys alone, else the 3D view; again: all",
+               "&View", 9, "F12", enabled=with_project),
+        Action("reset_layout", "&Reset workspace", "Put the panels of this workspace back where they were at first",
+               "&Window", icon="layout", enabled=with_project),
+    )  # fmt: skip
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.current = ARRANGEMENTS[0]
+        self.kind: OpenKind = "nothing"
+        self._wanted: set[str] = set()  # panels that are open as soon as they have something to say
+        self._asked: set[str] = set()  # those that the user opened although they have nothing to say
+        self._put: dict[str, bool] = {}  # panel -> whether it was open when this part last looked
+        self._before: QByteArray | None = None  # where everything stood before one view was shown alone
+        self._reading = False
+        self._soon = QTimer(self, singleShot=True, interval=_READING)
+        self._soon.timeout.connect(self._on_read)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        entered = {f"workspace_{a.id}": partial(self._on_chosen, a.id) for a in ARRANGEMENTS}
+        return {**entered, "maximise": lambda _=False: self.maximise(), "reset_layout": lambda _=False: self.reset()}
+
+    def restore(self, settings: QSettings) -> None:
+        window, document = self.workspace.window, self.workspace.document
+        self._first_layout = window.saveState(LAYOUT_VERSION)
+        self._docks, self._needs = window.docks, {row.name: row.needs for row in window.rows}
+        self._gather_in_menu()
+        self._tabs = self._make_tabs()
+        window.menuBar().setCornerWidget(self._tabs)
+        document.projectLeft.connect(self._keep)
+        document.projectChanged.connect(self._on_project)
+        document.contentsChanged.connect(self._on_contents)
+        self.workspace.notices.added.connect(self._on_notice)
+        self._begin()
+
+    def store(self, settings: QSettings) -> None:
+        self._soon.stop()
+        self._keep()
+
+    # Entering and keeping ---------------------------------------------------------------------------------------
+
+    def enter(self, id: str) -> None:
+        """Shows this workspace as the user left it. Raises KeyError when there is none of that id."""
+        arrangement = _BY_ID[id]
+        self._keep()
+        self.current = arrangement
+        self._remember()
+        self._lay_out()
+
+    def reset(self) -> None:
+        """This workspace as it was at first."""
+        self.show_all()
+        for key in ("panels", "state"):
+            self.workspace.settings.remove(self._key(key))
+        self._lay_out()
+
+    def _on_chosen(self, id: str, _: bool = True) -> None:
+        self.enter(id)
+
+    def _remember(self) -> None:
+        self.workspace.settings.setValue(f"workspace/{self.kind}", self.current.id)
+        self.workspace.window.actions_table[f"workspace_{self.current.id}"].setChecked(True)
+
+    def _key(self, what: str) -> str:
+        return f"workspaces/{self.current.id}/{self.kind}/{what}"
+
+    def _keep(self) -> None:
+        """As it stands, for the next time."""
+        self.show_all()
+        if self.kind == "nothing":
+            return
+        self._note()
+        settings = self.workspace.settings
+        settings.setValue(self._key("panels"), sorted(self._wanted))
+        settings.setValue(self._key("state"), self.workspace.window.saveState(LAYOUT_VERSION))
+
+    def _begin(self) -> None:
+        """What is open decides which workspace it is."""
+        self.kind = kind_of(self.workspace.document)
+        stored = str(self.workspace.settings.value(f"workspace/{self.kind}", ""))
+        self.current = _BY_ID[stored if stored in _BY_ID else _FIRST[self.kind]]
+        self._remember()
+        self._tabs.setVisible(self.kind != "nothing")
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        window, settings = self.workspace.window, self.workspace.settings
+        names, state = settings.value(self._key("panels")), settings.value(self._key("state"))
+        names = [names] if isinstance(names, str) else names
+        own = isinstance(names, list) and isinstance(state, QByteArray)
+        self._asked.clear()
+        self._wanted = {str(n) for n in names} & set(self._docks) if own else self._first_panels()
+        if self.kind == "nothing":
+            self._wanted = set()
+        window.setUpdatesEnabled(False)
+        if not (own and self._restore_layout(state)):
+            own = False
+            self._restore_layout(self._first_layout)
+        self._put = self._open_now()
+        self.settle()
+        if not own:
+            self._arrange()
+        window.setUpdatesEnabled(True)
+
+    def _first_panels(self) -> set[str]:
+        """Those of this workspace, and those that no workspace names."""
+        named = {name for arrangement in ARRANGEMENTS for name in arrangement.panels}
+        return set(self.current.panels) | (set(self._docks) - named - set(_BY_COMMAND))
+
+    def _arrange(self) -> None:
+        """The places and sizes that this workspace has at first."""
+        window, docks = self.workspace.window, self._docks
+        for name in self.current.front:
+            docks[name].raise_()
+        wide = [row for row in window.rows if row.width]
+        window.resizeDocks([docks[r.name] for r in wide], [r.width for r in wide], Qt.Orientation.Horizontal)
+        high = [(docks[name], height) for name, height in self.current.heights.items() if not docks[name].isHidden()]
+        window.resizeDocks([dock for dock, _ in high], [height for _, height in high], Qt.Orientation.Vertical)
+
+    def _restore_layout(self, state: QByteArray) -> bool:
+        """Whether `state` was a layout, which is shown then. It makes tab bars anew, and would leave the old ones where
+        they stood."""
+        window = self.workspace.window
+        for bar in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
+            bar.hide()
+        return window.restoreState(state, LAYOUT_VERSION)
+
+    # What has something to say ------------------------------------------------------------------------------------
+
+    def settle(self) -> None:
+        """Opens the panels of this workspace that have something to say of what is open, and closes the others."""
+        if self._before is not None:
+            return  # once all views are shown again
+        self._note()
+        document = self.workspace.document
+        for name, dock in self._docks.items():
+            says = self._reading or name in self._asked or self._needs[name](document) is None
+            wanted = name in self._wanted and says
+            if wanted == dock.isHidden():
+                dock.setVisible(wanted)
+        self._put = self._open_now()
+
+    def _note(self) -> None:
+        """Whatever was opened or closed since the last look was the user's doing."""
+        if self._before is not None:
+            return
+        for name, is_open in self._open_now().items():
+            if is_open == self._put.get(name):
+                continue
+            if is_open:
+                self._wanted.add(name)
+                self._asked.add(name)
+            else:
+                self._wanted.discard(name)
+                self._asked.discard(name)
+        self._put = self._open_now()
+
+    def _open_now(self) -> dict[str, bool]:
+        return {name: not dock.isHidden() for name, dock in self._docks.items()}
+
+    def _on_project(self) -> None:
+        self._reading = kind_of(self.workspace.document) in ("project", "graph")
+        self._begin()
+        if self._reading:
+            self._soon.start()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if parts == {"jobs"}:
+            return
+        if self._reading:
+            self._soon.start()
+        else:
+            self.settle()
+
+    def _on_read(self) -> None:
+        self._reading = False
+        self.settle()
+
+    # One view alone -----------------------------------------------------------------------------------------------
+
+    @property
+    def alone(self) -> bool:
+        """Whether one view is shown alone."""
+        return self._before is not None
+
+    def maximise(self) -> None:
+        """Shows the panel that has the keys alone, or the centre; or all of them again."""
+        if self.alone:
+            self.show_all()
+            return
+        window = self.workspace.window
+        self._note()
+        chosen = self._with_keys()
+        self._before = window.saveState(LAYOUT_VERSION)
+        for dock in self._docks.values():
+            if dock is not chosen and not dock.isFloating():
+                dock.hide()
+        if chosen is not None:
+            window.centre.hide()
+        name = "The view in the middle" if chosen is None else chosen.windowTitle()
+        window.statusBar().showMessage(f"{name} is shown alone; F12 brings the others back.", _TOLD)
+
+    def show_all(self) -> None:
+        """All views again, as they stood before one was shown alone."""
+        if self._before is None:
+            return
+        window, before = self.workspace.window, self._before
+        window.centre.show()
+        self._restore_layout(before)
+        self._before = None
+        self.settle()
+
+    def _with_keys(self) -> QDockWidget | None:
+        widget: QWidget | None = QApplication.focusWidget()
+        while widget is not None:
+            if isinstance(widget, QDockWidget) and widget in self._docks.values() and not widget.isFloating():
+                return widget
+            widget = widget.parentWidget()
+        return None
+
+    def _on_notice(self, notice: Notice) -> None:
+        """What went wrong is told over the centre, which must be there for it."""
+        if notice.severity == "error" and self.alone and self.workspace.window.centre.isHidden():
+            self.show_all()
+
+    # Menu and tabs ------------------------------------------------------------------------------------------------
+
+    def _gather_in_menu(self) -> None:
+        window = self.workspace.window
+        actions = [window.actions_table[f"workspace_{a.id}"] for a in ARRANGEMENTS]
+        gathered = QMenu("&Workspace", window)
+        gathered.setToolTipsVisible(True)
+        for menu in window.menuBar().findChildren(QMenu):
+            if actions[0] in menu.actions():
+                menu.insertMenu(actions[0], gathered)
+                for action in actions:
+                    menu.removeAction(action)
+                    gathered.addAction(action)
+                return
+
+    def _make_tabs(self) -> QWidget:
+        """The workspaces side by side at the end of the menu bar."""
+        holder = QWidget(self.workspace.window)
+        row = QHBoxLayout(holder)
+        row.setContentsMargins(0, 0, 6, 0)
+        row.setSpacing(1)
+        for arrangement in ARRANGEMENTS:
+            button = QToolButton(holder)
+            button.setAutoRaise(True)
+            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+            action = self.workspace.window.actions_table[f"workspace_{arrangement.id}"]
+            action.setIconText(arrangement.text.replace("&", ""))
+            button.setDefaultAction(action)
+            button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+            row.addWidget(button)
+        return holder

@@ -1,0 +1,121 @@
+"""Recent projects: in the menu, and on the first page with an image each, which a process of its own looks for."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from functools import partial
+from pathlib import Path
+
+from PySide6.QtCore import QBuffer, QIODevice, QSettings, Qt, QTimer
+from PySide6.QtGui import QAction, QImage
+from PySide6.QtWidgets import QMenu
+
+from app.drawing.render_child import Picture
+from app.look.plain_text import caption, tip
+from app.state.recent_child import LAST_VIEW, PICTURE, Looked, RecentChild
+from app.state.recent_projects import RecentProjects
+from app.state.waiting import Waiting
+from app.wiring.part import Part, Workspace
+from nvsim.errors import InputError
+from nvsim.files.atomic import write_bytes
+from nvsim.project.layout import Layout
+
+_SOON = 150  # milliseconds
+
+
+class RecentPart(Part):
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        self.projects = RecentProjects(workspace.settings)
+        self._waiting = Waiting("recent projects", self)
+        self._waiting.ended.connect(self._on_looked)
+        # What takes long begins when the window is on the screen, and not where a project is opened at once.
+        self._soon = QTimer(self, singleShot=True, interval=_SOON)
+        self._soon.timeout.connect(self._look)
+        self._seen: tuple[Picture, QImage] | None = None  # the last sharp image of the open project
+
+    def restore(self, settings: QSettings) -> None:
+        window, document = self.workspace.window, self.workspace.document
+        self._menu = QMenu("Open &recent", window)
+        self._menu.aboutToShow.connect(self._fill_menu)
+        opening = window.actions_table["open"]
+        for menu in window.menuBar().findChildren(QMenu):
+            if opening in menu.actions():
+                following = menu.actions()[menu.actions().index(opening) + 1]
+                menu.insertMenu(following, self._menu)
+        window.start.recentWanted.connect(self.open)
+        window.start.forgetWanted.connect(self.forget)
+        self.workspace.scene.pictureShown.connect(self._on_picture)
+        document.projectLeft.connect(self._keep_view)
+        document.projectChanged.connect(self._on_project)
+        self._show()
+
+    def store(self, settings: QSettings) -> None:
+        self._soon.stop()
+        self._waiting.stop()
+        self._keep_view()
+
+    def open(self, path: Path) -> None:
+        """Opens a project of the list; of one that is gone the notice says so."""
+        if path in self.workspace.window.start.recent.gone and not path.exists():
+            self.workspace.notices.error(f"{path} is gone; bring it back, or take it off the list with Del.")
+            self._look()
+        else:
+            self.workspace.window.projectChosen.emit(path)
+
+    def forget(self, path: Path) -> None:
+        """Takes it off the list."""
+        self.projects.forget(path)
+        self._show()
+
+    def _on_project(self) -> None:
+        project = self.workspace.document.project
+        if project is not None:
+            self.projects.remember(project)
+        self._seen = None
+        self._show()
+
+    def _show(self) -> None:
+        paths = self.projects.paths
+        self.workspace.window.start.show_recent(paths)
+        self._waiting.stop()
+        self._soon.start()
+
+    def _look(self) -> None:
+        paths = self.projects.paths
+        if paths and self.workspace.document.path is None:
+            self._waiting.start(RecentChild(paths))
+
+    def _on_looked(self, found: dict[Path, Looked] | None, trouble: str) -> None:
+        if found is not None:
+            self.workspace.window.start.show_looks(found)
+
+    def _fill_menu(self) -> None:
+        self._menu.clear()
+        for path in self.projects.paths:
+            action = QAction(caption(f"{path.name}   {path.parent}"), self._menu)
+            action.setToolTip(tip(path))
+            action.triggered.connect(partial(self.open, path))
+            self._menu.addAction(action)
+        if not self.projects.paths:
+            self._menu.addAction("No project was open yet").setEnabled(False)
+
+    def _on_picture(self, picture: Picture) -> None:
+        scene = self.workspace.scene
+        if not picture.request.moving and scene.channel == "rgb" and scene.feed.image is not None:
+            self._seen = picture, scene.feed.image  # the image shows the memory of the picture
+
+    def _keep_view(self) -> None:
+        """What the 3D view showed becomes the project's image on the first page."""
+        document, seen = self.workspace.document, self._seen
+        project, self._seen = document.project, None
+        if seen is None or project is None or document.editing.locked or not os.access(project, os.W_OK):
+            return
+        wide = Qt.AspectRatioMode.KeepAspectRatioByExpanding
+        small = seen[1].scaled(*PICTURE, wide, Qt.TransformationMode.SmoothTransformation)
+        buffer = QBuffer()
+        buffer.open(QIODevice.OpenModeFlag.WriteOnly)
+        small.save(buffer, "JPG", 85)  # type: ignore[call-overload]
+        with contextlib.suppress(InputError):  # it is nothing that the user asked for
+            write_bytes(Layout(project).cache / LAST_VIEW, bytes(buffer.data().data()))

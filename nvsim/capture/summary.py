@@ -1,0 +1,93 @@
+"""A capture in figures: how many images of which cameras and sizes, the way they were taken along, the cloud."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.raw import RawCapture
+from nvsim.capture.types import Capture, CloudKind
+
+_PATH = 1000  # places of a trajectory that are kept
+_DIGITS = 3
+
+
+@dataclass(frozen=True)
+class Summary:
+    """
+    images       that the capture lists
+    cameras      that took them
+    sizes        (width, height, images of that size), the most frequent first, pixels
+    scale_known  whether lengths are metres; units of the source otherwise
+    length       of the trajectory, its width and depth seen from above
+    paths        (x, y) of the cameras in their order, aligned frame, for each capture of several; of long ones a part
+    faulty       (x, y) of the cameras whose images cannot be used
+    points       of the cloud, 0 where there is none
+    cloud        where they come from, "" where there are none
+    """
+
+    images: int
+    cameras: int
+    sizes: tuple[tuple[int, int, int], ...]
+    scale_known: bool = False
+    length: float = 0.0
+    width: float = 0.0
+    depth: float = 0.0
+    paths: tuple[tuple[tuple[float, float], ...], ...] = ()
+    faulty: tuple[tuple[float, float], ...] = ()
+    points: int = 0
+    cloud: CloudKind | str = ""
+
+
+def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -> Summary:
+    """`capture` is `raw` in the aligned frame, None where it cannot be brought there; `bad` names the frames that
+    cannot be used."""
+    sizes = Counter((f.lens.width, f.lens.height) for f in raw.frames if f.lens is not None)
+    points = 0 if raw.cloud is None else len(raw.cloud.points)
+    counted = Summary(
+        len(raw.frames),
+        len({f.sensor for f in raw.frames}),
+        tuple((width, height, count) for (width, height), count in sizes.most_common()),
+        points=points,
+        cloud=raw.cloud.kind if raw.cloud is not None and points else "",
+    )
+    if capture is None or not capture.frames:
+        return counted
+    positions = capture.positions
+    extent = np.ptp(positions, axis=0)
+    ways = _ways(capture)
+    lengths = [np.linalg.norm(np.diff(way, axis=0), axis=1).sum() for way in ways]
+    marked = [p for f, p in zip(capture.frames, positions, strict=True) if f.name in bad][:_PATH]
+    return Summary(
+        counted.images,
+        counted.cameras,
+        counted.sizes,
+        capture.alignment.scale_known,
+        round(float(np.sum(lengths)), _DIGITS),
+        round(float(extent[0]), _DIGITS),
+        round(float(extent[1]), _DIGITS),
+        tuple(_places(way[:: -(-len(way) // _PATH)]) for way in ways),
+        _places(np.array(marked).reshape(-1, 3)),
+        counted.points,
+        counted.cloud,
+    )
+
+
+def _ways(capture: Capture) -> list[NDArray[np.float64]]:
+    """(N, 3) positions along each capture of several. A rig takes several images at a place: the way of its first
+    camera is the way of all."""
+    first: dict[str, str] = {}
+    found: dict[str, list[NDArray[np.float64]]] = {}
+    for frame in capture.frames:
+        label = frame.sensor.partition("/")[0] if capture.format.startswith("several") else ""
+        if first.setdefault(label, frame.sensor) == frame.sensor:
+            found.setdefault(label, []).append(frame.camera_to_world[:3, 3])
+    return [np.array(way) for way in found.values()]
+
+
+def _places(positions: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
+    return tuple((round(float(p[0]), _DIGITS), round(float(p[1]), _DIGITS)) for p in positions)

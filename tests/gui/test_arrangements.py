@@ -1,0 +1,181 @@
+"""Workspaces: panels for a kind of work, kept as the user leaves them; what has nothing to say is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import demo_room
+import pytest
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtWidgets import QApplication, QMenu, QTabBar
+from pytestqt.qtbot import QtBot
+
+from app.look.notices import Notices
+from app.palette.entries import commands, fitting
+from app.session import Session
+from app.state.document import Document
+from app.state.loading import Contents
+from app.wiring.arrangements import ARRANGEMENTS, ArrangementPart
+from app.wiring.window import MainWindow
+from nvsim.graph.connectivity import write_connectivity
+
+MakeWindow = Callable[[Document], MainWindow]
+
+
+def shown(window: MainWindow) -> set[str]:
+    return {name for name, dock in window.docks.items() if not dock.isHidden()}
+
+
+def enter(window: MainWindow, id: str) -> None:
+    window.actions_table[f"workspace_{id}"].trigger()
+
+
+def test_each_workspace_has_its_panels_a_key_and_a_place_in_menu_and_palette(
+    window: MainWindow, document: Document
+) -> None:
+    assert window.part(ArrangementPart).current.id == "explore"
+    for arrangement in ARRANGEMENTS:
+        enter(window, arrangement.id)
+        assert shown(window) == set(arrangement.panels) - {"results"}  # nothing was evaluated yet
+        assert window.actions_table[f"workspace_{arrangement.id}"].isChecked()
+        assert set(arrangement.front) <= set(arrangement.panels) <= set(window.docks)
+    (menu,) = [m for m in window.findChildren(QMenu) if m.title() == "&Workspace"]
+    texts = [action.text().replace("&", "") for action in menu.actions()]
+    assert texts == ["Explore workspace", "Train workspace", "Edit graph workspace", "Compare workspace"]
+    found = fitting(commands(window.actions_table, document), "train workspace", [])
+    assert found[0].title == "Train workspace" and found[0].shortcut == "Alt+2"
+
+
+def test_what_the_user_made_of_a_workspace_is_kept_in_it_and_can_be_reset(
+    make_window: MakeWindow, document: Document
+) -> None:
+    first = make_window(document)
+    first.docks["frames"].hide()
+    first.show_dock("log")
+    enter(first, "train")
+    assert "frames" in shown(first)
+    enter(first, "explore")
+    assert "frames" not in shown(first) and "log" in shown(first)
+    enter(first, "edit")
+    first.close()
+    second = make_window(document)
+    assert second.part(ArrangementPart).current.id == "edit"
+    enter(second, "explore")
+    assert "frames" not in shown(second) and "log" in shown(second)
+    second.actions_table["reset_layout"].trigger()
+    assert "frames" in shown(second) and "log" not in shown(second)
+
+
+def test_panels_with_nothing_to_say_are_closed_and_come_back(
+    make_window: MakeWindow, document: Document, qtbot: QtBot
+) -> None:
+    contents = document.contents
+    document.set_contents(replace(contents, graph=None, arrays=None, arrays_of=None))
+    window = make_window(document)
+    enter(window, "edit")
+    assert shown(window) == {"layers", "map", "details"}
+    window.show_dock("validation")  # asked for all the same
+    document.set_contents(replace(document.contents, submaps=()))
+    assert "validation" in shown(window)
+    document.set_contents(contents)
+    qtbot.waitUntil(lambda: "tables" in shown(window), timeout=5000)
+    document.set_contents(Contents())
+    assert shown(window) == set() and window.centre.currentWidget() is window.start
+    assert not window.actions_table["workspace_train"].isEnabled()
+    document.set_contents(contents)
+    qtbot.waitUntil(lambda: {"map", "tables"} <= shown(window), timeout=5000)
+
+
+def test_a_project_that_holds_nothing_closes_all_but_what_was_asked_for(make_window: MakeWindow, qtbot: QtBot) -> None:
+    document = Document()
+    window = make_window(document)
+    document.set_contents(Contents(Path("new.nvsim")))
+    assert "map" in shown(window)  # it may have a map, until it is read
+    qtbot.waitUntil(lambda: not shown(window), timeout=5000)
+
+
+@pytest.mark.parametrize("name", ["scene", "map"])
+def test_one_key_shows_one_view_alone_and_the_same_key_brings_all_back(
+    window: MainWindow, name: str, qtbot: QtBot
+) -> None:
+    part = window.part(ArrangementPart)
+    before = shown(window)
+    focused = window.scene if name == "scene" else window.panels["map"]
+    window.activateWindow()
+    focused.setFocus()
+    qtbot.waitUntil(lambda: QApplication.focusWidget() is not None, timeout=5000)
+    wide = focused.width()
+    qtbot.keyClick(window, Qt.Key.Key_F12)
+    assert part.alone and shown(window) == (set() if name == "scene" else {"map"})
+    assert window.centre.isVisible() == (name == "scene")
+    qtbot.waitUntil(lambda: focused.width() > 1.5 * wide, timeout=5000)
+    if name == "map":
+        window.notices.error("It broke.")  # is told over the centre
+        assert window.centre.isVisible()
+    else:
+        qtbot.keyClick(window, Qt.Key.Key_F12)
+    assert not part.alone and shown(window) == before
+
+
+def test_a_workspace_leaves_no_tab_bar_behind(window: MainWindow, qtbot: QtBot) -> None:
+    for id in ("train", "edit", "explore", "edit", "compare"):
+        enter(window, id)
+    window.actions_table["maximise"].trigger()
+    window.actions_table["maximise"].trigger()
+    qtbot.wait(20)
+    direct = Qt.FindChildOption.FindDirectChildrenOnly
+    seen = [b for b in window.findChildren(QTabBar, options=direct) if b.isVisible() and b.geometry().x() >= 0]
+    titles = window.dock_titles
+    for bar in seen:
+        assert {bar.tabText(i) for i in range(bar.count())} <= {titles[name] for name in shown(window)}
+    texts = [tuple(bar.tabText(i) for i in range(bar.count())) for bar in seen]
+    assert texts and len(set(texts)) == len(texts)
+
+
+def test_a_graph_file_and_a_splat_file_show_what_concerns_them(
+    settings: QSettings, tmp_path: Path, qtbot: QtBot
+) -> None:
+    from test_splat_file import pole
+
+    from nvsim.splats.formats.choice import write_splats
+
+    graph = demo_room.graph(demo_room.submaps(demo_room.capture()))
+    write_connectivity(replace(graph, scan="one"), tmp_path)
+    write_splats(tmp_path / "pole.spz", pole(), False, "spz")
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    window = session.window
+    window.show()
+    part = window.part(ArrangementPart)
+    try:
+        session.open(tmp_path / "one_connectivity.json")
+        wanted = {"layers", "history", "map", "details", "validation", "inspector", "tables", "histogram"}
+        qtbot.waitUntil(lambda: shown(window) == wanted, timeout=20_000)
+        assert part.current.id == "edit" and part.kind == "graph"
+        session.open(tmp_path / "pole.spz")
+        qtbot.waitUntil(lambda: shown(window) == {"layers", "camera_path"}, timeout=20_000)
+        assert part.current.id == "explore" and part.kind == "splats"
+        session.close_project()
+        assert shown(window) == set()
+    finally:
+        session.close()
+        qtbot.waitUntil(lambda: not window.scene.link.ready, timeout=20_000)
+
+
+def test_whatever_stands_in_the_settings_of_a_workspace_is_survived(
+    settings: QSettings, document: Document, qtbot: QtBot
+) -> None:
+    settings.setValue("workspace/project", "kitchen")
+    settings.setValue("workspaces/explore/project/panels", {"a": 1})
+    settings.setValue("workspaces/explore/project/state", "none")
+    window = MainWindow(document, settings, Notices())
+    qtbot.addWidget(window)
+    window.show()
+    assert {"map", "layers"} <= shown(window)
+    settings.setValue("workspaces/train/project/panels", ["jobs", "nonsense"])
+    settings.setValue("workspaces/train/project/state", window.saveState(3))
+    enter(window, "train")
+    assert "jobs" in shown(window)
+    window.close()
