@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import logging
 import os
+import signal
 import socket
 import sys
 import threading
@@ -34,6 +36,8 @@ def connected(address: str) -> Iterator[ModuleType]:
             "Ray is not installed, which --executor ray needs; install the extra: pip install 'nvsim[cluster]'."
         ) from error
     logging.getLogger("ray").setLevel(logging.CRITICAL)  # what it has to say comes as an error too
+    # It prints the ends of workers between our events, and has no option that keeps it from doing so.
+    importlib.import_module("ray._private.worker").print_to_stdstream = _unheard
     if port:
         try:
             socket.create_connection((host, port), timeout=_ANSWER).close()
@@ -60,10 +64,17 @@ def connected(address: str) -> Iterator[ModuleType]:
         raise InputError(f"The Ray cluster at {address} did not answer in {_LIMIT:.0f} s; see whether its head runs.")
     if failed:
         raise InputError(_why(address, failed[0])) from failed[0]
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGTERM, signal.SIGINT):  # Ray's own code prints a trace before it hands them on
+            signal.signal(number, signal.getsignal(number))
     try:
         yield ray
     finally:
         ray.shutdown()
+
+
+def _unheard(*_: object, **__: object) -> None:
+    pass
 
 
 @contextlib.contextmanager
