@@ -13,8 +13,10 @@ import psutil
 import pytest
 
 from nvsim.building import BuildingConfig, generate
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig, Storage
 from nvsim.errors import InputError
-from nvsim.events import Event, Log, Progress, silent
+from nvsim.events import Event, Log, Metric, Progress, Worker, silent
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
@@ -97,3 +99,33 @@ def test_children_of_a_killed_parent_end(project_path: Path) -> None:
 def test_an_impossible_number_at_once_is_refused(project_path: Path) -> None:
     with Project.open(project_path, writable=True) as project, pytest.raises(InputError, match="--at-once -1"):
         trained.run(project, QUICK, silent, at_once=-1)
+
+
+@pytest.mark.parametrize("storage", ["shared", "sent"])
+def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is_killed(
+    project_path: Path, ray_head: str, storage: Storage
+) -> None:
+    config = replace(QUICK, threads=1, steps=60 if storage == "shared" else 61, checkpoint_seconds=0.0)
+    killed, heard = 0, []
+    with Project.open(project_path, writable=True) as project:
+
+        def listen(event: Event) -> None:
+            nonlocal killed
+            heard.append(event)
+            begun = [e for e in heard if isinstance(e, Worker)]
+            if not killed and isinstance(event, Metric) and event.submap == begun[0].part:
+                killed = int(begun[0].name.split()[-1])
+                psutil.Process(killed).kill()
+
+        with opened(ClusterConfig("ray", ray_head, storage)) as executor:
+            trained.run(project, config, listen, executor=executor, storage=storage)
+        assert any(isinstance(e, Worker) and e.state == "lost" for e in heard)
+        assert not list(project.layout.checkpoints.iterdir())
+        assert all(project.layout.preview(i).is_file() for i in range(3))
+        for submap in range(3):
+            afar = load_model(project.layout.model(submap)).gaussians
+            train(project, submap, config, silent)
+            here = load_model(project.layout.model(submap)).gaussians
+            np.testing.assert_array_equal(afar.means, here.means)
+            np.testing.assert_array_equal(afar.sh, here.sh)
+            project.layout.checkpoint(submap).unlink()
