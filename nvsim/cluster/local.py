@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 
 from nvsim.cluster.piece import Finished, Message, Order, Piece, SentFile
 from nvsim.errors import InputError
@@ -119,8 +118,8 @@ class _Parent:
     def tell(self, event: Event) -> None:
         self._connection.send(event)
 
-    def send(self, name: str, path: Path) -> None:
-        self._connection.send(SentFile.of(name, path))
+    def send(self, name: str, data: bytes) -> None:
+        self._connection.send(SentFile.of(name, data))
 
     def ready(self) -> None:
         self._connection.recv()

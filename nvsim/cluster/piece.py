@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
 from nvsim.errors import InputError
@@ -39,9 +38,7 @@ class SentFile:
     sha256: str
 
     @staticmethod
-    def of(name: str, path: Path) -> SentFile:
-        """Raises OSError where the file cannot be read."""
-        data = path.read_bytes()
+    def of(name: str, data: bytes) -> SentFile:
         return SentFile(name, data, hashlib.sha256(data).hexdigest())
 
     def check(self) -> None:
@@ -73,7 +70,7 @@ class Caller(Protocol):
     def tell(self, event: Event) -> None:
         """Sends an event."""
 
-    def send(self, name: str, path: Path) -> None:
+    def send(self, name: str, data: bytes) -> None:
         """Sends a file."""
 
     def ready(self) -> None:

@@ -11,7 +11,6 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
-from pathlib import Path
 
 from nvsim.cluster.piece import Finished, SentFile
 from nvsim.errors import InputError
@@ -58,8 +57,8 @@ class _Driver:
     def tell(self, event: Event) -> None:
         self.put("message", event)
 
-    def send(self, name: str, path: Path) -> None:
-        self.put("message", SentFile.of(name, path))
+    def send(self, name: str, data: bytes) -> None:
+        self.put("message", SentFile.of(name, data))
 
     def ready(self) -> None:
         pass

@@ -6,6 +6,7 @@ SQLite's write-ahead log needs memory that all processes share, so no other mach
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,16 +22,19 @@ _TABLES = ("meta", "stages", "submap_frames")
 class ProjectAfar:
     """root  the path of the project, there as here
     rows     of each table that a stage reads
+    making   see `Project.making`
     """
 
     root: Path
     rows: dict[str, list[tuple[object, ...]]]
+    making: dict[str, str]
 
     @staticmethod
-    def of(project: Project) -> ProjectAfar:
+    def of(project: Project, making: Mapping[str, str] | None = None) -> ProjectAfar:
         """As it stands now. Raises InputError where the database is damaged."""
         c = project.connection
-        return ProjectAfar(project.root, {t: [tuple(r) for r in c.execute(f"SELECT * FROM {t}")] for t in _TABLES})
+        rows = {table: [tuple(row) for row in c.execute(f"SELECT * FROM {table}")] for table in _TABLES}
+        return ProjectAfar(project.root, rows, dict(making or {}))
 
     def open(self) -> Project:
         """To be read; nothing can be committed."""
@@ -42,4 +46,4 @@ class ProjectAfar:
             if rows:
                 memory.executemany(f"INSERT INTO {table} VALUES ({', '.join('?' * len(rows[0]))})", rows)
         memory.execute("PRAGMA query_only=1")
-        return Project(layout, memory, None)
+        return Project(layout, memory, None).making(self.making)

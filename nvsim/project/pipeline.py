@@ -31,8 +31,8 @@ def run(
     runs: dict[StageName, Callable[[], object]] = {
         "import": lambda: imported.run(project, source, understood, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
-        "depth": lambda: depths.run(project, depth, config.depth, listen),
-        "floors": lambda: floors.run(project, listen, False, config.floors),
+        "depth": lambda: depths.run(project, depth, config.depth, listen, executor, storage),
+        "floors": lambda: floors.run(project, listen, False, config.floors, executor, storage),
         "train": lambda: trained.run(project, config.train, listen, executor=executor, storage=storage),
         "map": lambda: mapped.run(project, config.map, listen),
     }

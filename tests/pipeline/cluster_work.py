@@ -54,7 +54,7 @@ def die(caller: Caller, folder: Path, times: int, further: bool) -> int:
 def send_back(caller: Caller, path: Path, see: bool) -> str | Unseen:
     if not see:
         return Unseen("A machine does not see the files")
-    caller.send("a file", path)
+    caller.send("a file", path.read_bytes())
     return "sent"
 
 

@@ -148,20 +148,20 @@ def train_elsewhere(
         def tell(event: Event) -> None:
             nonlocal sent
             if isinstance(event, Preview):
-                caller.send(PREVIEW, paths[PREVIEW])
+                caller.send(PREVIEW, paths[PREVIEW].read_bytes())
                 return
             caller.tell(event)
             now = _stamp(paths[CHECKPOINT])
             if now != sent:
                 sent = now
-                caller.send(CHECKPOINT, paths[CHECKPOINT])
+                caller.send(CHECKPOINT, paths[CHECKPOINT].read_bytes())
 
         started = time.monotonic()
         model = folder / "model"
         figures = fit(needed, index, config, model, tell, paths[CHECKPOINT], paths[PREVIEW], None)
         hashes = _hashes(model)
         for name in sorted(hashes, key=lambda n: n == "model.json"):  # which names the others
-            caller.send(MODEL + name, model / name)
+            caller.send(MODEL + name, (model / name).read_bytes())
         return ModelFiles(Trained(time.monotonic() - started, figures), hashes)
 
 
