@@ -111,8 +111,8 @@ def _why(address: str, error: BaseException) -> str:
         )
     if type(error).__name__ == "AuthenticationError" or "uthenticat" in words:
         return (
-            f"The Ray cluster at {address} asks for a token; copy ~/.ray/auth_token from its head to this machine, or "
-            "set RAY_AUTH_TOKEN."
+            f"A token is needed for the Ray cluster at {address}; copy ~/.ray/auth_token from its head to this machine. "
+            "`ray get-auth-token --generate` makes one there, before the head starts with RAY_AUTH_MODE=token."
         )
     return (
         f"The Ray cluster at {address} did not let us in ({words[:200]}); see that its head runs, that Ray and Python "
