@@ -111,7 +111,7 @@ def _why(address: str, error: BaseException) -> str:
         )
     if type(error).__name__ == "AuthenticationError" or "uthenticat" in words:
         return (
-            f"A token is needed for the Ray cluster at {address}; copy ~/.ray/auth_token from its head to this machine. "
+            f"A token is needed for the Ray cluster at {address}; copy ~/.ray/auth_token from its head to here. "
             "`ray get-auth-token --generate` makes one there, before the head starts with RAY_AUTH_MODE=token."
         )
     return (

@@ -2,7 +2,8 @@
 two workers of one core, and once more while a worker is killed now and then; says how long each took and whether the
 models are the same to the bit.
 
-python tests/benchmarks/cluster.py [--steps 600] [--image-size 320] [--kill-every 60] [--storage shared|sent] [--no-local] [--json]
+python tests/benchmarks/cluster.py [--steps 600] [--image-size 320] [--kill-every 60] [--storage shared|sent]
+    [--no-local] [--json]
 
 Starts a head of its own, and ends it. With --kill-every 0 none is killed. Efficiency is the time of the cluster left
 alone over that of the one that loses workers. Exit code 1 when models differ.
