@@ -37,7 +37,7 @@ def connected(address: str) -> Iterator[ModuleType]:
         ) from error
     logging.getLogger("ray").setLevel(logging.CRITICAL)  # what it has to say comes as an error too
     # It prints the ends of workers between our events, and has no option that keeps it from doing so.
-    importlib.import_module("ray._private.worker").print_to_stdstream = _unheard
+    vars(importlib.import_module("ray._private.worker"))["print_to_stdstream"] = _unheard
     if port:
         try:
             socket.create_connection((host, port), timeout=_ANSWER).close()

@@ -11,12 +11,12 @@ import multiprocessing
 import os
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from nvsim.cluster.piece import Finished, Message, Order, Piece, SentFile
+from nvsim.cluster.piece import Finished, Message, Order, Piece, SentFile, Told
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.kernel_threads import cores
@@ -38,9 +38,7 @@ class LocalPool:
         """This one."""
         return (cores(),)
 
-    def run(
-        self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0
-    ) -> Iterator[tuple[Piece, Message]]:
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
         """See `Executor.run`. The first kernels of the others wait until one child has made a step: by then it has
         compiled them, and the others read them from the cache."""
         waiting, running = list(pieces), dict[Connection, _Child]()

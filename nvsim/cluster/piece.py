@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -62,10 +62,12 @@ class Unseen:
 
 
 Message = Event | SentFile | Unseen | Finished
+Told = Generator[tuple[Piece, Message], None, None]
+"""What pieces tell, as it comes; closed, it stops them."""
 
 
 class Caller(Protocol):
-    """Whoever ordered a piece, as its work sees them."""
+    """The one that ordered a piece, as its work sees it."""
 
     def tell(self, event: Event) -> None:
         """Sends an event."""
@@ -100,9 +102,7 @@ class Executor(Protocol):
     def machines(self) -> tuple[int, ...]:
         """The cores of each machine that may do some."""
 
-    def run(
-        self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0
-    ) -> Iterator[tuple[Piece, Message]]:
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
         """Does them in order, `at_once` at a time at most, and yields what they tell as it comes; the last message of
         each is Finished. `begin` is asked for the order of a piece when it begins, and again where its worker was lost
         and it begins once more, or where it was Unseen, which is yielded before that.

@@ -11,13 +11,13 @@ import contextlib
 import pickle
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
 from nvsim.cluster import ray_task
-from nvsim.cluster.piece import Finished, Message, Order, Piece, Unseen
+from nvsim.cluster.piece import Finished, Message, Order, Piece, Told, Unseen
 from nvsim.cluster.retries import Attempt
 from nvsim.cluster.sharing import places
 from nvsim.cluster.versions import versions
@@ -47,9 +47,7 @@ class RayPool:
         found = (int(node.get("CPU", 0)) for node in self._nodes())
         return tuple(cores for cores in found if cores)
 
-    def run(
-        self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0
-    ) -> Iterator[tuple[Piece, Message]]:
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
         """See `Executor.run`. Raises InputError also where a piece lost its worker too often, and where a worker has
         another NVSim."""
         waiting = deque(Attempt(piece, piece.bytes) for piece in pieces)
