@@ -153,7 +153,8 @@ def test_a_cluster_finds_the_floors_and_the_depth_that_this_machine_finds(
                 floors.run(project, heard.append, executor=executor)
                 depths.run(project, "always", depth, heard.append, executor=executor)
                 files = [*project.layout.masks.iterdir(), *project.layout.depth.iterdir()]
-                found.append({f.name: cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in files if f.suffix == ".png"})
+                pictures = [f for f in files if f.suffix == ".png"]
+                found.append({f"{f.parent.name}/{f.name}": cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in pictures})
     assert len(found[0]) > 90
     assert found[0].keys() == found[1].keys()
     for name, expected in found[0].items():

@@ -59,12 +59,14 @@ class TrainingAfar:
     def order(self, piece: Piece) -> Order:
         """What a worker gets to train a submap, from its checkpoint where there is one."""
         config, project = dataclasses.replace(self._config, threads=piece.cores), self._project
+        checkpoint_path = project.layout.checkpoint(piece.part)
+        for left in checkpoint_path.parent.glob(f".{checkpoint_path.stem}-*"):  # what a lost worker was writing
+            left.unlink(missing_ok=True)
         if self._storage != "sent":
             witness = None if self._storage == "shared" else self._witness
             return Order(train_in_place, (ProjectAfar.of(project), piece.part, config, witness))
         self._arriving.discard(piece.part)
-        path = project.layout.checkpoint(piece.part)
-        checkpoint = read_bytes(path) if path.is_file() else None
+        checkpoint = read_bytes(checkpoint_path) if checkpoint_path.is_file() else None
         inputs = pickle.dumps(inputs_of(project, piece.part, config))
         return Order(train_elsewhere, (inputs, piece.part, config, checkpoint))
 
