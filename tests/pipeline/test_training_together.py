@@ -17,6 +17,7 @@ import pytest
 from nvsim.building import BuildingConfig, generate
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.storage import Witness
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.events import Event, Log, Metric, Progress, Worker, silent
@@ -105,7 +106,7 @@ def test_an_impossible_number_at_once_is_refused(project_path: Path) -> None:
 
 
 def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is_killed(
-    project_path: Path, ray_head: str
+    project_path: Path, ray_head: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = replace(QUICK, threads=1, steps=60, checkpoint_seconds=0.0)
     killed, heard = 0, []
@@ -123,7 +124,10 @@ def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is
         assert any(isinstance(e, Worker) and e.state == "lost" for e in heard)
         _hold_against_this_machine(project, config, [0, 1, 2])
         config = replace(config, steps=50)
-        trained.run(project, config, listen, only=(2,), executor=executor, storage="sent")
+        monkeypatch.setattr(Witness, "left_in", lambda *_: Witness(Path("/nowhere at all"), "a word"))
+        heard.clear()
+        trained.run(project, config, heard.append, only=(2,), executor=executor)
+        assert any(isinstance(e, Log) and "what they need is sent" in e.text for e in heard)
         _hold_against_this_machine(project, config, [2])
 
 

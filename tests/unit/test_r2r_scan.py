@@ -321,14 +321,15 @@ def test_a_wall_hides_what_is_behind_it(tmp_path):
 
 def test_a_cluster_draws_what_this_machine_draws(project, whole, tmp_path, ray_head):
     settings = ScanSettings(size=64, faces=True, views=True)
-    for storage in ("auto", "sent"):
-        heard: list[object] = []
-        with opened(ClusterConfig("ray", ray_head)) as executor:
+    ours = content(whole)
+    with opened(ClusterConfig("ray", ray_head)) as executor:
+        for storage in ("auto", "sent"):
+            heard: list[object] = []
             export(project, tmp_path / storage, settings, listen=heard.append, executor=executor, storage=storage)
-        assert any(isinstance(e, Worker) for e in heard)
-        ours, theirs = content(whole), content(tmp_path / storage)
-        assert ours.keys() == theirs.keys()
-        for name in (n for n in ours if n.endswith((".jpg", ".png"))):
-            a, b = (cv2.imdecode(np.frombuffer(d[name], np.uint8), cv2.IMREAD_UNCHANGED) for d in (ours, theirs))
-            # Kernels that this process compiled may round otherwise than those that a worker read.
-            assert np.mean(a != b) < 0.01
+            assert any(isinstance(e, Worker) for e in heard)
+            theirs = content(tmp_path / storage)
+            assert ours.keys() == theirs.keys()
+            for name in (n for n in ours if n.endswith((".jpg", ".png"))):
+                a, b = (cv2.imdecode(np.frombuffer(d[name], np.uint8), cv2.IMREAD_UNCHANGED) for d in (ours, theirs))
+                # Kernels that this process compiled may round otherwise than those that a worker read.
+                assert np.mean(a != b) < 0.01
