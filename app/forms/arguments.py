@@ -23,6 +23,8 @@ FILE = "settings.json"
 PRESET = "preset"
 PROOF = "proof"
 """Beside the options of a command: that this user chose their places here."""
+ELSEWHERE = ("cluster.executor", "cluster.address")
+"""Options that say which other machines are talked to; they count as places outside of the project."""
 _WHAT = "settings"
 _MOST = 4 << 20  # bytes of the file
 
@@ -81,8 +83,8 @@ class Settings:
         stored = self._values.get(verb, {})
         fields = [f for f in fields_of(verb, self.preset(verb)) if f.path in stored]
         fitting = {f.path: _fitting(f, stored[f.path]) for f in fields}
-        places = {f.path: str(v) for f in fields if f.kind == "path" and isinstance(v := fitting[f.path], str)}
-        strange = {path for path, place in places.items() if not self._is_inside(place)}
+        places = {f.path: str(v) for f in fields if _is_place(f) and isinstance(v := fitting[f.path], str)}
+        strange = {path for path, place in places.items() if not self._is_inside(path, place)}
         if strange and not self._proven(verb, places, stored.get(PROOF)):
             fitting = {path: value for path, value in fitting.items() if path not in strange}
         return {path: value for path, value in fitting.items() if value is not _UNFIT}
@@ -91,8 +93,8 @@ class Settings:
         """Raises InputError when the project's folder cannot be written."""
         names = presets_of(verb)
         values: dict[str, Any] = {p: str(v) if isinstance(v, Path) else v for p, v in changed.items()}
-        places = {f.path: values[f.path] for f in fields_of(verb, preset) if f.kind == "path" and values.get(f.path)}
-        if self._path is not None and not all(map(self._is_inside, places.values())):
+        places = {f.path: values[f.path] for f in fields_of(verb, preset) if _is_place(f) and values.get(f.path)}
+        if self._path is not None and not all(self._is_inside(path, place) for path, place in places.items()):
             values[PROOF] = proof_of(self._path.parent, _WHAT, [verb, places])
         if names and preset != names[0]:
             values[PRESET] = preset
@@ -103,8 +105,8 @@ class Settings:
         if self._path is not None:
             write_text(self._path, json.dumps(self._values, indent=1, sort_keys=True) + "\n")
 
-    def _is_inside(self, place: str) -> bool:
-        if self._path is None:
+    def _is_inside(self, option: str, place: str) -> bool:
+        if self._path is None or option in ELSEWHERE:
             return False
         return Path(place).expanduser().resolve().is_relative_to(self._path.parent.resolve())
 
@@ -116,6 +118,10 @@ class Settings:
         names, preset = presets_of(verb), self.preset(verb)
         head = ["--preset", preset] if names and preset != names[0] else []
         return [*head, *arguments_of(fields_of(verb, preset), self.changed(verb))]
+
+
+def _is_place(field: Field) -> bool:
+    return field.kind == "path" or field.path in ELSEWHERE
 
 
 _UNFIT = object()

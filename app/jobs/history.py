@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-from nvsim.events import Done, Event, Failed, Log, Metric, Preview, Progress, Warning
+from nvsim.events import Done, Event, Failed, Log, Metric, Preview, Progress, Warning, Worker
 
 WINDOW = 30.0  # seconds over which the rate is taken
 MOST_POINTS = 2000  # of a series; beyond, every other one is left out
 MOST_LINES = 2000  # of the log
+MOST_WORKERS = 500  # of those that are kept; each process of a cluster has a name of its own
 
 
 @dataclass
@@ -60,6 +61,7 @@ class JobReport:
         self.told = 0  # rises with every line
         self.results: dict[str, dict[str, object]] = {}  # stage -> figures of its last end
         self.failure = ""
+        self.workers: dict[str, tuple[float, Worker]] = {}  # name -> when it was last told of, and what
         self._marks: deque[tuple[float, int]] = deque()
 
     def hear(self, at: float, event: Event) -> None:
@@ -77,10 +79,16 @@ class JobReport:
             self._say(at, "error", event.stage, event.message)
         elif isinstance(event, Warning):
             self._say(at, "warning", event.stage, event.text)
+        elif isinstance(event, Worker):
+            self.workers.pop(event.name, None)  # to the end: the one that was told of longest ago goes first
+            self.workers[event.name] = (at, event)
+            if len(self.workers) > MOST_WORKERS:
+                del self.workers[next(iter(self.workers))]
         elif isinstance(event, Log):
             if not event.stage:  # the worker begins, perhaps once more
                 self._marks.clear()
                 self.failure = ""
+                self.workers.clear()
             self._say(at, "log", event.stage, event.text)
 
     def _on_image(self, event: Preview) -> None:

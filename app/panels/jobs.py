@@ -20,6 +20,7 @@ from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
 from app.panels.job_preview import JobPreview
 from app.panels.job_table import PROGRESS, JobModel, ProgressBar, Row, duration
+from app.panels.job_workers import JobWorkers
 from app.panels.submaps import table
 from app.state.document import Document
 from app.state.reasons import TRAININGS
@@ -102,6 +103,9 @@ class JobPanel(QWidget):
         self.tabs.setDocumentMode(True)
         for widget, title in ((self.plots, "Curves"), (self.preview, "Preview"), (self.log, "Messages")):
             self.tabs.addTab(widget, title)
+        self.workers = JobWorkers(self)
+        self._workers_tab = self.tabs.addTab(self.workers, "Workers")
+        self.tabs.setTabVisible(self._workers_tab, False)
         self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
         self.large = QToolButton(self)
         self.large.setText("Large…")
@@ -200,8 +204,9 @@ class JobPanel(QWidget):
         handle = self.handle
         if handle is not None:
             self.queue.watch(handle)
-        for part in (self.plots, self.preview, self.log):
+        for part in (self.plots, self.preview, self.log, self.workers):
             part.show_job(handle)
+        self._show_workers()
         self._show_buttons()
 
     def _keep_choice(self) -> None:
@@ -225,6 +230,13 @@ class JobPanel(QWidget):
         self.plots.refresh()
         self.preview.refresh()
         self.log.refresh()
+        self.workers.refresh()
+        self._show_workers()
+
+    def _show_workers(self) -> None:
+        """Only a job that a cluster does has any."""
+        if self.tabs.isTabVisible(self._workers_tab) != self.workers.any:
+            self.tabs.setTabVisible(self._workers_tab, self.workers.any)
 
     def _show_buttons(self) -> None:
         row, handle = self.row, self.handle

@@ -95,8 +95,8 @@ def _row(street: _Street, front: float, back: float, name: str, rng: np.random.G
     edges = [street.start, *(_on_raster(street.start + length * p / parts[-1]) for p in parts[:-1]), street.end]
     row = _Row([], [], [], [])
     if street.start > 0:
-        ends = sorted((front, back))
-        row.walls.extend([Wall("y", street.start, *ends), Wall("y", street.end, *ends)])
+        low, high = min(front, back), max(front, back)
+        row.walls.extend([Wall("y", street.start, low, high), Wall("y", street.end, low, high)])
     for i, (x0, x1) in enumerate(zip(edges, edges[1:])):
         rect = Rect(x0, min(front, back), x1, max(front, back))
         floor = str(rng.choice(["tiles", "wood", "wood"]))

@@ -16,7 +16,8 @@ from nvsim.project.work import WORK
 
 def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool = False) -> None:
     """Raises InputError where `nvsim VERB ARGUMENTS` is no job for the project at `root`; with `confined` also where an
-    option names a file or a folder outside of it, as in an order that somebody else chose the places of."""
+    option names a file or a folder outside of it or other machines, as in an order that somebody else chose the places
+    of."""
     from nvsim.cli.arguments import parse
     from nvsim.cli.main import COMMANDS
 
@@ -38,6 +39,12 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
         parsed = parse(command, list(arguments), verb)
     if parsed.project.expanduser().resolve() != root.resolve():
         raise InputError(f"The job is for another project, {parsed.project}; order it there.")
+    cluster = getattr(parsed, "cluster", None)
+    if confined and cluster is not None and cluster.executor != "local":
+        raise InputError(
+            f"It is to be done by the machines of a cluster at {cluster.address}, which somebody else chose; order the "
+            "job anew in the Jobs menu."
+        )
     for name, path in _paths(parsed) if confined else ():
         if not path.expanduser().resolve().is_relative_to(root.resolve()):
             raise InputError(

@@ -7,11 +7,12 @@ run goes on where it stopped.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,55 +49,45 @@ _READ_AHEAD = 32
 _REACH = 2.0  # pixels over which depths are made smooth
 
 
+Phase = Literal["single", "confirmed", "labelled", "finished"]
+"""What is done of every frame before the next phase begins: its depth by itself, what its neighbours confirm of that,
+the planes that fill it, and what they confirm again. The first three leave a draft."""
+PHASES: tuple[Phase, ...] = get_args(Phase)
+Elsewhere = Callable[[Phase, list[int], list[Plane], Callable[[int], None]], None]
+"""What does frames of a phase in other places: those frames, the planes known by then, and what is told of each that is
+done. It may leave some out."""
+
+
 def estimate_depth(
-    capture: Capture, folder: Path, config: DepthConfig | None = None, listen: Listener = silent
+    capture: Capture,
+    folder: Path,
+    config: DepthConfig | None = None,
+    listen: Listener = silent,
+    elsewhere: Elsewhere | None = None,
 ) -> FusedCloud:
     """Writes the depth and the confidence of every frame to `folder` (see `nvsim.depth.files`); returns the cloud that
-    they make together, of no point where the images show no depth.
+    they make together, of no point where the images show no depth. What `elsewhere` leaves out is done here.
 
     Frames whose files exist are not done again. Raises InputError for an image that cannot be read and for a folder
     that cannot be written; what is written so far stays.
     """
     config = config or DepthConfig()
-    views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
-    count = len(capture.frames)
-    near = [neighbours(views.poses, i, config.others, config.baseline, 0.1) for i in range(count)]
-    steps = _Steps(capture, config, listen, 4 * count)
-    drafts = [folder / name for name in ("single", "confirmed", "labelled")]
+    frames = FramesInPhases(capture, folder, config)
+    views, count = frames.views, len(capture.frames)
+    steps = _Steps(capture, config, listen, len(PHASES) * count)
     if not all(depth_exists(folder, i) for i in range(count)):
-        for draft in drafts:
-            make_folder(draft)
-        single, confirmed, labelled = drafts
-        steps.each(_missing(single, count), lambda i: write_draft(single, i, *guess_depth(views, i, config)))
-        single_maps = _kept(single)
-
-        def confirm(index: int) -> None:
-            found = _confirmed(views, index, near[index], single_maps, config)
-            write_draft(confirmed, index, found.inverse, found.weight)
-
-        steps.each(_missing(confirmed, count), confirm)
-        found = _fused(views, count, partial(read_draft, confirmed), config, colored=False)
-        planes = find_planes(found.seen_points(config.seen))
-
-        def label(index: int) -> None:
-            known = _certain(views.camera(index), *read_draft(confirmed, index), planes, config)
-            chosen = neighbours(views.poses, index, config.labelling, config.baseline)
-            camera = views.camera(index)
-            warps = [Warp.between(camera, views.camera(j)) for j in chosen]
-            sources = [views.at(j) for j in chosen]
-            found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
-            write_draft(labelled, index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
-
-        steps.each(_missing(labelled, count), label)
-        labelled_maps = _kept(labelled)
-
-        def finish(index: int) -> None:
-            found = _confirmed(views, index, near[index], labelled_maps, config)
-            write_depth(folder, index, found.inverse, found.views)
-
-        steps.each([i for i in range(count) if not depth_exists(folder, i)], finish)
-    for draft in drafts:
-        shutil.rmtree(draft, ignore_errors=True)
+        for phase in PHASES[:-1]:
+            make_folder(folder / phase)
+        for phase in PHASES:
+            if phase == "labelled":
+                found = _fused(views, count, partial(read_draft, folder / "confirmed"), config, colored=False)
+                frames.planes = find_planes(found.seen_points(config.seen))
+            steps.begin(count - len(frames.missing(phase)))
+            if elsewhere is not None and frames.missing(phase):
+                elsewhere(phase, frames.missing(phase), frames.planes, steps.tell)
+            steps.each(frames.missing(phase), partial(frames.do, phase, folder))
+    for phase in PHASES[:-1]:
+        shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
 
     def written(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -109,6 +100,55 @@ def estimate_depth(
     return fusion.cloud(config.seen, lambda points: standing(points, cameras, lambda i: written(i)[0], config.threads))
 
 
+class FramesInPhases:
+    """The frames of a capture, whose depth and drafts lie in `folder`. `planes` are those of the phase "labelled"."""
+
+    def __init__(self, capture: Capture, folder: Path, config: DepthConfig, planes: Sequence[Plane] = ()) -> None:
+        self._folder, self._config, self.planes = folder, config, list(planes)
+        self.views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
+        self._maps = {phase: _kept(folder / phase) for phase in PHASES[:-1]}
+
+    def missing(self, phase: Phase) -> list[int]:
+        """The frames that are not done of it."""
+        count = len(self.views.poses)
+        if phase == "finished":
+            return [i for i in range(count) if not depth_exists(self._folder, i)]
+        return [i for i in range(count) if not draft_path(self._folder / phase, i).is_file()]
+
+    def do(self, phase: Phase, out: Path, index: int) -> None:
+        """Does a frame of a phase and writes what is found into the folder `out`, which may be another. Raises
+        InputError."""
+        {"single": self._single, "confirmed": self._confirm, "labelled": self._label, "finished": self._finish}[phase](
+            out, index
+        )
+
+    def _single(self, out: Path, index: int) -> None:
+        write_draft(out / "single", index, *guess_depth(self.views, index, self._config))
+
+    def _confirm(self, out: Path, index: int) -> None:
+        found = self._confirmed("single", index)
+        write_draft(out / "confirmed", index, found.inverse, found.weight)
+
+    def _label(self, out: Path, index: int) -> None:
+        views, config, planes = self.views, self._config, self.planes
+        known = _certain(views.camera(index), *read_draft(self._folder / "confirmed", index), planes, config)
+        chosen = neighbours(views.poses, index, config.labelling, config.baseline)
+        camera = views.camera(index)
+        warps = [Warp.between(camera, views.camera(j)) for j in chosen]
+        sources = [views.at(j) for j in chosen]
+        found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
+        write_draft(out / "labelled", index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
+
+    def _finish(self, out: Path, index: int) -> None:
+        found = self._confirmed("labelled", index)
+        write_depth(out, index, found.inverse, found.views)
+
+    def _confirmed(self, phase: Phase, index: int) -> Agreed:
+        config = self._config
+        near = neighbours(self.views.poses, index, config.others, config.baseline, 0.1)
+        return _confirmed(self.views, index, near, self._maps[phase], config)
+
+
 class _Steps:
     """Does the work of frames, some at a time, and says how far the whole stage is."""
 
@@ -116,24 +156,26 @@ class _Steps:
         self._capture, self._config, self._listen, self.total = capture, config, listen, total
         self._done = 0
 
+    def begin(self, done: int) -> None:
+        """A phase begins, of which so many frames were done in an earlier run."""
+        self._done += done
+
+    def tell(self, index: int) -> None:
+        """A frame is done."""
+        self._done += 1
+        self._listen(Progress(STAGE, self._done, self.total, self._capture.frames[index].name))
+
     def each(self, todo: list[int], work: Callable[[int], None]) -> None:
-        """`work` for every frame of `todo`; the other frames had it in an earlier run."""
-        self._done += len(self._capture.frames) - len(todo)
+        """`work` for every frame of `todo`."""
         with ThreadPoolExecutor(self._config.threads) as pool:
             jobs = {pool.submit(work, i): i for i in todo}
             try:
                 for job in as_completed(jobs):
                     job.result()
-                    self._done += 1
-                    name = self._capture.frames[jobs[job]].name
-                    self._listen(Progress(STAGE, self._done, self.total, name))
+                    self.tell(jobs[job])
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
-
-
-def _missing(folder: Path, count: int) -> list[int]:
-    return [i for i in range(count) if not draft_path(folder, i).is_file()]
 
 
 def _kept(folder: Path) -> Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]]:

@@ -1,4 +1,4 @@
-"""The typed messages a long computation sends: progress, metric, preview, log, warning, done, failed.
+"""The typed messages a long computation sends: progress, metric, preview, log, warning, worker, done, failed.
 
 A computation takes a `Listener` and calls it; the command line draws it, `--json` prints one line per event, the window
 reads those lines. Knows nothing of who listens.
@@ -14,6 +14,7 @@ from nvsim.events.messages import (
     Preview,
     Progress,
     Warning,
+    Worker,
     from_data,
     from_json,
     silent,
@@ -30,6 +31,7 @@ __all__ = [
     "Preview",
     "Progress",
     "Warning",
+    "Worker",
     "from_data",
     "from_json",
     "silent",

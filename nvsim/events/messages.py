@@ -59,6 +59,18 @@ class Warning:
 
 
 @dataclass(frozen=True)
+class Worker:
+    """A worker of a cluster, `name` as "HOST, process 12", and its piece of the stage: `part`, its number, and `words`
+    for a user. `state`: it "works" on it, has "ended" it, or was "lost" with it."""
+
+    stage: str
+    name: str
+    part: int
+    words: str
+    state: str
+
+
+@dataclass(frozen=True)
 class Done:
     """The stage ended well; `summary` is one sentence, `results` are JSON-able figures."""
 
@@ -76,10 +88,12 @@ class Failed:
     code: int = 1
 
 
-Event = Progress | Metric | Preview | Log | Warning | Done | Failed
+Event = Progress | Metric | Preview | Log | Warning | Worker | Done | Failed
 Listener = Callable[[Event], None]
 
-_KINDS: dict[str, type] = {k.__name__.lower(): k for k in (Progress, Metric, Preview, Log, Warning, Done, Failed)}
+_KINDS: dict[str, type] = {
+    k.__name__.lower(): k for k in (Progress, Metric, Preview, Log, Warning, Worker, Done, Failed)
+}
 
 
 def silent(event: Event) -> None:

@@ -62,10 +62,15 @@ def create(path: Path) -> sqlite3.Connection:
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
         # One transaction: a kill leaves an empty database, which `connect` takes as new, never half a schema.
-        connection.executescript(f"BEGIN; {_SCHEMA} {_since(1)} COMMIT;")
+        lay_out(connection)
     except sqlite3.Error as error:
         raise InputError(f"Cannot create the project database {path}: {error}; choose a writable folder.") from error
     return connection
+
+
+def lay_out(connection: sqlite3.Connection) -> None:
+    """Makes the tables of an empty database. Raises sqlite3.Error."""
+    connection.executescript(f"BEGIN; {_SCHEMA} {_since(1)} COMMIT;")
 
 
 def _connected(path: Path) -> GuardedConnection:

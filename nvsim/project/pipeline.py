@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Executor
 from nvsim.events import Listener
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.project.floor_provider import choose
@@ -21,14 +23,17 @@ def run(
     config: RunConfig,
     listen: Listener,
     depth: DepthUse = "auto",
+    executor: Executor | None = None,
+    storage: Storage = "auto",
 ) -> None:
-    """A posed walk in, a navigation graph in the project out. Raises InputError for what a user can mend."""
+    """A posed walk in, a navigation graph in the project out; what comes in pieces is done by `executor`. Raises
+    InputError for what a user can mend."""
     runs: dict[StageName, Callable[[], object]] = {
         "import": lambda: imported.run(project, source, understood, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
-        "depth": lambda: depths.run(project, depth, config.depth, listen),
-        "floors": lambda: floors.run(project, listen, False, config.floors),
-        "train": lambda: trained.run(project, config.train, listen),
+        "depth": lambda: depths.run(project, depth, config.depth, listen, executor, storage),
+        "floors": lambda: floors.run(project, listen, False, config.floors, executor, storage),
+        "train": lambda: trained.run(project, config.train, listen, executor=executor, storage=storage),
         "map": lambda: mapped.run(project, config.map, listen),
     }
     check_normals(config.map)  # before anything is made

@@ -7,10 +7,13 @@ linked. A run that was killed on its first day would go on with the other copy. 
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import fcntl
 import hashlib
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -31,6 +34,12 @@ def compile_ahead(listen: Listener = silent) -> None:
     done = _stamp()
     if done.exists():
         return
+    with _alone(done.with_suffix(".lock")):
+        if not done.exists():  # another process did it meanwhile
+            _compile(done, listen)
+
+
+def _compile(done: Path, listen: Listener) -> None:
     listen(Log("Compiling the kernels, once on this machine; this takes a minute or two.", STAGE))
     command = [sys.executable, "-m", "nvsim.training.compilation"]
     found = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
@@ -39,6 +48,16 @@ def compile_ahead(listen: Listener = silent) -> None:
         listen(Warning(f"The kernels could not be compiled ahead ({last}); they are compiled while training.", STAGE))
         return
     atomic.write_text(done, "")
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """While no other process of this machine is in such a block; at once on a file system without locks."""
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(OSError):
+            file = held.enter_context(open(path, "wb"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def _stamp() -> Path:

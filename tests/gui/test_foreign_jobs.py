@@ -135,3 +135,20 @@ def test_places_that_came_with_the_settings_of_a_project_are_not_used(project: P
     (project / "settings.json").unlink()
     os.mkfifo(project / "settings.json")
     assert Settings(project).changed("evaluate graph") == {}
+
+
+def test_a_project_does_not_choose_the_machines_that_a_job_talks_to(project: Path, qtbot: QtBot) -> None:
+    foreign(project, "train", "--project", str(project), "--executor", "ray", "--address", "theirs:6379")
+    queue = JobQueue()
+    queue.follow(project)
+    with pytest.raises(InputError, match="machines of a cluster at theirs:6379"):
+        queue.order_anew(queue.handles[0].job)
+    queue.stop()
+    cluster = {"cluster.executor": "ray", "cluster.address": "theirs:6379"}
+    (project / "settings.json").write_text(json.dumps({"train": {**cluster, "at_once": 2}}))
+    assert Settings(project).changed("train") == {"at_once": 2}
+    Settings(project).keep("train", "nvsim", cluster)
+    assert Settings(project).changed("train") == cluster
+    text = (project / "settings.json").read_text()
+    (project / "settings.json").write_text(text.replace("theirs", "others"))
+    assert Settings(project).changed("train") == {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import demo_project
@@ -11,11 +12,11 @@ import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.jobs.history import MOST_POINTS, JobReport, Series
+from app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, Series
 from app.jobs.queue import JobHandle, JobQueue
 from app.panels.jobs import JobPanel
 from app.state.document import Document
-from nvsim.events import Failed, Log, Metric, Progress
+from nvsim.events import Event, Failed, Log, Metric, Progress, Worker
 from nvsim.project import ledger
 from nvsim.project.job_events import event_line
 from nvsim.project.job_status import STATUS, encode_status
@@ -187,3 +188,49 @@ def test_metrics_of_submaps_stay_apart_and_a_failure_is_kept() -> None:
     history.hear(1.0, Failed("train", "the disk is full", 2))
     assert [s.values for s in history.series["psnr"].values()] == [[20.0], [22.0]]
     assert history.failure == "the disk is full"
+
+
+def test_the_workers_of_a_job_on_a_cluster_are_shown_with_their_pieces(qtbot: QtBot, project: Path) -> None:
+    jobs = JobList(project)
+    at_home = jobs.add("floors", ["--project", str(project)], "Find the floor")
+    afar = jobs.add("train", ["--project", str(project), "--executor", "ray"], "Train")
+    told: list[Event] = [Log("Started.")]
+    told += [Worker("train", f"node{i}, process {i}", i, f"submap {i}", "works") for i in range(3)]
+    told += [
+        Worker("train", "node1, process 1", 1, "submap 1", "lost"),
+        Worker("train", "node2, process 2", 2, "submap 2", "ended"),
+    ]
+    afar.events.write_text("".join(event_line(event, 1000.0) for event in told))
+    queue = JobQueue()
+    panel = JobPanel(Document(), queue)
+    qtbot.addWidget(panel)
+    panel.resize(900, 240)
+    panel.show()
+    queue.follow(project)
+    handle = queue.handle(afar.number)
+    assert handle is not None
+    panel.choose(handle)
+    handle.read_events()
+    handle.job = replace(handle.job, status=replace(handle.job.status, state="running"))
+    panel._refresh_shown()
+    tab = panel.tabs.indexOf(panel.workers)
+    assert panel.tabs.isTabVisible(tab)
+    assert [row[:3] for row in panel.workers.model.rows] == [
+        ("node0, process 0", "submap 0", "works"),
+        ("node1, process 1", "submap 1", "lost"),
+        ("node2, process 2", "–", "idle"),
+    ]
+    other = queue.handle(at_home.number)
+    assert other is not None
+    panel.choose(other)
+    assert not panel.tabs.isTabVisible(tab)
+
+
+def test_workers_that_were_told_of_longest_ago_are_forgotten() -> None:
+    report = JobReport()
+    for i in range(MOST_WORKERS + 5):
+        report.hear(float(i), Worker("train", f"process {i}", 0, "submap 0", "works"))
+    assert len(report.workers) == MOST_WORKERS
+    assert "process 4" not in report.workers and "process 5" in report.workers
+    report.hear(1.0, Log("Goes on."))
+    assert not report.workers

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import psutil
 import pytest
 
 from nvsim.building import BuildingConfig, generate
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.storage import Witness
+from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
-from nvsim.events import Event, Log, Progress, silent
+from nvsim.events import Event, Log, Metric, Progress, Worker, silent
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
-from nvsim.project.stages import floors, imported, submaps, trained
+from nvsim.project.stages import depths, floors, imported, submaps, trained
 from nvsim.project.stages.submap_training import train
 from nvsim.project.stages.training_pool import plan
 from nvsim.splats.files import load_model
@@ -97,3 +103,65 @@ def test_children_of_a_killed_parent_end(project_path: Path) -> None:
 def test_an_impossible_number_at_once_is_refused(project_path: Path) -> None:
     with Project.open(project_path, writable=True) as project, pytest.raises(InputError, match="--at-once -1"):
         trained.run(project, QUICK, silent, at_once=-1)
+
+
+def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is_killed(
+    project_path: Path, ray_head: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = replace(QUICK, threads=1, steps=60, checkpoint_seconds=0.0)
+    killed, heard = 0, []
+
+    def listen(event: Event) -> None:
+        nonlocal killed
+        heard.append(event)
+        begun = [e for e in heard if isinstance(e, Worker)]
+        if not killed and isinstance(event, Metric) and event.submap == begun[0].part:
+            killed = int(begun[0].name.split()[-1])
+            psutil.Process(killed).kill()
+
+    with Project.open(project_path, writable=True) as project, opened(ClusterConfig("ray", ray_head)) as executor:
+        trained.run(project, config, listen, executor=executor)
+        assert any(isinstance(e, Worker) and e.state == "lost" for e in heard)
+        _hold_against_this_machine(project, config, [0, 1, 2])
+        config = replace(config, steps=50)
+        monkeypatch.setattr(Witness, "left_in", lambda *_: Witness(Path("/nowhere at all"), "a word"))
+        heard.clear()
+        trained.run(project, config, heard.append, only=(2,), executor=executor)
+        assert any(isinstance(e, Log) and "what they need is sent" in e.text for e in heard)
+        _hold_against_this_machine(project, config, [2])
+
+
+def _hold_against_this_machine(project: Project, config: TrainingConfig, submaps: list[int]) -> None:
+    assert not list(project.layout.checkpoints.iterdir())
+    for submap in submaps:
+        assert project.layout.preview(submap).is_file()
+        afar = load_model(project.layout.model(submap)).gaussians
+        train(project, submap, config, silent)
+        here = load_model(project.layout.model(submap)).gaussians
+        np.testing.assert_array_equal(afar.means, here.means)
+        np.testing.assert_array_equal(afar.sh, here.sh)
+        project.layout.checkpoint(submap).unlink()
+
+
+def test_a_cluster_finds_the_floors_and_the_depth_that_this_machine_finds(
+    project_path: Path, ray_head: str, tmp_path: Path
+) -> None:
+    depth = DepthConfig(longest_side=48, planes=16)
+    found, heard = [], []
+    with opened(ClusterConfig("ray", ray_head)) as cluster:
+        for executor in (None, cluster):
+            path = tmp_path / str(executor is None)
+            shutil.copytree(project_path, path)
+            with Project.open(path, writable=True) as project:
+                shutil.rmtree(project.layout.masks)
+                floors.run(project, heard.append, executor=executor)
+                depths.run(project, "always", depth, heard.append, executor=executor)
+                files = [*project.layout.masks.iterdir(), *project.layout.depth.iterdir()]
+                pictures = [f for f in files if f.suffix == ".png"]
+                found.append({f"{f.parent.name}/{f.name}": cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in pictures})
+    assert len(found[0]) > 90
+    assert found[0].keys() == found[1].keys()
+    for name, expected in found[0].items():
+        # Kernels that this process compiled may round otherwise than those that a worker read.
+        assert np.mean(found[1][name] != expected) < 0.01
+    assert {e.stage for e in heard if isinstance(e, Worker)} == {"floors", "depth"}

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvsim.events import Done, Failed, Log, Metric, Preview, Progress, Warning, from_json, to_json
+from nvsim.events import Done, Failed, Log, Metric, Preview, Progress, Warning, Worker, from_json, to_json
 
 TEXT = st.text(max_size=30)
 EVENTS = st.one_of(
@@ -13,6 +13,7 @@ EVENTS = st.one_of(
     st.builds(Preview, TEXT, TEXT, TEXT),
     st.builds(Log, TEXT, TEXT),
     st.builds(Warning, TEXT, TEXT),
+    st.builds(Worker, TEXT, TEXT, st.integers(), TEXT, TEXT),
     st.builds(Done, TEXT, TEXT, st.dictionaries(TEXT, st.integers(), max_size=3)),
     st.builds(Failed, TEXT, TEXT, st.integers(0, 2)),
 )

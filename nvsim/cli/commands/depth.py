@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.session import working
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig
 from nvsim.depth.config import DepthConfig
 from nvsim.project.config import DepthUse
 from nvsim.project.stages import depths
@@ -16,10 +18,12 @@ from nvsim.project.stages import depths
 class Arguments(ProjectArguments):
     depth: DepthUse = "auto"
     """When: where the capture has no scan; always, which fills holes of a scan and never overrules it; or never."""
+    cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[DepthConfig] = field(default_factory=DepthConfig)
 
 
 def run(arguments: Arguments) -> int:
-    with working(arguments.project, "depth", arguments.json) as (project, listen):
-        depths.run(project, arguments.depth, arguments.config, listen)
+    cluster = arguments.cluster
+    with opened(cluster) as executor, working(arguments.project, "depth", arguments.json) as (project, listen):
+        depths.run(project, arguments.depth, arguments.config, listen, executor, cluster.storage)
     return 0

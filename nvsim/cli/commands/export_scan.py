@@ -4,12 +4,14 @@ Matterport3DSimulator and agents load unchanged. The same command goes on where 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from nvsim.cli.arguments import ProjectArguments
+from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.console import listening
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig
 from nvsim.project.project import Project
 
 if TYPE_CHECKING:
@@ -41,6 +43,7 @@ class Arguments(ProjectArguments):
     """Write what R2R agents would choke on as well."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     dry_run: bool = False
     """Say what would be written, its size and the time it takes, or what speaks against it; write nothing."""
 
@@ -59,7 +62,20 @@ def run(arguments: Arguments) -> int:
         if a.dry_run:
             _foretell(Prepared.of(project, a.out, a.scan, a.force, a.max_viewpoints), settings, a)
             return 0
-        written = export_scan(project, a.out, a.scan, settings, a.stub, a.force, a.backend, a.max_viewpoints, listen)
+        with opened(a.cluster) as executor:
+            written = export_scan(
+                project,
+                a.out,
+                a.scan,
+                settings,
+                a.stub,
+                a.force,
+                a.backend,
+                a.max_viewpoints,
+                listen,
+                executor,
+                a.cluster.storage,
+            )
     if a.json:
         return 0
     if len(written) > 1:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.session import working
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig
 from nvsim.project.config import FloorsConfig
 from nvsim.project.stages import floors
 
@@ -14,10 +16,12 @@ from nvsim.project.stages import floors
 class Arguments(ProjectArguments):
     discard_corrections: bool = False
     """Throw away the masks that were corrected by hand; without this they are kept and take precedence."""
+    cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[FloorsConfig] = field(default_factory=FloorsConfig)
 
 
 def run(arguments: Arguments) -> int:
-    with working(arguments.project, "floors", arguments.json) as (project, listen):
-        floors.run(project, listen, arguments.discard_corrections, arguments.config)
+    cluster = arguments.cluster
+    with opened(cluster) as executor, working(arguments.project, "floors", arguments.json) as (project, listen):
+        floors.run(project, listen, arguments.discard_corrections, arguments.config, executor, cluster.storage)
     return 0

@@ -12,6 +12,8 @@ from nvsim.cli.arguments import Inline, given
 from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.normal_source import asked, papers, say_if_it_falls_back
 from nvsim.cli.session import working
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NormalSource
 from nvsim.project import pipeline
@@ -36,6 +38,7 @@ class Arguments:
     criteria leaves it to --map.criteria."""
     depth: DepthUse = "auto"
     """Whether depth is estimated from the images: where the capture has no scan, always, or never."""
+    cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
 
@@ -48,8 +51,21 @@ def defaults(argv: list[str]) -> Arguments:
 
 def run(arguments: Arguments) -> int:
     config = replace(arguments.config, map=asked(arguments.config.map, arguments.normal_source))
-    with working(arguments.project, "run", arguments.json, create=True) as (project, listen):
+    cluster = arguments.cluster
+    with (
+        opened(cluster) as executor,
+        working(arguments.project, "run", arguments.json, create=True) as (project, listen),
+    ):
         if arguments.paper:
             say_if_it_falls_back(config.map, arguments.normal_source, listen)
-        pipeline.run(project, arguments.capture, arguments.understood, config, listen, arguments.depth)
+        pipeline.run(
+            project,
+            arguments.capture,
+            arguments.understood,
+            config,
+            listen,
+            arguments.depth,
+            executor,
+            cluster.storage,
+        )
     return 0

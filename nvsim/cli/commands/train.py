@@ -10,6 +10,8 @@ import tyro
 
 from nvsim.cli.arguments import Inline, ProjectArguments, given
 from nvsim.cli.session import working
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig
 from nvsim.project.stages import trained
 from nvsim.training.config import Preset, TrainingConfig, preset
 
@@ -22,6 +24,7 @@ class Arguments(ProjectArguments):
     """How many submaps to train at a time, each with its share of the cores; 0 decides by cores and free memory."""
     preset: Preset = "nvsim"
     """What the other flags start from: our defaults, the paper's, or those of one of its baselines."""
+    cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[TrainingConfig] = field(default_factory=TrainingConfig)
 
 
@@ -31,6 +34,7 @@ def defaults(argv: list[str]) -> Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    with working(arguments.project, "train", arguments.json) as (project, listen):
-        trained.run(project, arguments.config, listen, arguments.submaps, arguments.at_once)
+    cluster = arguments.cluster
+    with opened(cluster) as executor, working(arguments.project, "train", arguments.json) as (project, listen):
+        trained.run(project, arguments.config, listen, arguments.submaps, arguments.at_once, executor, cluster.storage)
     return 0

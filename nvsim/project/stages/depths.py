@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
@@ -24,6 +26,7 @@ from nvsim.project.work import StageName
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Capture, Cloud
+    from nvsim.depth.estimate import Elsewhere
     from nvsim.depth.fusion import FusedCloud
 
 STAGE: StageName = "depth"
@@ -31,9 +34,16 @@ _VERSION = 4  # of what this stage commits; raised when the same inputs give som
 _HOLE = 0.15  # metres: what is farther than this from every point of a scan is missing in it
 
 
-def run(project: Project, use: DepthUse, config: DepthConfig, listen: Listener) -> None:
+def run(
+    project: Project,
+    use: DepthUse,
+    config: DepthConfig,
+    listen: Listener,
+    executor: Executor | None = None,
+    storage: Storage = "auto",
+) -> None:
     """Depth of all frames where `use` wants it: "auto" where the capture has no scan, "always", or "never". Goes on
-    where it was cut off."""
+    where it was cut off. The machines of a cluster help where `executor` is one and they see the images."""
     capture, imported = project.need_capture(), capture_key(project)
     reason = why_not(capture.cloud, use)
     key = ledger.key_of(STAGE, imported, use, _same(config), _VERSION)
@@ -55,7 +65,12 @@ def run(project: Project, use: DepthUse, config: DepthConfig, listen: Listener) 
         shutil.rmtree(folder, ignore_errors=True)
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1))
-    cloud = estimate_depth(capture, folder, config, listen)
+    helped: Elsewhere | None = None
+    if executor is not None and executor.remote:
+        from nvsim.project.stages.depths_afar import depth_afar
+
+        helped = depth_afar(executor, storage, project, folder, config, listen)
+    cloud = estimate_depth(capture, folder, config, listen, helped)
     summary = {"frames": len(capture.frames), "points": len(cloud.points), "use": use, "capture": imported}
     if capture.cloud is not None and capture.cloud.is_dense:
         added = lacking(cloud, capture.cloud)

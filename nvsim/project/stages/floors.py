@@ -7,6 +7,8 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.geometry.floor_surface import FloorSurface
@@ -42,12 +44,21 @@ _NOTHING_STANDS = (
 )
 
 
-def run(project: Project, listen: Listener, discard: bool = False, config: FloorsConfig | None = None) -> None:
+def run(
+    project: Project,
+    listen: Listener,
+    discard: bool = False,
+    config: FloorsConfig | None = None,
+    executor: Executor | None = None,
+    storage: Storage = "auto",
+) -> None:
     """Masks of all frames; frames that are held out of training do not count as support. Masks that a user corrected
     stay, unless they are to be discarded, and count in place of the machine's. Raises InputError for a network that is
-    asked for and not installed, or cannot be used."""
+    asked for and not installed, or cannot be used. The machines of a cluster help where `executor` is one and they see
+    the images."""
+    config = config or FloorsConfig()
     how = capture_config(project)
-    provider = choose(config or FloorsConfig(), project.scan, lambda: depth_maps(project) is not None)
+    provider = choose(config, project.scan, lambda: depth_maps(project) is not None)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)
@@ -71,7 +82,8 @@ def run(project: Project, listen: Listener, discard: bool = False, config: Floor
     # Found beside the floors in use, and with the newest cut.
     making = results.made_at(project.connection, STAGE)
     newest = results.places(project.connection).get("cut/submaps")
-    project = project.making({**making, **({"cut/floors": newest} if newest else {})})
+    making = {**making, **({"cut/floors": newest} if newest else {})}
+    project = project.making(making)
     layout = project.layout
     if not resumed:
         shutil.rmtree(layout.masks, ignore_errors=True)
@@ -79,6 +91,10 @@ def run(project: Project, listen: Listener, discard: bool = False, config: Floor
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, "floor heights"))
     floor_surfaces(project, submaps, how)
+    if executor is not None and executor.remote:
+        from nvsim.project.stages.floors_afar import segment_afar
+
+        segment_afar(executor, storage, project, making, config, provider.key(), listen)
     seen = depth_maps(project)
     floors = floors_seen(project)
     failures = segment_capture(capture, floors.__getitem__, layout.masks, listen=listen, depth_of=seen, other_of=other)

@@ -5,8 +5,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from nvsim.cluster.piece import Caller
 from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.project import results
@@ -18,41 +21,90 @@ from nvsim.project.stages.imported import capture_config
 from nvsim.training.config import TrainingConfig
 
 if TYPE_CHECKING:
+    from nvsim.capture.types import Cloud
+    from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.training.views import TrainingView
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What training a submap came to: the seconds that it took, and figures for the ledger."""
+
+    seconds: float
+    figures: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """All that a submap is trained from, and the held-out view that shows how far it is, where there is one."""
+
+    views: list[TrainingView]
+    cloud: Cloud | None
+    surface: FloorSurface
+    watched: TrainingView | None
 
 
 def train(
     project: Project, index: int, config: TrainingConfig, listen: Listener, ready: Callable[[], None] = lambda: None
-) -> tuple[float, dict[str, Any]]:
+) -> Trained:
     """Trains submap `index`, from its checkpoint where there is one, and saves its model where the ledger says that it
-    is made, beside the one in use; returns the seconds it took and figures. Calls `ready` when everything is read and
-    the first kernel about to run. Raises InputError for images or a floor that cannot be read."""
-    from nvsim.splats.files import save_model
-    from nvsim.training.trainer import train_submap
-
+    is made, beside the one in use. Calls `ready` when everything is read and the first kernel about to run. Raises
+    InputError for images or a floor that cannot be read."""
     layout = project.layout
     place = results.made_at(project.connection, "train", index)[model_name(index)]
     started = time.monotonic()
+    inputs = inputs_of(project, index, config)
+    ready()
+    paths = layout.checkpoint(index), layout.preview(index), layout.live(index)
+    figures = fit(inputs, index, config, layout.root / place, listen, *paths)
+    return Trained(time.monotonic() - started, figures)
+
+
+def train_in_child(caller: Caller, root: Path, index: int, config: TrainingConfig) -> Trained:
+    """The same in a process of its own beside the one that has the project open for writing."""
+    with Project.open(root) as project:
+        return train(project, index, config, caller.tell, caller.ready)
+
+
+def inputs_of(project: Project, index: int, config: TrainingConfig) -> Inputs:
+    """What submap `index` is trained from. Raises InputError for images or a floor that cannot be read."""
     surface = project.surface(index)
     if surface is None:
-        raise InputError(f"{layout.surface(index)} is missing; run `nvsim floors --project` again.")
+        raise InputError(f"{project.layout.surface(index)} is missing; run `nvsim floors --project` again.")
     views = training_views(project, training_frames(project, index), config)
     watched = watched_frame(project, index)
-    ready()
+    held = None if watched is None else training_views(project, [watched], config)[0]
+    return Inputs(views, project.scan_on(surface), surface, held)
+
+
+def fit(
+    inputs: Inputs,
+    index: int,
+    config: TrainingConfig,
+    folder: Path,
+    listen: Listener,
+    checkpoint: Path,
+    preview: Path,
+    live: Path | None,
+) -> dict[str, Any]:
+    """Trains a model of `inputs`, see `train_submap`, and saves it in `folder`; returns figures."""
+    from nvsim.splats.files import save_model
+    from nvsim.training.trainer import train_submap
+
     model = train_submap(
-        views,
-        project.scan_on(surface),
-        surface,
+        inputs.views,
+        inputs.cloud,
+        inputs.surface,
         config,
-        checkpoint=layout.checkpoint(index),
+        checkpoint=checkpoint,
         submap=index,
         listen=listen,
-        preview=layout.preview(index),
-        live=layout.live(index),
-        watched=None if watched is None else training_views(project, [watched], config)[0],
+        preview=preview,
+        live=live,
+        watched=inputs.watched,
     )
-    save_model(model, layout.root / place)
-    return time.monotonic() - started, {"gaussians": len(model.gaussians), "views": len(views), **model.info}
+    save_model(model, folder)
+    return {"gaussians": len(model.gaussians), "views": len(inputs.views), **model.info}
 
 
 def training_frames(project: Project, index: int) -> list[int]:

@@ -4,11 +4,15 @@ model folder per submap."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from contextlib import closing
 
 import psutil
 
+from nvsim.cluster.config import Storage
+from nvsim.cluster.local import LocalPool
+from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, Unseen
+from nvsim.cluster.sharing import threads_each
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress
 from nvsim.project import ensemble, ledger, results
@@ -18,7 +22,13 @@ from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scan import depth_in_use
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
-from nvsim.project.stages.submap_training import train, training_frames, training_views
+from nvsim.project.stages.submap_training import (
+    Trained,
+    train,
+    train_in_child,
+    training_frames,
+    training_views,
+)
 from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.project.work import StageName, lacks
 from nvsim.submaps.types import Submap
@@ -34,9 +44,12 @@ def run(
     listen: Listener,
     only: tuple[int, ...] = (),
     at_once: int = 0,
+    executor: Executor | None = None,
+    storage: Storage = "auto",
 ) -> None:
     """Trains the submaps named in `only`, or all, `at_once` at a time; 0 decides by cores, free memory and their
-    number. Raises InputError when the masks are missing or a submap is."""
+    number. The `executor` does it, processes of this machine where none is given; `storage` is of interest to one on
+    other machines, see `ClusterConfig`. Raises InputError when the masks are missing or a submap is."""
     submaps = submaps_of_capture(project)
     if not floors_key(project):
         raise lacks(project.layout.root, "floors")
@@ -64,32 +77,107 @@ def run(
     current = {s.index for s in chosen} - {s.index for s in left}
     others = {i for i, work in unfinished.items() if work is not None and work[0] == keys.get(i, work[0])} - current
     ensemble.clear_unfinished(project, others)
+    executor = executor or LocalPool()
     if left:
         listen_to_what_is_replaced(project, STAGE, listen, tuple(s.index for s in left))
-        from nvsim.training.compilation import compile_ahead
+        if not executor.remote:
+            from nvsim.training.compilation import compile_ahead
 
-        compile_ahead(listen)
-    cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
-    tasks = training_pool.plan([s.index for s in chosen], cores, at_once or cores)
-    together = min(at_once or cores, _fitting(project, left, config)) if left else 1
-    waiting = [t for t in tasks if t.submap in {s.index for s in left}]
+            compile_ahead(listen)
 
     def begin(index: int) -> None:
         if not ledger.begin(project, STAGE, keys[index], index):
             project.layout.checkpoint(index).unlink(missing_ok=True)
             results.remove_folder(project.layout.live(index))
 
-    if all(t.alone for t in waiting):
-        for task in waiting:
-            begin(task.submap)
-            share = dataclasses.replace(config, threads=task.threads)
-            _finish(project, task.submap, config, *train(project, task.submap, share, merged.of(task.submap)), listen)
-        return
-    for index, message in training_pool.train_together(project.layout.root, config, waiting, together, begin):
-        if isinstance(message, training_pool.Trained):
-            _finish(project, index, config, message.seconds, message.figures, listen)
-        else:
-            merged.of(index)(message)
+    def finish(index: int, found: Trained) -> None:
+        _finish(project, index, config, found, listen)
+
+    run = _Run(project, config, merged, begin, finish)
+    if executor.remote and left:
+        run.afar(executor, [s.index for s in chosen], left, at_once, storage, listen)
+    elif left:
+        cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
+        tasks = training_pool.plan([s.index for s in chosen], cores, at_once or cores)
+        together = min(at_once or cores, _fitting(project, left, config))
+        run.here(executor, [t for t in tasks if t.submap in {s.index for s in left}], together)
+
+
+class _Run:
+    """The training of some submaps by an executor: `begin` is told which one begins, `finish` what it came to."""
+
+    def __init__(
+        self,
+        project: Project,
+        config: TrainingConfig,
+        merged: _Merged,
+        begin: Callable[[int], None],
+        finish: Callable[[int, Trained], None],
+    ) -> None:
+        self._project, self._config, self._merged = project, config, merged
+        self._begin, self._finish = begin, finish
+
+    def here(self, executor: Executor, tasks: Sequence[training_pool.Task], at_once: int) -> None:
+        """In processes of this machine; in this one, where there are never two at once."""
+        if all(t.alone for t in tasks):
+            for task in tasks:
+                self._begin(task.submap)
+                share = dataclasses.replace(self._config, threads=task.threads)
+                self._finish(task.submap, train(self._project, task.submap, share, self._merged.of(task.submap)))
+            return
+        pieces = [Piece(STAGE, t.submap, f"submap {t.submap}", t.threads, 0, t.alone) for t in tasks]
+
+        def order(piece: Piece) -> Order:
+            self._begin(piece.part)
+            share = dataclasses.replace(self._config, threads=piece.cores)
+            return Order(train_in_child, (self._project.layout.root, piece.part, share))
+
+        with closing(executor.run(pieces, order, at_once)) as told:
+            for piece, message in told:
+                if isinstance(message, Finished):
+                    self._finish(piece.part, message.value)
+                else:
+                    self._merged.hear(piece.part, message)
+
+    def afar(
+        self,
+        executor: Executor,
+        chosen: Sequence[int],
+        left: Sequence[Submap],
+        at_once: int,
+        storage: Storage,
+        listen: Listener,
+    ) -> None:
+        """On other machines. The number of threads depends on all that were `chosen`, not on what is `left`."""
+        from nvsim.project.stages.training_afar import ModelFiles, TrainingAfar
+
+        threads = self._config.threads or threads_each(executor.machines, min(at_once or len(chosen), len(chosen)))
+        needed = _needed(self._project, left, self._config)
+        pieces = [Piece(STAGE, s.index, f"submap {s.index}", threads, needed) for s in left]
+        afar = TrainingAfar(self._project, self._config, storage, listen)
+
+        def order(piece: Piece) -> Order:
+            self._begin(piece.part)
+            return afar.order(piece)
+
+        try:
+            with closing(executor.run(pieces, order, at_once)) as told:
+                for piece, message in told:
+                    event: Message | None = message
+                    if isinstance(message, Finished):
+                        found: ModelFiles = message.value
+                        afar.check(piece, found)
+                        self._finish(piece.part, found.trained)
+                        continue
+                    if isinstance(message, Unseen):
+                        afar.unseen(message)
+                        continue
+                    if isinstance(message, SentFile):
+                        event = afar.receive(piece, message)
+                    if event is not None:
+                        self._merged.hear(piece.part, event)
+        finally:
+            afar.close()
 
 
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
@@ -105,9 +193,8 @@ def _same(config: TrainingConfig) -> TrainingConfig:
     return dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
 
 
-def _finish(
-    project: Project, index: int, config: TrainingConfig, seconds: float, figures: dict[str, Any], listen: Listener
-) -> None:
+def _finish(project: Project, index: int, config: TrainingConfig, found: Trained, listen: Listener) -> None:
+    seconds, figures = found.seconds, found.figures
     batch = ledger.key_of(floors_key(project), _same(config))
     used = ensemble.add_model(project, index, seconds, figures, batch)
     listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
@@ -119,12 +206,16 @@ def _finish(
 
 def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """How many of the trainings fit into free memory."""
+    return training_pool.fitting(psutil.virtual_memory().available, _needed(project, submaps, config))
+
+
+def _needed(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
+    """The bytes that the largest of the trainings takes."""
     frames = project.need_capture().frames
     sizes = [frames[i].intrinsics.within(config.image_size) for i in submaps[0].frames]
     pixels = max(k.width * k.height for k in sizes)
     most = max(len(training_frames(project, s.index)) for s in submaps)
-    needed = training_pool.needed_bytes(most, pixels, config)
-    return training_pool.fitting(psutil.virtual_memory().available, needed)
+    return training_pool.needed_bytes(most, pixels, config)
 
 
 class _Merged:
@@ -136,6 +227,11 @@ class _Merged:
 
     def finished(self, submap: int) -> None:
         self._done[submap] = self._steps
+
+    def hear(self, submap: int, message: Message) -> None:
+        """Passes on what a process said of a submap."""
+        if isinstance(message, Event):
+            self.of(submap)(message)
 
     def of(self, submap: int) -> Listener:
         """The listener of one submap."""

@@ -9,6 +9,8 @@ from dataclasses import asdict
 
 import numpy as np
 
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Executor
 from nvsim.events import Listener, Progress
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.places import ScanPlaces
@@ -38,13 +40,21 @@ def draw_viewpoints(
     record: Record,
     backend: Backend,
     listen: Listener,
+    executor: Executor | None = None,
+    storage: Storage = "auto",
 ) -> None:
-    """Draws and writes those that `record` does not know as finished. Raises InputError when a model cannot be read or
-    the disk refuses."""
+    """Draws and writes those that `record` does not know as finished, with the machines of a cluster where `executor`
+    is one. Raises InputError when a model cannot be read or the disk refuses."""
     todo = sorted(missing(source, viewpoints, settings, record, backend), key=lambda row: row[0])
     done = len(viewpoints) - len(todo)
     listen(Progress(STAGE, done, len(viewpoints)))
-    for id, part in _written(source, todo, places, settings, backend):
+    if executor is not None and executor.remote:
+        from nvsim.r2r.observations.drawing_afar import written_afar
+
+        parts = written_afar(executor, storage, source, todo, places, settings, backend, listen)
+    else:
+        parts = _written(source, todo, places, settings, backend)
+    for id, part in parts:
         record.add(id, part)
         done += 1
         listen(Progress(STAGE, done, len(viewpoints), id))

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from nvsim import __version__
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Executor
 from nvsim.events import Done, Listener, Log, Warning, silent
 from nvsim.files import atomic
 from nvsim.files.locking import WriterLock
@@ -50,10 +52,14 @@ def export_scan(
     backend: Backend = "auto",
     most: int | None = None,
     listen: Listener = silent,
+    executor: Executor | None = None,
+    storage: Storage = "auto",
 ) -> list[ScanPlaces]:
     """Writes the graph and the models in use of `project` as the scan `scan`, named after the project when left out,
     into the folder `root`, beside other scans that are there. What is finished already is not done again. A graph of
     more than `most` viewpoints is written in parts, with a table of them. Returns where the scans lie.
+
+    The images are drawn by `executor`, here where none is given; they are written from here in any case.
 
     Raises InputError when a model or the graph is missing, agents would choke on it (unless with `force`), the folder
     holds what is not ours, or the disk refuses.
@@ -63,7 +69,7 @@ def export_scan(
     graph, parts, places = prepared.graph, prepared.parts, prepared.places
     _say_before(prepared.estimate(settings, with_stub, backend), prepared, listen)
     for part, scan_places in zip(parts, places, strict=True):
-        write_scan(prepared.source, part, scan_places, settings, backend, listen)
+        write_scan(prepared.source, part, scan_places, settings, backend, listen, executor, storage)
     if len(parts) > 1:
         write_parts(root / f"{graph.scan}-parts.csv", parts)
         cut = len(graph.edges) - sum(len(part.edges) for part in parts)
@@ -85,7 +91,14 @@ def _say_before(estimate: Estimate, prepared: Prepared, listen: Listener) -> Non
 
 
 def write_scan(
-    source: Source, graph: NavGraph, places: ScanPlaces, settings: ScanSettings, backend: Backend, listen: Listener
+    source: Source,
+    graph: NavGraph,
+    places: ScanPlaces,
+    settings: ScanSettings,
+    backend: Backend,
+    listen: Listener,
+    executor: Executor | None = None,
+    storage: Storage = "auto",
 ) -> None:
     """Writes one scan, its manifest last. Raises InputError as `export_scan`."""
     atomic.make_folder(places.folder)
@@ -93,7 +106,7 @@ def write_scan(
         record = Record(places)
         remove_leftovers(places)
         viewpoints = drawn_of(graph)
-        draw_viewpoints(source, viewpoints, places, settings, record, backend, listen)
+        draw_viewpoints(source, viewpoints, places, settings, record, backend, listen, executor, storage)
         if settings.plans:
             _add_plans(source, graph, places, record)
         _add_connectivity(graph, places, record)

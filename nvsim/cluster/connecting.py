@@ -1,0 +1,120 @@
+"""The way into a Ray cluster that runs already: in bounded time, with its token, or a sentence why not."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import logging
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any
+
+from nvsim.errors import InputError
+
+_ANSWER = 5.0  # seconds that the head's port has to answer
+_LIMIT = (
+    45.0  # seconds for all of it; Ray itself gives up after 20 where it is not let in, and never where none answers
+)
+
+
+@contextlib.contextmanager
+def connected(address: str) -> Iterator[ModuleType]:
+    """The module `ray`, connected to the cluster at `address`, "auto" or HOST:PORT, until the block ends. Raises
+    InputError where Ray is not installed or the cluster does not take us."""
+    host, port = _parsed(address)
+    # Set by us because Ray asks for the token by itself for "auto" alone. Whoever switched it off has said so here.
+    os.environ.setdefault("RAY_AUTH_MODE", "token")
+    try:
+        import ray
+    except ImportError as error:
+        raise InputError(
+            "Ray is not installed, which --executor ray needs; install the extra: pip install 'nvsim[cluster]'."
+        ) from error
+    logging.getLogger("ray").setLevel(logging.CRITICAL)  # what it has to say comes as an error too
+    # It prints the ends of workers between our events, and has no option that keeps it from doing so.
+    vars(importlib.import_module("ray._private.worker"))["print_to_stdstream"] = _unheard
+    if port:
+        try:
+            socket.create_connection((host, port), timeout=_ANSWER).close()
+        except OSError as error:
+            raise InputError(
+                f"Nothing answers at {address} ({error.strerror or error}); start the head of the cluster there with "
+                "`ray start --head`, or mend --address."
+            ) from error
+    failed: list[BaseException] = []
+
+    def begin() -> None:
+        options: dict[str, Any] = {"log_to_driver": False, "configure_logging": False}
+        try:
+            ray.init(address=address, **options)
+        except BaseException as error:
+            failed.append(error)
+
+    # In a thread, as it may wait for ever; and so it leaves the signals alone, which are the command line's.
+    thread = threading.Thread(target=begin, daemon=True)
+    with _silenced():
+        thread.start()
+        thread.join(_LIMIT)
+    if thread.is_alive():
+        raise InputError(f"The Ray cluster at {address} did not answer in {_LIMIT:.0f} s; see whether its head runs.")
+    if failed:
+        raise InputError(_why(address, failed[0])) from failed[0]
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGTERM, signal.SIGINT):  # Ray's own code prints a trace before it hands them on
+            signal.signal(number, signal.getsignal(number))
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def _unheard(*_: object, **__: object) -> None:
+    pass
+
+
+@contextlib.contextmanager
+def _silenced() -> Iterator[None]:
+    """Without the lines that Ray's own code writes past Python, one each second in which a head does not let it in."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _parsed(address: str) -> tuple[str, int]:
+    """Host and port, ("", 0) for "auto"."""
+    if address == "auto":
+        return "", 0
+    host, _, port = address.rpartition(":")
+    if not host or "/" in host or not port.isascii() or not port.isdecimal() or not 0 < int(port) < 1 << 16:
+        raise InputError(f"--address {address} is no address of a Ray cluster; write HOST:PORT (port 6379), or auto.")
+    return host.strip("[]"), int(port)
+
+
+def _why(address: str, error: BaseException) -> str:
+    words = " ".join(str(error).split())
+    if address == "auto" and isinstance(error, ConnectionError) and "Could not find" in words:
+        return (
+            "This machine belongs to no Ray cluster; start one with `ray start --head`, join one with "
+            "`ray start --address HOST:PORT`, or say --address HOST:PORT."
+        )
+    if type(error).__name__ == "AuthenticationError" or "uthenticat" in words:
+        return (
+            f"A token is needed for the Ray cluster at {address}; copy ~/.ray/auth_token from its head to here. "
+            "`ray get-auth-token --generate` makes one there, before the head starts with RAY_AUTH_MODE=token."
+        )
+    return (
+        f"The Ray cluster at {address} did not let us in ({words[:200]}); see that its head runs, that Ray and Python "
+        "have the same versions, and that ~/.ray/auth_token is that of the head."
+    )

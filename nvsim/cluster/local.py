@@ -1,0 +1,148 @@
+"""Pieces of work side by side on this machine, each in a process of its own.
+
+A child does what it is told and sends what it has to tell through a pipe. It ends when its parent does, however that
+ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+
+from nvsim.cluster.piece import Finished, Message, Order, Piece, SentFile, Told
+from nvsim.errors import InputError
+from nvsim.events import Event, Progress
+from nvsim.kernel_threads import cores
+
+
+@dataclass(frozen=True)
+class _Mistake:
+    sentence: str
+    is_ours: bool
+
+
+class LocalPool:
+    """Processes of this machine."""
+
+    remote = False
+
+    @property
+    def machines(self) -> tuple[int, ...]:
+        """This one."""
+        return (cores(),)
+
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
+        """See `Executor.run`. The first kernels of the others wait until one child has made a step: by then it has
+        compiled them, and the others read them from the cache."""
+        waiting, running = list(pieces), dict[Connection, _Child]()
+        most = at_once or len(waiting)
+        warm = False
+        try:
+            while waiting or running:
+                while waiting and len(running) < most:
+                    if running and (waiting[0].alone or any(c.piece.alone for c in running.values())):
+                        break
+                    piece = waiting.pop(0)
+                    child = _Child(piece, begin(piece))
+                    if warm or not running:
+                        child.connection.send(None)
+                    running[child.connection] = child
+                for connection in wait(list(running)):
+                    assert isinstance(connection, Connection)
+                    child = running[connection]
+                    message = child.receive()
+                    if isinstance(message, _Mistake):
+                        raise (RuntimeError if message.is_ours else InputError)(message.sentence)
+                    if not warm and isinstance(message, Progress | Finished):
+                        warm = True
+                        for other in running.values():
+                            if other is not child:
+                                with contextlib.suppress(OSError):  # one that is gone is told of when it is heard
+                                    other.connection.send(None)
+                    if isinstance(message, Finished):
+                        child.end(patience=2.0)
+                        del running[connection]
+                    yield child.piece, message
+        finally:
+            for child in running.values():
+                child.end()
+
+
+class _Child:
+    def __init__(self, piece: Piece, order: Order) -> None:
+        self.piece = piece
+        context = multiprocessing.get_context("spawn")  # a fork of a process with thread pools may hang
+        self.connection, theirs = context.Pipe()
+        self._process: BaseProcess = context.Process(target=_work, args=(order, theirs), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def receive(self) -> Message | _Mistake:
+        try:
+            message: Message | _Mistake = self.connection.recv()
+            return message
+        except (EOFError, OSError):
+            self._process.join()
+            return _Mistake(
+                f"the work on {self.piece.words} was ended from outside (code {self._process.exitcode}), "
+                "most often for want of memory; the same command goes on from there, with --at-once 1 in less memory.",
+                False,
+            )
+
+    def end(self, patience: float = 0.0) -> None:
+        """Stops the process if it has not ended after `patience` seconds."""
+        self._process.join(patience)
+        self._process.terminate()
+        self._process.join(5)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+        self.connection.close()
+
+
+class _Parent:
+    """The caller at the other end of a pipe."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def tell(self, event: Event) -> None:
+        self._connection.send(event)
+
+    def send(self, name: str, data: bytes) -> None:
+        self._connection.send(SentFile.of(name, data))
+
+    def ready(self) -> None:
+        self._connection.recv()
+
+
+def _work(order: Order, connection: Connection) -> None:
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent answers for it
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        connection.send(Finished(order.work(_Parent(connection), *order.given)))
+    except InputError as error:
+        connection.send(_Mistake(str(error), False))
+    except MemoryError:
+        connection.send(_Mistake("out of memory; use --at-once 1, more submaps or fewer Gaussians.", False))
+    except (BrokenPipeError, EOFError):
+        pass  # nobody is left to tell
+    except Exception:
+        connection.send(_Mistake(traceback.format_exc(), True))
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        with contextlib.suppress(OSError):
+            parent.join()
+        os._exit(1)

@@ -1,0 +1,178 @@
+"""Pieces of work on the machines of a Ray cluster, a task each.
+
+A task tells what it does through a stream that ends with it. Ray itself never tries again (`max_retries=0`): it would
+begin with the memory and the checkpoint of the first time, and after a kill for want of memory without end. We do, see
+`retries`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import pickle
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+from nvsim.cluster import ray_task
+from nvsim.cluster.piece import Finished, Message, Order, Piece, Told, Unseen
+from nvsim.cluster.retries import Attempt
+from nvsim.cluster.sharing import places
+from nvsim.cluster.versions import versions
+from nvsim.errors import InputError
+from nvsim.events import Log, Warning, Worker
+
+_LOOK = 1.0  # seconds between two looks at the cluster while nothing is told
+_SLOW = 30.0  # seconds after which it is said that nobody takes a piece
+_PATIENCE = 6.0  # seconds that tasks have to end when they are asked to; then their processes are ended
+_AHEAD = 1  # pieces that wait at the cluster beyond those that have room, so that it sees that it is too small
+
+
+class RayPool:
+    """A cluster that this process is connected to."""
+
+    remote = True
+
+    def __init__(self, ray: ModuleType) -> None:
+        self._ray = ray
+        ray.cloudpickle.register_pickle_by_value(ray_task)
+        self._serve = ray.remote(ray_task.serve)
+        self._warned: set[str] = set()
+
+    @property
+    def machines(self) -> tuple[int, ...]:
+        """Cores of each machine that has some for tasks."""
+        found = (int(node.get("CPU", 0)) for node in self._nodes())
+        return tuple(cores for cores in found if cores)
+
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
+        """See `Executor.run`. Raises InputError also where a piece lost its worker too often, and where a worker has
+        another NVSim."""
+        waiting = deque(Attempt(piece, piece.bytes) for piece in pieces)
+        running: dict[Any, Attempt] = {}  # by the stream of the task
+        idle_since, told = time.monotonic(), False
+        try:
+            while waiting or running:
+                most = at_once or self._room(pieces)
+                while waiting and len(running) < most:
+                    attempt = waiting.popleft()
+                    running[self._submit(attempt, begin(attempt.piece))] = attempt
+                for stream in self._talking(running):
+                    attempt = running[stream]
+                    piece = attempt.piece
+                    for kind, value in self._heard(stream):
+                        if kind == "began":
+                            attempt.worker = str(value)
+                            yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "works")
+                        elif kind == "warned":
+                            if str(value) not in self._warned:
+                                self._warned.add(str(value))
+                                yield piece, Warning(str(value), piece.stage)
+                        elif kind == "message":
+                            message: Message = value
+                            if isinstance(message, Log | Warning) and not message.stage:
+                                message = replace(message, stage=piece.stage)
+                            attempt.hear(message)
+                            yield piece, message
+                        elif kind == "finished":
+                            del running[stream]
+                            yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "ended")
+                            assert isinstance(value, Finished)
+                            if isinstance(value.value, Unseen):
+                                yield piece, value.value
+                                waiting.appendleft(attempt)
+                            else:
+                                yield piece, value
+                        elif kind in ("lost", "memory"):
+                            del running[stream]
+                            if attempt.worker:
+                                yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "lost")
+                            sentence = attempt.lost(kind == "memory", self._most_bytes())
+                            yield piece, Warning(sentence, piece.stage)
+                            attempt.worker = ""
+                            waiting.appendleft(attempt)
+                        else:
+                            raise (RuntimeError if kind == "broken" else InputError)(str(value))
+                if any(a.worker for a in running.values()):
+                    idle_since, told = time.monotonic(), False
+                elif running and not told and time.monotonic() - idle_since > _SLOW:
+                    told = True
+                    attempt = next(iter(running.values()))
+                    yield attempt.piece, Log(self._why_idle(attempt), attempt.piece.stage)
+        finally:
+            self._end(list(running))
+
+    def _submit(self, attempt: Attempt, order: Order) -> Any:
+        """The stream of a new task."""
+        cores = min(attempt.piece.cores, max(self.machines, default=1))
+        memory = min(attempt.bytes, self._most_bytes())
+        task = self._serve.options(
+            num_cpus=cores, memory=memory, max_retries=0, num_returns="streaming", name=attempt.piece.words
+        )
+        return task.remote(pickle.dumps((order.work, order.given)), attempt.piece.cores, versions())
+
+    def _talking(self, running: dict[Any, Attempt]) -> list[Any]:
+        """The streams that have something to tell; none after a moment in which none had."""
+        if not running:
+            return []
+        self._ray.wait(list(running), num_returns=1, timeout=_LOOK)
+        return list(self._ray.wait(list(running), num_returns=len(running), timeout=0)[0])
+
+    def _heard(self, stream: Any) -> list[tuple[str, Any]]:
+        """What comes next of a stream: pairs as `ray_task.serve` yields them, or ("lost", "") or ("memory", "")."""
+        errors = self._ray.exceptions
+        try:
+            found: list[tuple[str, Any]] = self._ray.get(next(stream))
+            return found
+        except StopIteration:  # without a last word
+            return [("lost", "")]
+        except errors.OutOfMemoryError:
+            return [("memory", "")]
+        except errors.TaskCancelledError:
+            return [("mistake", "Somebody cancelled a task on the cluster; the same command goes on from there.")]
+        except errors.RayTaskError as error:
+            if isinstance(error.cause, MemoryError):
+                return [("memory", "")]
+            return [("broken", str(error))]
+        except errors.RayError:  # the process, its machine, or what was on its way from there is gone
+            return [("lost", "")]
+
+    def _end(self, streams: list[Any]) -> None:
+        """Asks tasks to end, and ends the processes of those that do not."""
+        for stream in streams:
+            with contextlib.suppress(Exception):
+                self._ray.cancel(stream)
+        until = time.monotonic() + _PATIENCE
+        while streams and time.monotonic() < until:
+            for stream in list(streams):
+                with contextlib.suppress(Exception):
+                    if not self._ray.wait([stream], timeout=0.1)[0]:
+                        continue
+                    self._ray.get(next(stream))
+                    continue
+                streams.remove(stream)
+        for stream in streams:
+            with contextlib.suppress(Exception):
+                self._ray.cancel(stream, force=True)
+
+    # The cluster ------------------------------------------------------------------------------------------------
+
+    def _nodes(self) -> list[dict[str, float]]:
+        return [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
+
+    def _most_bytes(self) -> int:
+        return int(max((node.get("memory", 0) for node in self._nodes()), default=0))
+
+    def _room(self, pieces: Sequence[Piece]) -> int:
+        """How many tasks to hand in at once: those that have room, and a few that wait."""
+        return max(1, places(self.machines, max(p.cores for p in pieces))) + _AHEAD
+
+    def _why_idle(self, attempt: Attempt) -> str:
+        cores, gigabytes = attempt.piece.cores, attempt.bytes / 1e9
+        return (
+            f"No worker has taken {attempt.piece.words} for {_SLOW:.0f} s: it waits for {cores} free cores and "
+            f"{gigabytes:.1f} GB on one machine; the cluster's largest has {max(self.machines, default=0)} cores and "
+            f"{self._most_bytes() / 1e9:.1f} GB."
+        )

@@ -1,0 +1,50 @@
+"""Whether another machine sees the same files: a file with a word that nobody can guess says so."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.files import atomic
+from nvsim.files.nofollow import read_regular
+
+_PREFIX = ".storage-"
+
+
+@dataclass(frozen=True)
+class Witness:
+    """path     of the file
+    word     that it holds
+    beside   files of other folders that have to be there too, with their sizes in bytes
+    """
+
+    path: Path
+    word: str
+    beside: tuple[tuple[Path, int], ...] = ()
+
+    @staticmethod
+    def left_in(folder: Path, *beside: Path) -> Witness:
+        """Writes one. Raises InputError when the disk refuses."""
+        word = secrets.token_hex(16)
+        path = atomic.make_folder(folder) / f"{_PREFIX}{word[:8]}"
+        atomic.write_text(path, word)
+        return Witness(path, word, tuple((p, p.stat().st_size) for p in beside))
+
+    def missing(self) -> str:
+        """The path of what this machine does not see, "" where it sees all."""
+        try:
+            if read_regular(self.path, 64).decode() != self.word:
+                return str(self.path.parent)
+        except (OSError, ValueError):
+            return str(self.path.parent)
+        for path, size in self.beside:
+            try:
+                if path.stat().st_size != size:
+                    return str(path)
+            except OSError:
+                return str(path)
+        return ""
+
+    def remove(self) -> None:
+        self.path.unlink(missing_ok=True)

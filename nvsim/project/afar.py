@@ -1,0 +1,49 @@
+"""A project as another machine sees it: its files on a storage that both share, and in memory what its database says.
+
+SQLite's write-ahead log needs memory that all processes share, so no other machine may open the database itself.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.files.read_only_database import Snapshot
+from nvsim.project import database
+from nvsim.project.layout import Layout
+from nvsim.project.project import Project
+
+_TABLES = ("meta", "stages", "submap_frames")
+
+
+@dataclass(frozen=True)
+class ProjectAfar:
+    """root  the path of the project, there as here
+    rows     of each table that a stage reads
+    making   see `Project.making`
+    """
+
+    root: Path
+    rows: dict[str, list[tuple[object, ...]]]
+    making: dict[str, str]
+
+    @staticmethod
+    def of(project: Project, making: Mapping[str, str] | None = None) -> ProjectAfar:
+        """As it stands now. Raises InputError where the database is damaged."""
+        c = project.connection
+        rows = {table: [tuple(row) for row in c.execute(f"SELECT * FROM {table}")] for table in _TABLES}
+        return ProjectAfar(project.root, rows, dict(making or {}))
+
+    def open(self) -> Project:
+        """To be read; nothing can be committed."""
+        memory = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False, factory=Snapshot)
+        layout = Layout(self.root)
+        memory.path = layout.database
+        database.lay_out(memory)
+        for table, rows in self.rows.items():
+            if rows:
+                memory.executemany(f"INSERT INTO {table} VALUES ({', '.join('?' * len(rows[0]))})", rows)
+        memory.execute("PRAGMA query_only=1")
+        return Project(layout, memory, None).making(self.making)

@@ -1,0 +1,82 @@
+"""The depth of frames estimated by workers that may be on other machines."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Caller, Executor, Order, SentFile, Unseen
+from nvsim.cluster.storage import Witness
+from nvsim.depth.config import DepthConfig
+from nvsim.depth.estimate import Elsewhere, FramesInPhases, Phase
+from nvsim.depth.files import confidence_path, depth_path, draft_path
+from nvsim.depth.planes import Plane
+from nvsim.errors import InputError
+from nvsim.events import Listener
+from nvsim.files.atomic import make_folder, write_bytes
+from nvsim.project.afar import ProjectAfar
+from nvsim.project.project import Project
+from nvsim.project.stages.frames_afar import do_frames_afar
+
+
+def depth_afar(
+    executor: Executor, storage: Storage, project: Project, folder: Path, config: DepthConfig, listen: Listener
+) -> Elsewhere:
+    """What does frames of a phase on a cluster, for `estimate_depth`, which writes to `folder`."""
+    afar = ProjectAfar.of(project)
+
+    def elsewhere(phase: Phase, frames: list[int], planes: list[Plane], tell: Callable[[int], None]) -> None:
+        whose = {path.relative_to(folder).as_posix(): i for i in frames for path in _files(folder, phase, i)}
+
+        def receive(file: SentFile) -> None:
+            if file.name not in whose:
+                raise InputError(f"A worker sent a file {file.name!r}, which is no depth; look who it is.")
+            write_bytes(folder / file.name, file.data)
+            if folder / file.name == _files(folder, phase, whose[file.name])[-1]:
+                tell(whose[file.name])
+
+        def order(some: list[int], threads: int) -> Order:
+            left = [i for i in some if not _files(folder, phase, i)[-1].is_file()]
+            return Order(depth_there, (afar, folder, config, phase, left, planes, threads))
+
+        do_frames_afar(executor, storage, project, "depth", frames, order, receive, listen)
+
+    return elsewhere
+
+
+def depth_there(
+    caller: Caller,
+    afar: ProjectAfar,
+    folder: Path,
+    config: DepthConfig,
+    phase: Phase,
+    frames: Sequence[int],
+    planes: Sequence[Plane],
+    threads: int,
+    witness: Witness,
+) -> Unseen | None:
+    """Does frames of a phase and sends their files, named as they lie below the folder of the depth."""
+    missing = witness.missing()
+    if missing:
+        return Unseen(f"A machine of the cluster does not see {missing}")
+    with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-depth-") as name:
+        out = Path(name)
+        make_folder(out / phase)
+        work = FramesInPhases(project.need_capture(), folder, config, planes)
+        with ThreadPoolExecutor(threads) as pool:
+            for index, _ in zip(frames, pool.map(partial(work.do, phase, out), frames), strict=True):
+                for path in _files(out, phase, index):
+                    caller.send(path.relative_to(out).as_posix(), path.read_bytes())
+                    path.unlink()
+    return None
+
+
+def _files(folder: Path, phase: Phase, index: int) -> list[Path]:
+    """What a frame of a phase is written to, in order."""
+    if phase == "finished":
+        return [confidence_path(folder, index), depth_path(folder, index)]
+    return [draft_path(folder / phase, index)]

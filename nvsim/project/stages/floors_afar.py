@@ -1,0 +1,97 @@
+"""Floor masks found by workers that may be on other machines."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Caller, Executor, Order, SentFile, Unseen
+from nvsim.cluster.storage import Witness
+from nvsim.errors import InputError
+from nvsim.events import Listener, Progress
+from nvsim.files.atomic import make_folder, write_bytes
+from nvsim.perception.failures import Failures
+from nvsim.perception.segment import SegmentConfig, mask_path, segment_capture
+from nvsim.project.afar import ProjectAfar
+from nvsim.project.config import FloorsConfig
+from nvsim.project.floor_heights import floors_seen
+from nvsim.project.floor_provider import choose
+from nvsim.project.project import Project
+from nvsim.project.scan import depth_maps
+from nvsim.project.stages.frames_afar import do_frames_afar
+
+_STAGE = "floors"
+
+
+def segment_afar(
+    executor: Executor,
+    storage: Storage,
+    project: Project,
+    making: dict[str, str],
+    config: FloorsConfig,
+    provider: list[object],
+    listen: Listener,
+) -> None:
+    """Writes the masks that are missing in `project`, which is `making` them with the provider of that key, as far as
+    the cluster can find them. Raises InputError."""
+    folder, count = make_folder(project.layout.masks), len(project.need_capture().frames)
+    missing = [i for i in range(count) if not mask_path(folder, i).exists()]
+    failures = Failures(folder)
+    failures.forget(missing)
+    done = count - len(missing)
+    afar = ProjectAfar.of(project, making)
+
+    def receive(file: SentFile) -> None:
+        nonlocal done
+        number, _, failure = file.name.partition(" ")
+        index = int(number) if number.isdecimal() else -1
+        if index not in missing:
+            raise InputError(f"A worker sent a file {file.name!r}, which is no mask; look who it is.")
+        if failure:
+            failures.add(index, failure)  # type: ignore[arg-type]  # what is none is left out by who reads it
+        write_bytes(mask_path(folder, index), file.data)
+        done += 1
+        listen(Progress(_STAGE, done, count, project.need_capture().frames[index].name))
+
+    def order(frames: list[int], threads: int) -> Order:
+        left = [i for i in frames if not mask_path(folder, i).exists()]
+        return Order(segment_there, (afar, config, provider, left, threads))
+
+    do_frames_afar(executor, storage, project, _STAGE, missing, order, receive, listen)
+
+
+def segment_there(
+    caller: Caller,
+    afar: ProjectAfar,
+    config: FloorsConfig,
+    provider: list[object],
+    frames: Sequence[int],
+    threads: int,
+    witness: Witness,
+) -> Unseen | None:
+    """Finds the floor in frames and sends their masks, named by the number of the frame and what failed."""
+    missing = witness.missing()
+    if missing:
+        return Unseen(f"A machine of the cluster does not see {missing}")
+    with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-floors-") as name:
+        found = choose(config, project.scan, lambda: depth_maps(project) is not None)
+        if found.key() != provider:
+            raise InputError("The machines of the cluster have other networks installed; install the same everywhere.")
+        capture, floors = replace(project.need_capture(), cloud=project.scan()), floors_seen(project)
+        failures = segment_capture(
+            capture,
+            floors.__getitem__,
+            Path(name),
+            SegmentConfig(threads=threads),
+            caller.tell,
+            frames,
+            depth_maps(project),
+            found.open(),
+        )
+        for index in frames:
+            failed = failures.get(index, "")
+            caller.send(f"{index} {failed}".rstrip(), mask_path(Path(name), index).read_bytes())
+    return None

@@ -1,0 +1,73 @@
+"""The frames of a stage done by workers that may be on other machines, some frames a piece. They read the project and
+its images from a storage that all share, and send back files, which are written here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+
+from nvsim.cluster.config import Storage
+from nvsim.cluster.piece import Executor, Finished, Order, Piece, SentFile, Unseen
+from nvsim.cluster.storage import Witness
+from nvsim.errors import InputError
+from nvsim.events import Listener, Log, Warning, Worker
+from nvsim.project.project import Project
+from nvsim.project.stages.training_pool import BASE_BYTES
+
+_POINT_BYTES = 200  # per point of a scan: itself, a tree over it, and what is found around it
+_FRAME_BYTES = 200 << 20  # of what is kept of frames
+
+
+def do_frames_afar(
+    executor: Executor,
+    storage: Storage,
+    project: Project,
+    stage: str,
+    frames: Sequence[int],
+    order: Callable[[list[int], int], Order],
+    receive: Callable[[SentFile], None],
+    listen: Listener,
+) -> None:
+    """Gives out `frames`, and `receive` gets their files, unharmed. `order` says what a worker does with some of them,
+    with so many threads; its work takes a Witness last. Where the machines do not see the project all frames are left
+    out, which the user is told. Raises InputError, also where storage was said to be shared and is not."""
+    if not frames:
+        return
+    if storage == "sent":
+        _say_alone("Without a shared storage", stage, listen)
+        return
+    machines = executor.machines
+    threads = min(2, max(machines, default=1))
+    count = max(1, min(len(frames), sum(cores // threads for cores in machines)))
+    chunks = [list(frames[i * len(frames) // count : (i + 1) * len(frames) // count]) for i in range(count)]
+    cloud = project.scan() if stage == "floors" else None
+    needed = BASE_BYTES + _FRAME_BYTES + _POINT_BYTES * (0 if cloud is None else len(cloud.points))
+    pieces = [Piece(stage, c[0], f"frames {c[0]} to {c[-1]}", threads, needed) for c in chunks]
+    of_piece = dict(zip([p.part for p in pieces], chunks, strict=True))
+    witness = Witness.left_in(project.layout.checkpoints, project.need_capture().frames[0].image_path)
+
+    def begin(piece: Piece) -> Order:
+        made = order(of_piece[piece.part], threads)
+        return Order(made.work, (*made.given, witness))
+
+    try:
+        with closing(executor.run(pieces, begin)) as told:
+            for _, message in told:
+                if isinstance(message, Unseen):
+                    if storage == "shared":
+                        raise InputError(f"{message.why}; share it with all machines under the same path.")
+                    _say_alone(message.why, stage, listen)
+                    return
+                if isinstance(message, SentFile):
+                    message.check()
+                    receive(message)
+                elif isinstance(message, Log | Warning | Worker):
+                    listen(message)
+                else:
+                    assert not isinstance(message, Finished) or message.value is None
+    finally:
+        witness.remove()
+
+
+def _say_alone(why: str, stage: str, listen: Listener) -> None:
+    listen(Log(f"{why}: this stage is done by this machine alone.", stage))

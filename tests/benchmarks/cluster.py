@@ -1,0 +1,173 @@
+"""Trains four submaps of the built-in building with the processes of this machine and with a Ray cluster on it, both of
+two workers of one core, and once more while a worker is killed now and then; says how long each took and whether the
+models are the same to the bit.
+
+python tests/benchmarks/cluster.py [--steps 600] [--image-size 320] [--kill-every 60] [--storage shared|sent]
+    [--no-local] [--json]
+
+Starts a head of its own, and ends it. With --kill-every 0 none is killed. Efficiency is the time of the cluster left
+alone over that of the one that loses workers. Exit code 1 when models differ.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import json
+import os
+import secrets
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+
+from nvsim.building import BuildingConfig, generate
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig, Storage
+from nvsim.events import Event, Worker, silent
+from nvsim.project.config import CaptureConfig
+from nvsim.project.project import Project
+from nvsim.project.stages import floors, imported, submaps, trained
+from nvsim.submaps.split import SubmapConfig
+from nvsim.training.compilation import compile_ahead
+from nvsim.training.config import TrainingConfig
+
+
+def make(path: Path, width: int) -> None:
+    """A project of four submaps, ready to be trained."""
+    with Project.create_or_open(path) as project:
+        building = BuildingConfig(size="small", width=width, height=width * 3 // 4, step=0.5, turn=30.0, people=False)
+        generate(project.layout.root, building, silent)
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
+        submaps.run(project, SubmapConfig(count=4), silent)
+        floors.run(project, silent)
+
+
+@contextlib.contextmanager
+def head(cores: int) -> Iterator[str]:
+    """The address of a new cluster on this machine, with a token of its own."""
+    os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32), "RAY_USAGE_STATS_ENABLED": "0"}
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    folder = Path(tempfile.mkdtemp(prefix="nvr-", dir="/tmp"))
+    command = [sys.executable, "-m", "ray.scripts.scripts", "start", "--head", f"--port={port}",
+               f"--num-cpus={cores}", "--include-dashboard=false", "--object-store-memory=200000000", "--block",
+               f"--temp-dir={folder}"]  # fmt: skip
+    with open(folder / "head.log", "wb") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
+    try:
+        while "block forever" not in (folder / "head.log").read_text():
+            if process.poll() is not None:
+                raise SystemExit((folder / "head.log").read_text())
+            time.sleep(0.1)
+        yield f"127.0.0.1:{port}"
+    finally:
+        process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(20)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class Killer:
+    """Kills a worker every so many seconds, each in turn; hears their events."""
+
+    def __init__(self, every: float) -> None:
+        self._every, self._next, self.kills = every, time.monotonic() + every, 0
+        self._working: dict[int, int] = {}  # part -> process
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Worker):
+            if event.state == "works":
+                self._working[event.part] = int(event.name.split()[-1])
+            else:
+                self._working.pop(event.part, None)
+        if self._every > 0 and time.monotonic() > self._next and self._working:
+            part = next(iter(self._working))
+            with contextlib.suppress(psutil.Error):
+                psutil.Process(self._working.pop(part)).kill()
+                self.kills += 1
+            self._next = time.monotonic() + self._every
+
+
+def models(path: Path) -> dict[str, str]:
+    """A hash of the files of each model."""
+    found = {}
+    with Project.open(path) as project:
+        for submap in project.submaps("train"):
+            for file in sorted(project.layout.model(submap.index).iterdir()):
+                if file.suffix != ".json":  # which says how long it took
+                    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+                    found[f"{submap.index}/{file.suffix}"] = digest
+    return found
+
+
+def timed(base: Path, name: str, run: Callable[[Project], None]) -> tuple[float, dict[str, str]]:
+    """Seconds of a training in a copy of the project, and its models."""
+    path = base.with_name(f"{name}.nvsim")
+    shutil.copytree(base, path)
+    started = time.perf_counter()
+    with Project.open(path, writable=True) as project:
+        run(project)
+    return time.perf_counter() - started, models(path)
+
+
+def measure(
+    work: Path, config: TrainingConfig, kill_every: float, storage: Storage, with_local: bool
+) -> dict[str, object]:
+    """All runs, one after another."""
+    base = work / "base.nvsim"
+    make(base, config.image_size)
+    compile_ahead(silent)
+    result: dict[str, object] = {"load": round(os.getloadavg()[0], 1)}
+    expected: dict[str, str] = {}
+    if with_local:
+        here, expected = timed(base, "here", lambda p: trained.run(p, config, silent, at_once=2))
+        result["local_seconds"] = round(here, 1)
+    with head(2) as address, opened(ClusterConfig("ray", address, storage)) as executor:
+
+        def run(listen: Callable[[Event], None]) -> Callable[[Project], None]:
+            return lambda p: trained.run(p, config, listen, at_once=2, executor=executor, storage=storage)
+
+        afar, found = timed(base, "afar", run(silent))
+        result["ray_seconds"] = round(afar, 1)
+        if with_local:
+            result["same_models"] = found == expected
+        if kill_every > 0:
+            killer = Killer(kill_every)
+            shot, again = timed(base, "shot", run(killer))
+            result |= {
+                "kills": killer.kills, "killed_seconds": round(shot, 1), "efficiency": round(afar / shot, 2),
+                "same_models_although_killed": again == found,
+            }  # fmt: skip
+    return result
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--steps", type=int, default=600)
+    parser.add_argument("--image-size", type=int, default=320)
+    parser.add_argument("--gaussian-cap", type=int, default=20_000)
+    parser.add_argument("--kill-every", type=float, default=60.0)
+    parser.add_argument("--storage", choices=("shared", "sent"), default="shared")
+    parser.add_argument("--no-local", action="store_true", help="the cluster alone")
+    parser.add_argument("--json", action="store_true")
+    a = parser.parse_args()
+    config = TrainingConfig(steps=a.steps, image_size=a.image_size, gaussian_cap=a.gaussian_cap, threads=1)
+    with tempfile.TemporaryDirectory() as folder:
+        result = measure(Path(folder), config, a.kill_every, a.storage, not a.no_local)
+    print(json.dumps(result) if a.json else "\n".join(f"{k}: {v}" for k, v in result.items()))
+    return 0 if all(v for k, v in result.items() if k.startswith("same_models")) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

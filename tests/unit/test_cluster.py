@@ -1,0 +1,112 @@
+"""How pieces of work share machines, when a lost one is given up, and what a user reads where there is no cluster."""
+
+from __future__ import annotations
+
+import importlib.util
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from nvsim.cli.main import main
+from nvsim.cluster.choice import opened
+from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.piece import Piece
+from nvsim.cluster.retries import Attempt
+from nvsim.cluster.sharing import places, threads_each
+from nvsim.cluster.storage import Witness
+from nvsim.cluster.versions import versions
+from nvsim.errors import InputError
+from nvsim.events import Progress
+
+GB = 1_000_000_000
+PIECE = Piece("train", 3, "submap 3", 2, 2 * GB)
+
+
+@pytest.mark.parametrize(
+    ("machines", "pieces", "expected"),
+    [((2,), 4, 1), ((8, 8, 8), 4, 4), ((8, 8), 2, 8), ((16, 4), 3, 5), ((1, 1), 1, 1), ((), 3, 1)],
+)
+def test_all_pieces_run_at_once_with_as_many_threads_as_that_leaves(
+    machines: tuple[int, ...], pieces: int, expected: int
+) -> None:
+    found = threads_each(machines, pieces)
+    assert found == expected
+    if sum(machines) >= pieces:
+        assert places(machines, found) >= pieces > places(machines, found + 1) or found == max(machines)
+
+
+def test_memory_is_doubled_for_who_was_killed_for_it_up_to_the_largest_machine() -> None:
+    attempt = Attempt(PIECE, PIECE.bytes)
+    assert "4.0 GB" in attempt.lost(True, 7 * GB)
+    assert "7.0 GB" in attempt.lost(True, 7 * GB)
+    with pytest.raises(InputError, match="no machine has more"):
+        attempt.lost(True, 7 * GB)
+
+
+def test_losses_count_in_a_row_only() -> None:
+    attempt = Attempt(PIECE, PIECE.bytes)
+    for step in range(1, 6):
+        attempt.hear(Progress("train", step, 10))
+        attempt.lost(False, GB)
+    attempt.lost(False, GB)
+    attempt.hear(Progress("train", 3, 10))  # it was there before
+    with pytest.raises(InputError, match="came no further"):
+        attempt.lost(False, GB)
+
+
+def test_a_machine_without_the_same_files_says_what_it_lacks(tmp_path: Path) -> None:
+    image = tmp_path / "images" / "a.jpg"
+    image.parent.mkdir()
+    image.write_bytes(b"123")
+    witness = Witness.left_in(tmp_path / "project", image)
+    assert witness.missing() == ""
+    assert replace(witness, word="another").missing() == str(tmp_path / "project")
+    image.write_bytes(b"1234")
+    assert witness.missing() == str(image)
+    witness.remove()
+    assert witness.missing() == str(tmp_path / "project")
+    assert list((tmp_path / "project").iterdir()) == []
+
+
+def test_versions_tell_sources_apart() -> None:
+    assert set(versions()) >= {"NVSim", "Python", "numba", "numpy", "torch"}
+    assert "sources" in versions()["NVSim"]
+
+
+def test_without_the_extra_one_sentence_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    assert main(["train", "--project", str(tmp_path), "--executor", "ray"]) == 2
+    assert capsys.readouterr().err.count("nvsim[cluster]") == 1
+
+
+@pytest.mark.parametrize("address", ["ray://host:10001", "host", "host:0", "host:x", ":6379", "a/b:1"])
+def test_what_is_no_address_is_refused(address: str) -> None:
+    with pytest.raises(InputError, match="HOST:PORT"), opened(ClusterConfig("ray", address)):
+        pass
+
+
+def test_an_address_where_nothing_answers_is_a_sentence_in_bounded_time() -> None:
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("Ray is not installed")
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    started = time.monotonic()
+    with pytest.raises(InputError, match="Nothing answers at"), opened(ClusterConfig("ray", f"127.0.0.1:{port}")):
+        pass
+    assert time.monotonic() - started < 20
+
+
+def test_ray_is_imported_where_it_is_asked_for_and_nowhere_else() -> None:
+    program = (
+        "import sys, nvsim.cli.commands.train, nvsim.cli.commands.run, nvsim.cluster.ray_pool\n"
+        "from nvsim.cluster.choice import opened\nfrom nvsim.cluster.config import ClusterConfig\n"
+        "with opened(ClusterConfig()): sys.exit('ray' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0
