@@ -18,7 +18,7 @@ _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 COLUMNS = ("Worker", "Works on", "State", "Since")
 _STATE = 2
-_COLORS = {"works": colors.RUNNING_TEXT, "lost": colors.BLOCKED_TEXT}
+_COLORS = {"works": "running", "lost": "blocked"}
 _WORDS = {"works": "works", "ended": "idle", "lost": "lost"}
 
 
@@ -52,7 +52,7 @@ class WorkerModel(QAbstractTableModel):
             return None
         row = self.rows[index.row()]
         if role == Qt.ItemDataRole.ForegroundRole and index.column() == _STATE:
-            return QColor(_COLORS.get(row[_STATE], colors.QUIET_TEXT))
+            return QColor(colors.text(_COLORS.get(row[_STATE], "quiet")))
         if role == Qt.ItemDataRole.ToolTipRole:
             return tip(f"{row[0]}: {row[1]}, {row[2]}")
         return plain(row[index.column()]) if role == Qt.ItemDataRole.DisplayRole else None

@@ -41,7 +41,7 @@ class ResultPart(Part):
         if handle.job.order.verb in EVALUATIONS and handle.state == "done":
             self._read.pop(handle.number, None)  # it may have been run again
             self._gather()
-            self.workspace.window.docks["results"].raise_()
+            self.workspace.window.front_dock("results")
 
     def _gather(self) -> None:
         found = []

@@ -242,6 +242,11 @@ class MainWindow(QMainWindow):
         self._docks[name].show()
         self._docks[name].raise_()
 
+    def front_dock(self, name: str) -> None:
+        """Brings a panel before those it shares a place with, unless it was closed. Raises KeyError like show_dock."""
+        if not self._docks[name].isHidden():
+            self._docks[name].raise_()
+
     @property
     def docks(self) -> Mapping[str, QDockWidget]:
         """Name -> the dock that holds the panel."""
