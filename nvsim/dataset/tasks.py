@@ -138,7 +138,7 @@ def _looked_at(
         for one in look_around(scans, graph):
             views.append(one)
             listen(Progress("surroundings", len(views), count, graph.scan))
-        storeys = list(layers_of(views))
+        storeys = list(layers_of(views, graph))
         if wants_words:
             seen[graph.scan] = surroundings_of(graph, storeys)
         if wants_episodes:

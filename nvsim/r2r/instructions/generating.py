@@ -90,7 +90,7 @@ def _with_cues(
 
 def _ends_by_sight(leg: Leg) -> bool:
     """Whether one can know by what is said where it ends."""
-    return any(cue.kind in ("by", "into", "through") for cue in leg.cues)
+    return any(cue.kind in ("by", "into", "through", "stairs", "to stairs") for cue in leg.cues)
 
 
 def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:
