@@ -13,6 +13,12 @@ _ROOMS = 0.6  # and what the doorway leads out of, or into
 _MOST = 2  # besides the doorway
 
 
+def told_once(cues: Set[Cue]) -> frozenset[Cue]:
+    """All of them, but of a thing by which the leg ends not that one passes it."""
+    ends = {cue.what for cue in cues if cue.kind == "by"}
+    return frozenset(cue for cue in cues if cue.kind != "past" or cue.what not in ends)
+
+
 def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
     """Some of the cues: of each kind one at most."""
     some: list[Cue] = []

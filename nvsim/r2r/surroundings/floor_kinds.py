@@ -17,21 +17,22 @@ FLOORS = (*COLOURS, *MATERIALS, *(f"{colour} {RUG}" for colour in COLOURS))
 """Names of floors."""
 EVERY = 0.2
 """Metres between the places at which the floor is looked at."""
-_RUGS = ("red", "green", "blue", "purple", "yellow")  # what else is a patch of the floor may be a shadow
+_RUGS = ("red", "green", "blue", "purple", "yellow")  # other patches may be shadows, or rugs in a pattern of tiles
 _SHORTEST, _LONGEST, _FILLED = 0.7, 3.5, 0.75  # metres of the sides of a rug; share of its rectangle
 _RING, _AROUND = (0.35, 0.9), 0.5  # metres off a rug, behind its border, and the share of that which is another floor
+_WALLED = 0.15  # share of what is next to a rug that walls are
 _MOSTLY, _NEARLY_ALL = 0.5, 0.9  # of the looks at a floor of one colour, and of those that tell what it is made of
 _LEAST = 0.5  # square metres that tell it
 _LIKE = {"wooden": ("brown", "beige", "red", "yellow"), "tiled": ("white", "grey", "black", "beige")}
 
 
-def floor_kinds(layers: Layers) -> NDArray[np.int64]:
-    """(rows, columns) index into FLOORS, NAMELESS where it has no name or is not seen."""
+def floor_kinds(layers: Layers, walls: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(rows, columns) index into FLOORS, NAMELESS where it has no name or is not seen; `walls` (rows, columns)."""
     colours, made_of = floor_names(layers), floor_materials(layers)
     found = np.where(made_of >= 0, made_of + len(COLOURS), colours)
     for colour, patch in _patches(colours):
-        if colour in _RUGS and _is_rug(patch, colours):
-            found[patch] = FLOORS.index(f"{colour} {RUG}")
+        if _lies_on_another(patch, colours, walls):
+            found[patch] = FLOORS.index(f"{colour} {RUG}") if colour in _RUGS else NAMELESS
             continue
         looks = made_of[patch & (made_of != UNSEEN)]
         sure = np.bincount(looks[looks >= 0], minlength=len(MATERIALS))
@@ -73,8 +74,8 @@ def _patches(colours: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[np.bool_
                     yield colour, labels == k
 
 
-def _is_rug(patch: NDArray[np.bool_], colours: NDArray[np.int64]) -> bool:
-    """Whether a patch is a rectangle as large as a rug, and lies on another floor."""
+def _lies_on_another(patch: NDArray[np.bool_], colours: NDArray[np.int64], walls: NDArray[np.bool_]) -> bool:
+    """Whether a patch is a rectangle as large as a rug that lies on another floor, and no small room."""
     import cv2
 
     cells = np.argwhere(patch)
@@ -86,6 +87,8 @@ def _is_rug(patch: NDArray[np.bool_], colours: NDArray[np.int64]) -> bool:
         cv2.dilate(patch.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
         for side in (2 * round(metres / CELL) + 1 for metres in _RING)
     )
+    if walls[near & ~patch].mean() > _WALLED:
+        return False
     around = far & ~near
     other = around & (colours != NAMELESS) & (colours != colours[patch][0])
     return float(other.sum()) >= _AROUND * float(around.sum())

@@ -60,8 +60,11 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
         first, here = len(things), find_things(layers)
         things += here
         walls, standing = walls_of(layers), layers.between(0.4, 1.7) >= 4
-        kinds_of_floor = floor_kinds(layers)
+        kinds_of_floor = floor_kinds(layers, walls)
         sees = {one.viewpoint.id: _seen_by(one, here) for one in layers.seen}
+        for id, place in at.items():  # what is in the next room is not what one stands by or passes
+            behind = {i for i in sees[id] if doorways_between(walls, standing, layers, place[:2], here[i].middle)}
+            sees[id] -= behind
         kinds |= dict(zip(at, kinds_of(walls, layers, np.array([place[:2] for place in at.values()]))))
         for id, place in at.items():
             near[id] = tuple((first + i, *where) for i, where in _near(place, here, sees[id]))
