@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
+from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QKeyEvent
 from PySide6.QtWidgets import (
     QComboBox,
@@ -102,11 +102,21 @@ class TaskModel(QAbstractTableModel):
         )[column]
 
 
+def _is_ours(event: QKeyEvent) -> bool:
+    return event.key() in _TAKEN and event.modifiers() == Qt.KeyboardModifier.NoModifier
+
+
 class _Table(QTableView):
     pressed_key = Signal(int)
 
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and _is_ours(event):
+            event.accept()  # the keys of the list come before those of the window
+            return True
+        return super().event(event)
+
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        if event.key() in _TAKEN and event.modifiers() == Qt.KeyboardModifier.NoModifier:
+        if _is_ours(event):
             self.pressed_key.emit(event.key())
         else:
             super().keyPressEvent(event)
@@ -127,6 +137,7 @@ class TaskPanel(QWidget):
         self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
         self.text.setPlaceholderText("Filter by words or path id")
         self.which = QComboBox()
+        self.which.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.which.setToolTip(tip("Whose trajectory is drawn and walked; 0 to 9 in the list choose it"))
         self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])

@@ -15,6 +15,7 @@ from task_samples import exported, house
 from nvsim.cli.main import main
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import Ways
+from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.following import follow
 from nvsim.r2r.instructions.generating import Told, instruct, say
 from nvsim.r2r.instructions.ground import Ground, Leg, Step, goes_on, turned, wrapped
@@ -65,6 +66,24 @@ def test_legs_are_what_the_path_does() -> None:
     assert [leg.slope for leg in legs] == ["level", "level", "up", "level"]
     assert [leg.metres for leg in legs] == pytest.approx([5, 2, 1.8, 1])
     assert [math.degrees(leg.turn) for leg in legs] == pytest.approx([90, -110, 0, -90])
+
+
+def test_stairs_are_said_with_their_height_and_where_they_end() -> None:
+    # 3 m north on the level, a stair of two steps of the graph with a rise of 1.2 m each, 2 m east.
+    ground = row_of((0, 0, 1), (0, 3, 1), (0, 5, 2.2), (0, 7, 3.4), (2, 7, 3.4))
+    there = ground.legs(range(5), 0.0)
+    assert [leg.cues for leg in there] == [
+        frozenset([Cue("to stairs", "up")]),
+        frozenset([Cue("stairs", "top")]),
+        frozenset(),
+    ]
+    assert there[1].metres == pytest.approx(2.4)
+    back = ground.legs([4, 3, 2, 1, 0], math.radians(270))
+    assert [sorted(leg.cues) for leg in back] == [[Cue("to stairs", "down")], [Cue("stairs", "bottom")], []]
+    (partway,) = ground.legs([1, 2], 0.0)
+    assert not partway.cues and rounded([partway], "words")[0].metres == 1.0
+    text = instruction_of(rounded([there[1]], "words"), "words", Random(0))
+    assert "stairs" in text and "2.5 metres" in text and ("top" in text or "all the way up" in text)
 
 
 @pytest.mark.parametrize(

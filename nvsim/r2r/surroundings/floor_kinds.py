@@ -87,8 +87,8 @@ def _lies_on_another(patch: NDArray[np.bool_], colours: NDArray[np.int64], walls
         cv2.dilate(patch.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
         for side in (2 * round(metres / CELL) + 1 for metres in _RING)
     )
-    if walls[near & ~patch].mean() > _WALLED:
+    beside, around = near & ~patch, far & ~near
+    if not around.any() or walls[beside].mean() > _WALLED:
         return False
-    around = far & ~near
     other = around & (colours != NAMELESS) & (colours != colours[patch][0])
     return float(other.sum()) >= _AROUND * float(around.sum())
