@@ -123,8 +123,9 @@ class _Table(QTableView):
 
 
 class TaskPanel(QWidget):
-    """opened(), picked(), played(), undone(), exported(): buttons. chosen(): another task or none. judged(state), written(texts):
-    of the chosen task. stepped(int): the step of the path or trajectory to stand at. visited(): show the whole path."""
+    """opened(), picked(), played(), undone(), exported(): buttons. chosen(): another task or none. judged(state),
+    written(texts): of the chosen task. stepped(int): the step of the path or trajectory to stand at. visited(): show
+    the whole path."""
 
     opened, picked, played, undone, exported, chosen, visited = (Signal() for _ in range(7))
     judged, written, stepped = Signal(str), Signal(list), Signal(int)
@@ -167,7 +168,8 @@ class TaskPanel(QWidget):
                                               ("Export accepted", self.exported))))
         )  # fmt: skip
         box.addLayout(_row(self.text, self.split, self.state, self.order))
-        self.walk = QPushButton("Walk", checkable=True)
+        self.walk = QPushButton("Walk")
+        self.walk.setCheckable(True)
         self.walk.setToolTip(tip("Walks the path, or the trajectory, viewpoint by viewpoint (Space in the list)"))
         for widget in (self.table, self.words, self.editor, self.slider):
             box.addWidget(widget, 1 if widget is self.table else 0)
@@ -280,7 +282,7 @@ class TaskPanel(QWidget):
         self.slider.blockSignals(False)
 
     def _list_instructions(self) -> None:
-        """Offers the worst of the task's instructions, and each; keeps the number that was chosen where there is one."""
+        """Offers the worst of the task's instructions, and each; keeps the chosen number where there is one."""
         count = 0 if self.current is None else len(self.current.task.instr_ids)
         before = self.which.currentIndex()
         self.which.blockSignals(True)

@@ -1,4 +1,4 @@
-"""Floors are called what they are made of where their joints say so, and by their colour where not; stairs are apart."""
+"""Floors are called what they are made of where joints say so, and by their colour where not; stairs are apart."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_a_change_of_the_floor_is_said_where_it_is_for_good(floors: list[str], c
 
 
 def test_a_patch_is_the_floor_from_above() -> None:
-    """A strip whose colour is the direction: the pixel straight below lies in the patch's middle, north is up in rows."""
+    """What is straight below lies in its middle, and what is farther than the floor would be is none."""
     side = 32
     strip = np.zeros((side, 6 * side, 3), np.uint8)
     strip[:, 5 * side :] = 200  # the face that looks down

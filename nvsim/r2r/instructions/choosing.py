@@ -7,7 +7,16 @@ from random import Random
 
 from nvsim.r2r.instructions.cues import Cue
 
-_SAID = {"through": 0.9, "along": 0.6, "floor": 0.7, "past": 0.6, "by": 0.6, "rug": 0.8, "stairs": 0.9, "to stairs": 0.7}
+_SAID = {
+    "through": 0.9,
+    "along": 0.6,
+    "floor": 0.7,
+    "past": 0.6,
+    "by": 0.6,
+    "rug": 0.8,
+    "stairs": 0.9,
+    "to stairs": 0.7,
+}
 """How often a cue of a kind is said where there is one."""
 _ROOMS = 0.6  # and what the doorway leads out of, or into
 _MOST = 2  # besides the doorway

@@ -10,8 +10,8 @@ from nvsim.r2r.instructions.ground import Leg, wrapped
 
 Detail = Literal["words", "clock", "degrees"]
 DETAILS: tuple[Detail, ...] = ("words", "clock", "degrees")
-"""How fine an instruction is: turns in words and whole metres, of height half ones; turns by the hours of a clock and half metres; turns by
-tens of degrees and half metres."""
+"""How fine an instruction is: turns in words and whole metres, of height half ones; turns by the hours of a clock and
+half metres; turns by tens of degrees and half metres."""
 _STEPS = {"clock": 30, "degrees": 10}
 
 TURNS = {0: "ahead", 40: "slightly right", 90: "right", 135: "sharply right", 180: "around"} | {

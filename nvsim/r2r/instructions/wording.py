@@ -26,8 +26,16 @@ CLOCK_PHRASES = ("turn to {} o'clock", "face {} o'clock", "turn towards {} o'clo
 DEGREE_PHRASES = ("turn {} degrees to the {}", "turn {} degrees {}", "make a turn of {} degrees to the {}")
 WALK_PHRASES: dict[Slope, tuple[str, ...]] = {
     "level": ("walk {}", "go {}", "move forward {}", "advance {}"),
-    "up": ("go up the stairs*, {} higher", "climb the stairs* until you are {} higher", "walk up the stairs*, rising {}"),
-    "down": ("go down the stairs*, {} lower", "descend the stairs* until you are {} lower", "walk down the stairs*, dropping {}"),
+    "up": (
+        "go up the stairs*, {} higher",
+        "climb the stairs* until you are {} higher",
+        "walk up the stairs*, rising {}",
+    ),
+    "down": (
+        "go down the stairs*, {} lower",
+        "descend the stairs* until you are {} lower",
+        "walk down the stairs*, dropping {}",
+    ),
 }
 """A star is where the way ahead is said. Up and down, metres are those of height."""
 ON_PHRASES: dict[Slope, tuple[str, ...]] = {

@@ -46,7 +46,9 @@ def read_folder(*paths: Path) -> Folder:
         found += [file for file in inside if file not in found]
     parents = {file.parent for file in found}
     if len(parents) != 1:
-        raise InputError("The files of tasks lie in several folders; name those of one, as their review lies beside them.")
+        raise InputError(
+            "The files of tasks lie in several folders; name those of one, as their review lies beside them."
+        )
     entries = tuple(Entry(file.stem, task) for file in found for task in read_tasks(file))
     review_file = parents.pop() / FOLDER / FILE
     return Folder(review_file, entries, read_review(review_file))

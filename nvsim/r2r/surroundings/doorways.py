@@ -74,8 +74,8 @@ def _runs(values: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floating]) -> list[Kind]:
-    """Whether places (N, 2) are in a room, which has space for a disc of 2.9 m that covers them, or in a corridor, which
-    has none for one of 2.6 m and is long; "" where that is disputable, or a room and a corridor are open to each other."""
+    """Whether places (N, 2) are in a room, where a disc of 2.9 m covers them, or in a corridor, where none of 2.6 m
+    does and which is long; "" where that is disputable, or a room and a corridor are open to each other."""
     from scipy.ndimage import label
 
     firm = _without_islands(walls)

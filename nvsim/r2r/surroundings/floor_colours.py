@@ -25,4 +25,3 @@ def floor_names(layers: Layers) -> NDArray[np.int64]:
     seen = lab[..., 3] > 0
     mean = blurred[..., :3] / np.maximum(blurred[..., 3:], 1e-6)
     return np.where(seen, names_of(mean), NAMELESS)
-

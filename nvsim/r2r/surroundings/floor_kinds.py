@@ -30,15 +30,16 @@ def floor_kinds(layers: Layers, walls: NDArray[np.bool_]) -> NDArray[np.int64]:
     """(rows, columns) index into FLOORS, NAMELESS where it has no name or is not seen; `walls` (rows, columns)."""
     colours, made_of = floor_names(layers), floor_materials(layers)
     found = np.where(made_of >= 0, made_of + len(COLOURS), colours)
-    for colour, patch in _patches(colours):
-        if _lies_on_another(patch, colours, walls):
-            found[patch] = FLOORS.index(f"{colour} {RUG}") if colour in _RUGS else NAMELESS
-            continue
+    for _, patch in _patches(colours):
         looks = made_of[patch & (made_of != UNSEEN)]
         sure = np.bincount(looks[looks >= 0], minlength=len(MATERIALS))
         best = int(sure.argmax())
         if sure[best] >= max(_LEAST / CELL**2, _MOSTLY * len(looks), _NEARLY_ALL * sure.sum()):
             found[patch] = len(COLOURS) + best
+    named = found.copy()
+    for i, patch in _patches(named):
+        if _lies_on_another(patch, named, walls):
+            found[patch] = FLOORS.index(f"{FLOORS[i]} {RUG}") if FLOORS[i] in _RUGS else NAMELESS
     return found
 
 
@@ -61,20 +62,20 @@ def floors_differ(one: str, other: str) -> bool:
     return differ(one, other)
 
 
-def _patches(colours: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    """The connected patches of the floor of one colour."""
+def _patches(kinds: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+    """The connected patches of the floor of one name, with its index into FLOORS."""
     import cv2
 
-    for i, colour in enumerate(COLOURS):
-        mask = (colours == i).astype(np.uint8)
+    for i in range(len(FLOORS)):
+        mask = (kinds == i).astype(np.uint8)
         if mask.any():
             count, labels, sizes, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
             for k in range(1, count):
                 if sizes[k, cv2.CC_STAT_AREA] * CELL**2 >= _LEAST:
-                    yield colour, labels == k
+                    yield i, labels == k
 
 
-def _lies_on_another(patch: NDArray[np.bool_], colours: NDArray[np.int64], walls: NDArray[np.bool_]) -> bool:
+def _lies_on_another(patch: NDArray[np.bool_], kinds: NDArray[np.int64], walls: NDArray[np.bool_]) -> bool:
     """Whether a patch is a rectangle as large as a rug that lies on another floor, and no small room."""
     import cv2
 
@@ -90,5 +91,5 @@ def _lies_on_another(patch: NDArray[np.bool_], colours: NDArray[np.int64], walls
     beside, around = near & ~patch, far & ~near
     if not around.any() or walls[beside].mean() > _WALLED:
         return False
-    other = around & (colours != NAMELESS) & (colours != colours[patch][0])
+    other = around & (kinds != NAMELESS) & (kinds != kinds[patch][0])
     return float(other.sum()) >= _AROUND * float(around.sum())
