@@ -10,7 +10,7 @@ _STEP = 0.15  # metres of a single step, which is no stair
 
 
 def slope_of(rise: float, metres: float) -> Slope:
-    """Of an edge of so many metres that rises by so many."""
+    """The slope of an edge of a length `metres` whose end is `rise` metres higher than its beginning."""
     if abs(rise) <= max(_STEEP * metres, _STEP):
         return "level"
     return "up" if rise > 0 else "down"

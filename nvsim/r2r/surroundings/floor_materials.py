@@ -59,7 +59,7 @@ def _add(sums: NDArray[np.float64], layers: Layers, patch: FloorPatch) -> None:
     sin of twice and of four times their angle, and CIELAB."""
     import cv2
 
-    lab = lab_of(patch.colours)
+    lab = lab_of(patch.colours.astype(np.float32))
     light = cv2.GaussianBlur(np.ascontiguousarray(lab[..., 0]), (0, 0), 1.0)
     dx, dy = (cv2.Sobel(light, cv2.CV_32F, i, 1 - i, ksize=3) / 8 for i in (1, 0))
     inside = cv2.erode(patch.seen.astype(np.uint8), np.ones((7, 7), np.uint8), borderValue=0).astype(bool)

@@ -104,8 +104,8 @@ class Layers:
 
 
 def layers_of(seen: Sequence[Seen], graph: NavGraph) -> Iterator[Layers]:
-    """The storeys, the lowest first: what level edges join, and what else lies as high. Viewpoints on stairs belong to
-    none: whatever they see stands higher or lower than for others."""
+    """The storeys, the lowest first: viewpoints that level edges join, and others that are as high. Viewpoints on
+    stairs belong to none, because what they see is higher or lower than others see it."""
     groups: list[list[Seen]] = []
     for part in sorted(_level_parts(seen, graph), key=len, reverse=True):
         same = [group for group in groups if abs(_floor(group) - _floor(part)) < _APART]
