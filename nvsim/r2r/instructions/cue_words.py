@@ -49,7 +49,7 @@ INTO = {"room": ("into the next room", "entering a room"), "corridor": ("into th
 ALONG = ("along the corridor", "down the hallway", "following the corridor")
 FLOOR = (
     "from the {0} floor onto the {1} one",
-    "where the floor changes from {2} to {3}",
+    "to where the floor changes from {2} to {3}",
     "to where the {0} floor gives way to a {1} one",
 )
 """0, 1: what the floors are like; 2, 3: what they are of."""

@@ -79,7 +79,9 @@ def _clause(leg: Leg, detail: Detail, both: str, random: Random) -> str:
     ahead = "" if turn else f" {_of(AHEAD_PHRASES, random)}"
     walk = walk.replace("*", ahead) if "*" in walk else walk + ahead
     if seen:
-        walk = f"{walk} {seen}" if leg.metres is None and (turn or leg.slope == "level") else f"{walk}, {seen}"
+        clause = leg.metres is not None or seen.startswith(("leaving", "following"))
+        clause = clause or (not turn and leg.slope != "level")
+        walk = f"{walk}, {seen}" if clause else f"{walk} {seen}"
     return both.format(turn, walk) if turn else walk
 
 
