@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
+from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QKeyEvent
 from PySide6.QtWidgets import (
     QComboBox,
@@ -24,11 +24,14 @@ from app.look.plain_text import tip
 from app.look.wrapping import WrappingRow
 from nvsim.r2r.reviewing.folder import Entry
 from nvsim.r2r.reviewing.playback import Episode
-from nvsim.r2r.reviewing.review import Review
+from nvsim.r2r.reviewing.review import Key, Review
 
 _HEADS = ("Split", "Path", "Edges", "Metres", "State", "NE", "SPL", "Instruction")
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
+_WALK = 600  # milliseconds of a step when the path is walked
 _PAUSE = 1500  # milliseconds without a key until what is typed is kept
+_DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
+_TAKEN = {*_KEYS, *_DIGITS, *(getattr(Qt.Key, f"Key_{name}") for name in ("E", "Return", "Left", "Right", "Space"))}
 _Index = QModelIndex | QPersistentModelIndex
 
 
@@ -37,13 +40,26 @@ class TaskModel(QAbstractTableModel):
         super().__init__()
         self.rows: list[Entry] = []
         self.review = Review()
-        self.faults: Mapping[tuple[str, int, str], str] = {}
-        self.episodes: Mapping[str, Episode] = {}
+        self.faults: Mapping[Key, str] = {}
+        self._episodes: Mapping[str, Episode] = {}
+        self._worst: dict[Key, Episode | None] = {}
 
-    def episode(self, entry: Entry) -> Episode | None:
-        """The worst of the task's instructions."""
-        found = [self.episodes[id] for id in entry.task.instr_ids if id in self.episodes]
-        return max(found, key=lambda e: (e.ne, -e.spl), default=None)
+    @property
+    def episodes(self) -> Mapping[str, Episode]:
+        return self._episodes
+
+    @episodes.setter
+    def episodes(self, found: Mapping[str, Episode]) -> None:
+        self._episodes, self._worst = found, {}
+
+    def episode(self, entry: Entry, which: int = 0) -> Episode | None:
+        """Of the instruction `which`, counted from 1; 0 for the worst of the task's."""
+        if which or not self.episodes:
+            return self.episodes.get("".join(entry.task.instr_ids[which - 1 : which]))
+        if entry.key not in self._worst:
+            found = [self.episodes[id] for id in entry.task.instr_ids if id in self.episodes]
+            self._worst[entry.key] = max(found, key=lambda e: (e.ne, -e.spl), default=None)
+        return self._worst[entry.key]
 
     def rowCount(self, parent: _Index = QModelIndex()) -> int:  # noqa: B008
         return 0 if parent.isValid() else len(self.rows)
@@ -86,35 +102,49 @@ class TaskModel(QAbstractTableModel):
         )[column]
 
 
+def _is_ours(event: QKeyEvent) -> bool:
+    return event.key() in _TAKEN and event.modifiers() == Qt.KeyboardModifier.NoModifier
+
+
 class _Table(QTableView):
     pressed_key = Signal(int)
 
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and _is_ours(event):
+            event.accept()  # the keys of the list come before those of the window
+            return True
+        return super().event(event)
+
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        if event.key() in (*_KEYS, Qt.Key.Key_E, Qt.Key.Key_Return, Qt.Key.Key_Left, Qt.Key.Key_Right) and (
-            event.modifiers() == Qt.KeyboardModifier.NoModifier
-        ):
+        if _is_ours(event):
             self.pressed_key.emit(event.key())
         else:
             super().keyPressEvent(event)
 
 
 class TaskPanel(QWidget):
-    """opened(), played(), undone(), exported(): buttons. chosen(): another task or none. judged(state), written(texts):
-    of the chosen task. stepped(int): the step of the path or trajectory to stand at. visited(): show the whole path."""
+    """opened(), picked(), played(), undone(), exported(): buttons. chosen(): another task or none. judged(state),
+    written(texts): of the chosen task. stepped(int): the step of the path or trajectory to stand at. visited(): show
+    the whole path."""
 
-    opened, played, undone, exported, chosen, visited = (Signal() for _ in range(6))
+    opened, picked, played, undone, exported, chosen, visited = (Signal() for _ in range(7))
     judged, written, stepped = Signal(str), Signal(list), Signal(int)
 
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("taskPanel")
         self.model, self.entries = TaskModel(), tuple[Entry, ...]()
+        self._lower: dict[Key, str] = {}  # what is looked for words in
         self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
         self.text.setAccessibleName("Filter by words or path id")
         for choice, name in ((self.split, "Split"), (self.state, "State"), (self.order, "Order")):
             choice.setAccessibleName(name)
         self.text.setPlaceholderText("Filter by words or path id")
-        self.state.addItems(["every state", "open", "accepted", "rejected", "edited", "broken"])
+        self.which = QComboBox()
+        self.which.setAccessibleName("Trajectory")
+        self.which.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self.which.setToolTip(tip("Whose trajectory is drawn and walked; 0 to 9 in the list choose it"))
+        self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])
         self.split.addItem("every split")
         self.table = _Table()
@@ -142,18 +172,27 @@ class TaskPanel(QWidget):
         box = QVBoxLayout(self)
         box.setContentsMargins(8, 8, 8, 8)
         box.addLayout(
-            _row(*(_button(t, s) for t, s in (("Open…", self.opened), ("Trajectories…", self.played),
-                                              ("Undo", self.undone), ("Export accepted", self.exported))))
+            _row(*(_button(t, s) for t, s in (("Open folder…", self.opened), ("Open files…", self.picked),
+                                              ("Trajectories…", self.played), ("Undo", self.undone),
+                                              ("Export accepted", self.exported))))
         )  # fmt: skip
         box.addLayout(_row(self.text, self.split, self.state, self.order))
+        self.walk = QPushButton("Walk")
+        self.walk.setCheckable(True)
+        self.walk.setToolTip(tip("Walks the path, or the trajectory, viewpoint by viewpoint (Space in the list)"))
         for widget in (self.table, self.words, self.editor, self.slider):
             box.addWidget(widget, 1 if widget is self.table else 0)
+        box.addLayout(_row(self.walk, self.which))
         self.text.textChanged.connect(self.refilter)
         for choice in (self.split, self.state, self.order):
             choice.currentIndexChanged.connect(self.refilter)
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_row())
         self.table.pressed_key.connect(self._on_key)
         self.slider.valueChanged.connect(self.stepped)
+        self._pace = QTimer(self, interval=_WALK)
+        self._pace.timeout.connect(self._go_on)
+        self.walk.toggled.connect(self._walk)
+        self.which.currentIndexChanged.connect(self._on_which)
         self._typed = QTimer(self, singleShot=True, interval=_PAUSE)
         self._typed.timeout.connect(self.keep)
         self.editor.textChanged.connect(self._typed.start)
@@ -163,8 +202,15 @@ class TaskPanel(QWidget):
         row = self.table.currentIndex().row()
         return self.model.rows[row] if 0 <= row < len(self.model.rows) else None
 
+    @property
+    def shown(self) -> Episode | None:
+        """What the agent did with the chosen instruction of the chosen task."""
+        entry = self.current
+        return None if entry is None else self.model.episode(entry, max(0, self.which.currentIndex()))
+
     def show_entries(self, entries: tuple[Entry, ...], review: Review) -> None:
         self.entries, self.model.review = entries, review
+        self._lower = {e.key: "\n".join(e.task.instructions).lower() for e in entries}
         self.split.blockSignals(True)
         self.split.clear()
         self.split.addItems(["every split", *sorted({e.split for e in entries})])
@@ -176,7 +222,9 @@ class TaskPanel(QWidget):
         before, model = self.current, self.model
         for column in (5, 6):
             self.table.setColumnHidden(column, not model.episodes)
-        rows = [e for e in self.entries if self._passes(e)]
+        words, split, wanted = self.text.text().lower(), self.split.currentText(), self.state.currentText()
+        split = split if self.split.currentIndex() > 0 else ""
+        rows = [e for e in self.entries if self._passes(e, words, split, wanted)]
         if self.order.currentIndex() == 1:
             rows.sort(key=lambda e: -d.ne if (d := model.episode(e)) else 1.0)
         if rows == model.rows and before is not None:  # what is typed and the step stay
@@ -201,20 +249,27 @@ class TaskPanel(QWidget):
             self.table.viewport().update()
         self.say()
 
-    def _passes(self, entry: Entry) -> bool:
-        verdict, wanted = self.model.review[entry.key], self.state.currentText()
-        words = self.text.text().lower()
-        texts = self.model.review.reviewed(entry.key, entry.task).instructions
-        return (
-            (self.split.currentIndex() <= 0 or entry.split == self.split.currentText())
-            and (not words or str(entry.task.path_id) == words or any(words in t.lower() for t in texts))
-            and {"open": not verdict.state, "edited": verdict.instructions is not None,
-                 "broken": bool(self.model.faults.get(entry.key))}.get(wanted, wanted in ("every state", verdict.state))
-        )  # fmt: skip
+    def _passes(self, entry: Entry, words: str, split: str, wanted: str) -> bool:
+        if split and entry.split != split:
+            return False
+        verdict = self.model.review[entry.key]
+        states = {"every state": True, "unread": not verdict.state, "edited": verdict.instructions is not None}
+        if wanted == "broken":
+            states[wanted] = bool(self.model.faults.get(entry.key))
+        if not states.get(wanted, wanted == verdict.state):
+            return False
+        if not words or str(entry.task.path_id) == words:
+            return True
+        return words in (self._lower[entry.key] if verdict.instructions is None else self._rewritten(entry))
+
+    def _rewritten(self, entry: Entry) -> str:
+        return "\n".join(self.model.review.reviewed(entry.key, entry.task).instructions).lower()
 
     def _on_row(self) -> None:
         self.keep()
         self.edited = self.current
+        self.walk.setChecked(False)
+        self._list_instructions()
         self.fill()
         self._steps(0)
         self.say()
@@ -229,12 +284,40 @@ class TaskPanel(QWidget):
 
     def _steps(self, at: int | None = None) -> None:
         """As many as the trajectory or the path has; stands `at` one, or where it stood."""
-        entry = self.current
-        did = None if entry is None else self.model.episode(entry)
+        entry, did = self.current, self.shown
         self.slider.blockSignals(True)
         self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
         self.slider.setValue(self.slider.value() if at is None else at)
         self.slider.blockSignals(False)
+
+    def _list_instructions(self) -> None:
+        """Offers the worst of the task's instructions, and each; keeps the chosen number where there is one."""
+        count = 0 if self.current is None else len(self.current.task.instr_ids)
+        before = self.which.currentIndex()
+        self.which.blockSignals(True)
+        self.which.clear()
+        self.which.addItems(["worst instruction", *(f"instruction {k + 1}" for k in range(count))])
+        self.which.setCurrentIndex(before if 0 <= before <= count else 0)
+        self.which.blockSignals(False)
+
+    def _on_which(self) -> None:
+        self._steps(0)
+        self.say()
+        self.chosen.emit()
+
+    def _walk(self, on: bool) -> None:
+        """From where one stands, or from the start again where the walk had ended."""
+        if on and self.slider.value() == self.slider.maximum():
+            self.slider.setValue(0)
+        if on:
+            self._pace.start()
+        else:
+            self._pace.stop()
+
+    def _go_on(self) -> None:
+        self.slider.setValue(self.slider.value() + 1)
+        if self.slider.value() >= self.slider.maximum():
+            self.walk.setChecked(False)
 
     edited: Entry | None = None  # whose instructions the editor holds
 
@@ -249,10 +332,12 @@ class TaskPanel(QWidget):
         entry = self.current
         if entry is None:
             return
-        fault, did = self.model.faults.get(entry.key, ""), self.model.episode(entry)
+        fault, did, which = self.model.faults.get(entry.key, ""), self.shown, self.which.currentIndex()
         parts = [f"{len(self.model.rows):,} of {len(self.entries):,} tasks", f"Broken: {fault}" if fault else ""]
         if did is not None:
-            parts.append(f"{'success' if did.success else 'failure'}, NE {lengths.length(did.ne)}, SPL {did.spl:.2f}")
+            whose = f"Instruction {which}: " if which > 0 else ""
+            outcome = "success" if did.success else "failure"
+            parts.append(f"{whose}{outcome}, NE {lengths.length(did.ne)}, SPL {did.spl:.2f}")
         self.words.setText(". ".join(p for p in parts if p) + ".")
 
     def _on_key(self, key: int) -> None:
@@ -260,6 +345,11 @@ class TaskPanel(QWidget):
             self.editor.setFocus()
         elif key == Qt.Key.Key_Return:
             self.visited.emit()
+        elif key == Qt.Key.Key_Space:
+            self.walk.toggle()
+        elif key in _DIGITS:
+            if key - _DIGITS[0] < self.which.count():
+                self.which.setCurrentIndex(key - _DIGITS[0])
         elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
             self.slider.setValue(self.slider.value() + (1 if key == Qt.Key.Key_Right else -1))
         else:

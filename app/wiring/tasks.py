@@ -50,6 +50,7 @@ class TaskPart(Part):
         self._turns: Counter[str] = Counter()
         self._came.connect(lambda then: then(), Qt.ConnectionType.QueuedConnection)
         panel.opened.connect(self._choose)
+        panel.picked.connect(self._choose_files)
         panel.played.connect(self._choose_trajectories)
         panel.undone.connect(self.undo)
         panel.exported.connect(self.export)
@@ -73,6 +74,11 @@ class TaskPart(Part):
         if name:
             self.open(Path(name))
 
+    def _choose_files(self) -> None:
+        names, _ = QFileDialog.getOpenFileNames(self.workspace.window, "Files of tasks", "", "Tasks (*.json)")
+        if names:
+            self.open(*map(Path, names))
+
     def _choose_trajectories(self) -> None:
         name, _ = QFileDialog.getOpenFileName(self.workspace.window, "Trajectories", "", "Submission (*.json)")
         if name:
@@ -87,9 +93,9 @@ class TaskPart(Part):
     def store(self, settings: object) -> None:
         self.panel.keep()
 
-    def open(self, path: Path) -> None:
-        """Reads a file or folder of tasks in the background; what cannot be read becomes a notice."""
-        self._behind("open", lambda: read_folder(path), self._show)
+    def open(self, *paths: Path) -> None:
+        """Reads files or a folder of tasks in the background; what cannot be read becomes a notice."""
+        self._behind("open", lambda: read_folder(*paths), self._show)
 
     def play(self, path: Path) -> None:
         """The same of a submission."""
@@ -206,7 +212,7 @@ class TaskPart(Part):
         return arrays.feet[rows].reshape(-1, 3)
 
     def _walked(self, entry: Entry) -> list[str]:
-        did = self.panel.model.episode(entry)
+        did = self.panel.shown
         return [pose[0] for pose in did.poses] if did else list(entry.task.path)
 
     def step(self, number: int) -> None:
@@ -216,7 +222,7 @@ class TaskPart(Part):
         if entry is None or graph is None or number >= len(ids) or ids[number] not in graph.viewpoints:
             return
         here, heading = np.array(graph.viewpoints[ids[number]].position), entry.task.heading
-        did = self.panel.model.episode(entry)
+        did = self.panel.shown
         if did is not None:
             heading = did.poses[number][1]
         elif number and ids[number - 1] in graph.viewpoints:
@@ -237,7 +243,7 @@ class TaskPart(Part):
         entry = self.panel.current
         if entry is None or not self.panel.isVisible():
             return
-        path, did = self._places(list(entry.task.path)), self.panel.model.episode(entry)
+        path, did = self._places(list(entry.task.path)), self.panel.shown
         if not len(path):
             return
         line(painter, surface, path[:-1], path[1:], colors.SELECTED, 4.0, Qt.PenStyle.SolidLine)

@@ -58,6 +58,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "export features": ("export_features", WORK["export features"].does),
     "export tasks": ("export_tasks", WORK["export tasks"].does),
+    "export reviewed": ("export_reviewed", "write the tasks that were accepted in a review, as they were rewritten"),
     "export dataset": ("export_dataset", WORK["export dataset"].does),
     "evaluate views": ("evaluate_views", WORK["evaluate views"].does),
     "evaluate ablation": ("evaluate_ablation", WORK["evaluate ablation"].does),

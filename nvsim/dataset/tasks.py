@@ -138,7 +138,7 @@ def _looked_at(
         for one in look_around(scans, graph):
             views.append(one)
             listen(Progress("surroundings", len(views), count, graph.scan))
-        storeys = list(layers_of(views))
+        storeys = list(layers_of(views, graph))
         if wants_words:
             seen[graph.scan] = surroundings_of(graph, storeys)
         if wants_episodes:
@@ -152,9 +152,10 @@ def _episodes(told: Told, scenes: dict[str, Any], listen: Listener) -> dict[str,
     from nvsim.r2r.episodes.episode import episodes_of
 
     episodes = episodes_of(told.dataset.splits, scenes, listen)
-    lacking = told.paths - sum(map(len, episodes.values()))
-    if lacking:
-        listen(
-            Warning(f"{lacking} of {told.paths} paths have no episode: they climb, or a robot has no room there", STAGE)
-        )
+    climbing = sum(scenes[task.scan].climbs(task) for tasks in told.dataset.splits.values() for task in tasks)
+    tight = told.paths - sum(map(len, episodes.values())) - climbing
+    why = [f"{climbing} lead over stairs, and actions are sought on one storey alone"] if climbing else []
+    why += [f"{tight} leave a robot no room"] if tight else []
+    if why:
+        listen(Warning(f"{climbing + tight} of {told.paths} paths have no episode: {'; '.join(why)}", STAGE))
     return episodes

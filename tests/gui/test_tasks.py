@@ -52,3 +52,34 @@ def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot
     part.undo()
     assert panel.model.review[key].instructions == ("Walk on.",)
     assert panel.editor.toPlainText() == "Walk on."
+
+
+def test_any_instructions_trajectory_is_walked_by_keys(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:
+    part = window.part(TaskPart)
+    graph = part.workspace.document.graph
+    assert graph is not None
+    ends = list(graph.edges)[0]
+    write_tasks(tmp_path / "R2R_train.json", [Task(0, graph.scan, ends, 0.5, ("Go on.", "Walk."))])
+    write_tasks(tmp_path / "R2R_test.json", [Task(1, graph.scan, ends, 0.5, ("Turn.",))])
+    write_tasks(tmp_path / "R2R_val_seen.json", [Task(2, graph.scan, ends, 0.5, ("Not named.",))])
+    there, stays = [(id, 0.0, 0.0) for id in ends], [(ends[0], 0.0, 0.0)]
+    write_submission(tmp_path / "s.json", {"0_0": there, "0_1": stays})
+    part.open(tmp_path / "R2R_train.json", tmp_path / "R2R_test.json")
+    panel = part.panel
+    qtbot.waitUntil(lambda: panel.model.rowCount() == 2)
+    part.play(tmp_path / "s.json")
+    qtbot.waitUntil(lambda: len(panel.model.episodes) == 2)
+    assert panel.shown is not None and len(panel.shown.poses) == 1  # the worst is the one that stays
+    qtbot.keyClick(panel.table, Qt.Key.Key_1)
+    assert len(panel.shown.poses) == 2 and "Instruction 1: success" in panel.words.text()
+    qtbot.keyClick(panel.table, Qt.Key.Key_7)  # there are only two
+    assert panel.which.currentIndex() == 1
+    qtbot.keyClick(panel.table, Qt.Key.Key_Space)
+    assert panel.walk.isChecked()
+    qtbot.waitUntil(lambda: panel.slider.value() == 1 and not panel.walk.isChecked())
+    panel.state.setCurrentText("unread")
+    qtbot.keyClick(panel.table, Qt.Key.Key_R)
+    assert [entry.task.path_id for entry in panel.model.rows] == [1]
+    panel.state.setCurrentText("rejected")
+    panel.text.setText("WALK")
+    assert [entry.task.path_id for entry in panel.model.rows] == [0]

@@ -25,7 +25,7 @@ ROBOT = 0.25
 def scene_in(folder: Path, door: float) -> tuple[list[Block], Scene]:
     blocks, graph = flat_house(door)
     root = export_blocks(folder, blocks, graph)
-    return blocks, Scene(graph, list(layers_of(list(look_around(root, graph)))))
+    return blocks, Scene(graph, list(layers_of(list(look_around(root, graph)), graph)))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_a_path_through_a_door_that_is_too_narrow_has_no_episode(tmp_path: Path)
 
 def test_what_a_cloud_knows_is_not_touched(house: tuple[list[Block], Scene], tmp_path: Path) -> None:
     blocks, graph = flat_house()
-    storeys = list(layers_of(list(look_around(export_blocks(tmp_path, blocks, graph), graph))))
+    storeys = list(layers_of(list(look_around(export_blocks(tmp_path, blocks, graph), graph)), graph))
     post = np.stack(np.meshgrid(np.arange(8.9, 9.2, 0.03), np.arange(0.0, 1.6, 0.03), 1.0), axis=-1).reshape(-1, 3)
     task = Task(1, "boxes", ("f", "g", "h"), 1.5)
     assert Scene(graph, storeys).episode(task) is not None

@@ -15,6 +15,7 @@ from task_samples import exported, house
 from nvsim.cli.main import main
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import Ways
+from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.following import follow
 from nvsim.r2r.instructions.generating import Told, instruct, say
 from nvsim.r2r.instructions.ground import Ground, Leg, Step, goes_on, turned, wrapped
@@ -23,6 +24,7 @@ from nvsim.r2r.instructions.wording import (
     AHEAD_PHRASES,
     CLOCK_PHRASES,
     DEGREE_PHRASES,
+    HALF_METRE,
     METRE_PHRASES,
     ONE_METRE,
     TURN_PHRASES,
@@ -50,7 +52,7 @@ def told(*graphs: NavGraph, count: int = 300) -> Told:
 
 
 def test_legs_are_what_the_path_does() -> None:
-    # 2 m north, 3 m north-north-east, 2 m west, a stair of 3 m up to the west, 1 m south.
+    # 2 m north, 3 m north-north-east, 2 m west, a stair of 3 m to the west that rises 1.8 m, 1 m south.
     bend = math.radians(20)
     ground = row_of(
         (0, 0, 1),
@@ -62,8 +64,26 @@ def test_legs_are_what_the_path_does() -> None:
     )
     legs = ground.legs(range(6), math.radians(270))
     assert [leg.slope for leg in legs] == ["level", "level", "up", "level"]
-    assert [leg.metres for leg in legs] == pytest.approx([5, 2, 3, 1])
+    assert [leg.metres for leg in legs] == pytest.approx([5, 2, 1.8, 1])
     assert [math.degrees(leg.turn) for leg in legs] == pytest.approx([90, -110, 0, -90])
+
+
+def test_stairs_are_said_with_their_height_and_where_they_end() -> None:
+    # 3 m north on the level, a stair of two steps of the graph with a rise of 1.2 m each, 2 m east.
+    ground = row_of((0, 0, 1), (0, 3, 1), (0, 5, 2.2), (0, 7, 3.4), (2, 7, 3.4))
+    there = ground.legs(range(5), 0.0)
+    assert [leg.cues for leg in there] == [
+        frozenset([Cue("to stairs", "up")]),
+        frozenset([Cue("stairs", "top")]),
+        frozenset(),
+    ]
+    assert there[1].metres == pytest.approx(2.4)
+    back = ground.legs([4, 3, 2, 1, 0], math.radians(270))
+    assert [sorted(leg.cues) for leg in back] == [[Cue("to stairs", "down")], [Cue("stairs", "bottom")], []]
+    (partway,) = ground.legs([1, 2], 0.0)
+    assert not partway.cues and rounded([partway], "words")[0].metres == 1.0
+    text = instruction_of(rounded([there[1]], "words"), "words", Random(0))
+    assert "stairs" in text and "2.5 metres" in text and ("top" in text or "all the way up" in text)
 
 
 @pytest.mark.parametrize(
@@ -75,6 +95,11 @@ def test_turns_are_said_in_the_nearest_word(degrees: float, word: str) -> None:
     assert abs(math.degrees(leg.turn) - degrees) <= 22.5 or word == "around"
 
 
+def pattern_of(phrase: str) -> str:
+    before, after = (re.escape(part) for part in phrase.split("{}"))
+    return before.replace(r"\*", "[a-z ]*") + r"(about|roughly|some|one|a single|half|\d)[^,]*" + after
+
+
 def read(text: str, detail: Detail) -> list[Leg]:
     """What one understands who knows the phrases: the facts of every sentence but the last."""
     legs = []
@@ -82,12 +107,13 @@ def read(text: str, detail: Detail) -> list[Leg]:
         words = sentence.lower()
         number = re.search(r"([\d.]+) metres", words)
         metres = float(number[1]) if number else 1.0
-        assert number or any(phrase in words for phrase in ONE_METRE)
+        metres = 0.5 if any(phrase in words for phrase in HALF_METRE) else metres
+        assert number or any(phrase in words for phrase in (*ONE_METRE, *HALF_METRE))
         slopes = {
             slope
             for slope, phrases in WALK_PHRASES.items()
             for phrase in phrases
-            if re.search(re.escape(phrase.format("")) + r"(about|roughly|some|one|a single|\d)", words)
+            if re.search(pattern_of(phrase), words)
         }
         hour = re.search(r"(\d+) o'clock", words)
         if detail == "clock" and hour:
@@ -123,7 +149,7 @@ def test_every_fact_can_be_read_back_from_the_words(detail: Detail) -> None:
 
 def test_no_phrase_stands_for_two_facts() -> None:
     phrases = [p for group in (*TURN_PHRASES.values(), *WALK_PHRASES.values()) for p in group]
-    phrases += [*AHEAD_PHRASES, *CLOCK_PHRASES, *DEGREE_PHRASES, *METRE_PHRASES, *ONE_METRE]
+    phrases += [*AHEAD_PHRASES, *CLOCK_PHRASES, *DEGREE_PHRASES, *METRE_PHRASES, *HALF_METRE, *ONE_METRE]
     assert len(set(phrases)) == len(phrases)
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.graph.types import Edge, NavGraph, Viewpoint
+from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.reviewing.faults import fault
 from nvsim.r2r.reviewing.folder import export_reviewed, read_folder
+from nvsim.r2r.reviewing.playback import episodes
 from nvsim.r2r.tasks.task import Task
 from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
 
@@ -67,3 +70,44 @@ def test_an_edited_graph_names_what_it_breaks() -> None:
     assert "not in the graph" in _fault("ab", {id: places[id] for id in "ab"})
     # By hand: 2 sqrt(8) = 5.66 m over b, 4 m straight.
     assert _fault("ab bc ac", places) == "a way 1.66 m shorter leads to the goal"
+
+
+def test_the_command_writes_what_was_accepted_and_with_unread_all_but_the_rejected(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_tasks(tmp_path / "R2R_train.json", [replace(TASK, path_id=id) for id in (1, 2, 3)])
+    folder = read_folder(tmp_path)
+    first, second, _ = (entry.key for entry in folder.entries)
+    folder.review.set_state(first, "accepted")
+    folder.review.set_instructions(first, ["Walk to the sofa."])
+    folder.review.set_state(second, "rejected")
+    folder.review.write(folder.review_file)
+    assert main(["export", "reviewed", str(tmp_path), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["splits"]
+    assert row == {"split": "R2R_train", "tasks": 3, "accepted": 1, "rejected": 1, "unread": 1, "rewritten": 1}
+    written = read_tasks(tmp_path / "reviewed" / "R2R_train.json")
+    assert [(task.path_id, task.instructions) for task in written] == [(1, ("Walk to the sofa.",))]
+    assert main(["export", "reviewed", str(tmp_path / "R2R_train.json"), "--unread", "--out", str(tmp_path / "o")]) == 0
+    assert [task.path_id for task in read_tasks(tmp_path / "o" / "R2R_train.json")] == [1, 3]
+    capsys.readouterr()
+    assert main(["export", "reviewed", str(tmp_path), "--out", str(tmp_path)]) == 2
+    assert "choose another folder" in capsys.readouterr().err
+
+
+def test_files_of_several_folders_have_no_common_review(tmp_path: Path) -> None:
+    files = [write_tasks(tmp_path / name / "R2R_train.json", [TASK]) for name in ("a", "b")]
+    with pytest.raises(InputError, match="several folders"):
+        read_folder(*files)
+
+
+def test_each_instruction_is_scored_by_its_own_trajectory() -> None:
+    at = {"a": (0.0, 0.0, 1.5), "b": (0.0, 4.0, 1.5), "c": (0.0, 8.0, 1.5)}
+    edges = [edge("a", "b"), edge("b", "c")]
+    graph = NavGraph("house", {id: Viewpoint(id, p) for id, p in at.items()}, {e.key: e for e in edges})
+    task = replace(TASK, instructions=("Go on.", "Walk.", "Run."))
+    walks = {"7_0": [("a", 0.0, 0.0)], "7_2": [(id, 0.0, 0.0) for id in "abc"]}
+    found = episodes([task, replace(task, path_id=8)], walks, Distances(graph))
+    assert {id: (one.ne, one.success, one.spl) for id, one in found.items()} == {
+        "7_0": (8.0, False, 0.0),
+        "7_2": (0.0, True, 1.0),
+    }

@@ -20,9 +20,12 @@ from nvsim.r2r.instructions.cue_words import (
     INTO,
     OUT_OF,
     PAST,
+    RUG,
+    STAIRS,
     STOP_BY,
     THINGS,
     THROUGH,
+    TO_STAIRS,
     cue_words,
     stop_words,
 )
@@ -44,7 +47,7 @@ Seen = tuple[NavGraph, Surroundings]
 def house(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     blocks, graph = flat_house()
     root = export_blocks(tmp_path_factory.mktemp("scans"), blocks, graph)
-    return graph, surroundings_of(graph, list(layers_of(list(look_around(root, graph)))))
+    return graph, surroundings_of(graph, list(layers_of(list(look_around(root, graph)), graph)))
 
 
 @pytest.mark.parametrize(
@@ -140,9 +143,17 @@ def read(text: str) -> set[Cue]:
                 found.add(Cue(kind, what))
     if any(phrase in text for phrase in ALONG):
         found.add(Cue("along", "corridor"))
+    like = {"wood": "wooden", "tiles": "tiled"}
     for phrase in FLOOR:
-        words = re.escape(phrase).replace(r"\{\}", "([a-z]+)")
-        found |= {Cue("floor", " to ".join(match)) for match in re.findall(words, text)}
+        words = re.sub(r"\\{\d\\}", "([a-z]+)", re.escape(phrase))
+        found |= {Cue("floor", " to ".join(like.get(w, w) for w in match)) for match in re.findall(words, text)}
+    for how, phrases in RUG.items():
+        for phrase in phrases:
+            found |= {Cue("rug", f"{how} {rug}") for rug in re.findall(phrase.format("([a-z]+ rug)"), text)}
+    for kind, table in (("stairs", STAIRS), ("to stairs", TO_STAIRS)):
+        for what, phrases in table.items():
+            if any(re.search(rf"\b{phrase}(?! of)\b", text) for phrase in phrases):
+                found.add(Cue(kind, what))
     return found
 
 
@@ -161,7 +172,10 @@ def test_every_cue_can_be_read_back_from_the_words() -> None:
         cues |= {Cue("through", "1")} if cues else set()
         cues |= {Cue("past", look(), random.choice(list(PAST)))} if random.random() < 0.5 else set()
         cues |= {Cue("by", look(), random.choice(list(BY)))} if random.random() < 0.5 else set()
-        cues |= {Cue("floor", "brown to grey")} if random.random() < 0.3 else set()
+        cues |= {Cue("floor", random.choice(["brown to grey", "wooden to tiled"]))} if random.random() < 0.3 else set()
+        cues |= {Cue("rug", f"{random.choice(list(RUG))} green rug")} if random.random() < 0.3 else set()
+        cues |= {Cue("stairs", random.choice(list(STAIRS)))} if random.random() < 0.3 else set()
+        cues |= {Cue("to stairs", random.choice(list(TO_STAIRS)))} if random.random() < 0.3 else set()
         text = cue_words(sorted(cues), choose, random)
         assert read(text) == cues, text
         end = Cue("by", look(), random.choice(list(STOP_BY)))

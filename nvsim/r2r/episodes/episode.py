@@ -42,13 +42,16 @@ class Scene:
             space = FreeSpace.of(layers, graph, cloud)
             self._spaces |= {one.viewpoint.id: space for one in layers.seen}
 
+    def climbs(self, task: Task) -> bool:
+        """Whether the path leads over stairs, where no level slice says what is in a robot's way."""
+        return len({self._spaces.get(id) for id in task.path}) > 1 or task.path[0] not in self._spaces
+
     def episode(self, task: Task) -> Episode | None:
         """None where the robot has no room along the path, or would have to climb."""
-        viewpoints = [self._graph.viewpoints[id] for id in task.path]
-        spaces = {self._spaces.get(id) for id in task.path}
-        space = spaces.pop()
-        if spaces or space is None:
+        if self.climbs(task):
             return None
+        viewpoints = [self._graph.viewpoints[id] for id in task.path]
+        space = self._spaces[task.path[0]]
         path = np.array([(*v.position[:2], v.position[2] - v.height) for v in viewpoints], np.float64)
         walk = walk_along(space, path, task.heading)
         return None if walk is None else Episode(task, path, walk, _floors(path, walk.places))

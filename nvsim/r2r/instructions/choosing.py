@@ -7,17 +7,32 @@ from random import Random
 
 from nvsim.r2r.instructions.cues import Cue
 
-_SAID = {"through": 0.9, "along": 0.6, "floor": 0.7, "past": 0.6, "by": 0.6}
+_SAID = {
+    "through": 0.9,
+    "along": 0.6,
+    "floor": 0.7,
+    "past": 0.6,
+    "by": 0.6,
+    "rug": 0.8,
+    "stairs": 0.9,
+    "to stairs": 0.7,
+}
 """How often a cue of a kind is said where there is one."""
 _ROOMS = 0.6  # and what the doorway leads out of, or into
 _MOST = 2  # besides the doorway
+
+
+def told_once(cues: Set[Cue]) -> frozenset[Cue]:
+    """All of them, but of a thing by which the leg ends not that one passes it."""
+    ends = {cue.what for cue in cues if cue.kind == "by"}
+    return frozenset(cue for cue in cues if cue.kind != "past" or cue.what not in ends)
 
 
 def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
     """Some of the cues: of each kind one at most."""
     some: list[Cue] = []
     doors: list[Cue] = []
-    for kind in ("through", "floor", "along", "by", "past"):
+    for kind in ("through", "stairs", "to stairs", "floor", "rug", "along", "by", "past"):
         named = {cue.what for cue in some}
         of_kind = [cue for cue in sorted(cues) if cue.kind == kind and cue.what not in named]
         if not of_kind or random.random() >= _SAID[kind]:

@@ -48,10 +48,22 @@ OUT_OF = {"room": ("out of the room", "leaving the room"), "corridor": ("out of 
 INTO = {"room": ("into the next room", "entering a room"), "corridor": ("into the corridor", "entering the hallway")}
 ALONG = ("along the corridor", "down the hallway", "following the corridor")
 FLOOR = (
-    "from the {} floor onto the {} one",
-    "where the floor changes from {} to {}",
-    "to where the {} floor gives way to a {} one",
+    "from the {0} floor onto the {1} one",
+    "to where the floor changes from {2} to {3}",
+    "to where the {0} floor gives way to a {1} one",
 )
+"""0, 1: what the floors are like; 2, 3: what they are of."""
+_OF = {"wooden": "wood", "tiled": "tiles"}
+RUG = {
+    "onto": ("onto the {}", "to where the {} begins"),
+    "off": ("off the {}", "to where the {} ends"),
+    "across": ("across the {}", "over the {}"),
+}
+STAIRS = {"top": ("to the top", "all the way up"), "bottom": ("to the bottom", "all the way down")}
+TO_STAIRS = {
+    "up": ("to the foot of the stairs", "to where the stairs lead up"),
+    "down": ("to the top of the stairs", "to where the stairs lead down"),
+}
 
 
 class Chooser(Protocol):
@@ -67,7 +79,12 @@ def cue_words(cues: Sequence[Cue], choose: Chooser, random: Random) -> str:
         if cue.kind == "along":
             said.append(choose(ALONG, random))
         elif cue.kind == "floor":
-            said.append(choose(FLOOR, random).format(*cue.what.split(" to ")))
+            said.append(choose(FLOOR, random).format(*_floors(cue)))
+        elif cue.kind == "rug":
+            how, _, rug = cue.what.partition(" ")
+            said.append(choose(RUG[how], random).format(rug))
+    said += [choose(STAIRS[c.what], random) for c in sorted(cues) if c.kind == "stairs"]
+    said += [choose(TO_STAIRS[c.what], random) for c in sorted(cues) if c.kind == "to stairs"]
     said += [choose(PAST[c.side], random).format(_thing(c, choose, random)) for c in sorted(cues) if c.kind == "past"]
     said += [choose(BY[c.side], random).format(_thing(c, choose, random)) for c in sorted(cues) if c.kind == "by"]
     return ", ".join(said)
@@ -76,6 +93,11 @@ def cue_words(cues: Sequence[Cue], choose: Chooser, random: Random) -> str:
 def stop_words(cue: Cue, choose: Chooser, random: Random) -> str:
     """The last sentence, where one stops by a thing."""
     return choose(STOP_BY[cue.side], random).format(_thing(cue, choose, random))
+
+
+def _floors(cue: Cue) -> list[str]:
+    names = cue.what.split(" to ")
+    return [*names, *(_OF.get(name, name) for name in names)]
 
 
 def _doors(cues: Sequence[Cue], choose: Chooser, random: Random) -> Sequence[str]:

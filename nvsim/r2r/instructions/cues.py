@@ -4,16 +4,15 @@ way, changes of the floor."""
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Literal
 
-from nvsim.r2r.surroundings.colour_names import differ
+from nvsim.r2r.surroundings.floor_kinds import RUG, floors_differ
 from nvsim.r2r.surroundings.survey import SAME_DOORWAY, Pair, Surroundings
 
-CueKind = Literal["through", "out of", "into", "along", "past", "by", "floor"]
+CueKind = Literal["through", "out of", "into", "along", "past", "by", "floor", "rug", "stairs", "to stairs"]
 CueSide = Literal["", "left", "right", "ahead"]
 _STEADY = 4  # places 0.2 m apart of one floor before and after a change
 _BESIDE = (math.radians(55), math.radians(125))
@@ -23,8 +22,10 @@ _AHEAD = math.radians(20)
 @dataclass(frozen=True, order=True)
 class Cue:
     """kind   "through" doorways, "out of" or "into" a room or corridor through the only one, "along" a corridor,
-           "past" a thing, "by" a thing where the leg ends, "floor" that changes once
-    what   how many doorways; room or corridor; "COLOUR SHAPE" of a thing; "COLOUR to COLOUR"
+           "past" a thing, "by" a thing where the leg ends, "floor" that changes once, "rug" under it,
+           "stairs" that end where the leg does, "to stairs" that begin there
+    what   how many doorways; room or corridor; "COLOUR SHAPE" of a thing; "FLOOR to FLOOR"; "onto", "off" or "across"
+           and the name of a rug; "top" or "bottom" of stairs; "up" or "down" where they lead
     side   of a thing, for one who looks along the way
     """
 
@@ -37,7 +38,7 @@ def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozens
     """All cues of a leg over viewpoints `ids`, two or more, at whose end one looks to `facing` (radians)."""
     steps = list(zip(ids, ids[1:]))
     if any(step not in seen.doors for step in steps):
-        return frozenset()  # of steps between storeys nothing is known
+        return frozenset(_by(ids[-1], facing, seen))  # of steps between storeys nothing is known
     found = [*_doorways(ids, steps, seen), *_past(steps, seen), *_by(ids[-1], facing, seen), *_floor(steps, seen)]
     return frozenset(found)
 
@@ -91,11 +92,27 @@ def _by(id: str, facing: float, seen: Surroundings) -> Iterator[Cue]:
 
 
 def _floor(steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
-    """A change from one colour to another for good: what comes in between has no name, or is one of both."""
-    names = [name for step in steps for name in seen.floors[step]]
-    runs = [(name, len(list(run))) for name, run in groupby(name for name in names if name)]
-    if len(runs) == 2 and differ(runs[0][0], runs[1][0]) and min(runs[0][1], runs[1][1]) >= _STEADY:
-        yield Cue("floor", f"{runs[0][0]} to {runs[1][0]}")
+    """A change from one floor to another for good, or a rug: what comes in between has no name, or is one of both."""
+    runs = _runs([name for step in steps for name in seen.floors[step] if name])
+    if not 2 <= len(runs) <= 3 or min(length for _, length in runs) < _STEADY:
+        return
+    names = [name for name, _ in runs]
+    rugs = [name.endswith(RUG) for name in names]
+    if len(names) == 2 and not any(rugs):
+        yield Cue("floor", " to ".join(names))
+    elif rugs in ([False, True], [True, False], [False, True, False]):
+        how = "across" if len(names) == 3 else "onto" if rugs[1] else "off"
+        yield Cue("rug", f"{how} {names[rugs.index(True)]}")
+
+
+def _runs(names: Sequence[str]) -> list[tuple[str, int]]:
+    """The floors one after the other, by the name that each has most often, and the number of places on it."""
+    runs: list[list[str]] = []
+    for name in names:
+        if not runs or any(floors_differ(name, other) for other in set(runs[-1])):
+            runs.append([])
+        runs[-1].append(name)
+    return [(Counter(run).most_common(1)[0][0], len(run)) for run in runs]
 
 
 def _look(seen: Surroundings, i: int) -> str:

@@ -9,7 +9,7 @@ from random import Random
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
-from nvsim.r2r.instructions.choosing import chosen_cues
+from nvsim.r2r.instructions.choosing import chosen_cues, told_once
 from nvsim.r2r.instructions.following import follow
 from nvsim.r2r.instructions.ground import Ground, Leg
 from nvsim.r2r.instructions.rounding import DETAILS, Detail, rounded
@@ -90,14 +90,14 @@ def _with_cues(
 
 def _ends_by_sight(leg: Leg) -> bool:
     """Whether one can know by what is said where it ends."""
-    return any(cue.kind in ("by", "into", "through") for cue in leg.cues)
+    return any(cue.kind in ("by", "into", "through", "stairs", "to stairs") for cue in leg.cues)
 
 
 def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:
     """What is said of a path (by rows of Ways) to one who looks to `heading` at its start: its legs in the roughest
     detail from which the follower finds it again, how rough that is, and whether it does; the finest where it does
     not."""
-    legs = ground.legs(path, heading)
+    legs = [replace(leg, cues=told_once(leg.cues)) for leg in ground.legs(path, heading)]
     for detail in DETAILS:
         said = rounded(legs, detail)
         if follow(ground, path[0], heading, said) == path:

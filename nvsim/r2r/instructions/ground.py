@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
+from nvsim.graph.slopes import Slope, slope_of
 from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions.cues import Cue, cues_along
+from nvsim.r2r.instructions.stairs import stair_cues
 from nvsim.r2r.surroundings.survey import Surroundings
 
-Slope = Literal["level", "up", "down"]
-_STEEP = 0.25  # metres up per metre of way: a stair or a ramp, and no threshold
 _STRAIGHT = math.radians(25)
 """A step that turns by less goes on in the same leg."""
 
@@ -21,7 +20,7 @@ _STRAIGHT = math.radians(25)
 class Step:
     """to        row of Ways
     heading   radians, None straight up or down
-    metres    of the edge
+    metres    of the edge; of one up or down, metres of height
     """
 
     to: int
@@ -35,7 +34,7 @@ class Leg:
     """A part of a path without a turn, on the level, up or down.
 
     turn     radians from where one looks to where it begins, positive to the right, in (-pi, pi]
-    metres   of all its steps; None where nothing is said of them
+    metres   of all its steps, of a leg up or down metres of height; None where nothing is said of them
     cues     what is seen along it: all of it, or what is said
     """
 
@@ -60,8 +59,8 @@ class Ground:
             for start, stop in ((a, b), (b, a)):
                 x, y, z = (ways.places[stop] - ways.places[start]).tolist()
                 heading = math.atan2(x, y) if math.hypot(x, y) > 1e-6 else None
-                slope: Slope = "level" if abs(z) <= _STEEP * metres else "up" if z > 0 else "down"
-                self.steps[start].append(Step(stop, heading, metres, slope))
+                slope = slope_of(z, metres)
+                self.steps[start].append(Step(stop, heading, metres if slope == "level" else abs(z), slope))
 
     def legs(self, rows: Sequence[int], heading: float) -> list[Leg]:
         """The legs of a path of two viewpoints or more, for one who looks to `heading` (radians) at its start."""
@@ -84,13 +83,13 @@ class Ground:
 
     def cues(self, rows: Sequence[int]) -> frozenset[Cue]:
         """What is seen along a leg over `rows`, two or more."""
-        if self._seen is None:
-            return frozenset()
         key = tuple(rows)
         if key not in self._cues:
-            facing = self.step(key[-2], key[-1]).heading
-            ids = [self._ids[row] for row in key]
-            self._cues[key] = frozenset() if facing is None else cues_along(ids, facing, self._seen)
+            last = self.step(key[-2], key[-1])
+            found = frozenset(stair_cues([[step.slope for step in self.steps[row]] for row in key], last.slope))
+            if self._seen is not None and last.heading is not None:
+                found |= cues_along([self._ids[row] for row in key], last.heading, self._seen)
+            self._cues[key] = found
         return self._cues[key]
 
 

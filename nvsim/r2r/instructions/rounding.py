@@ -10,8 +10,8 @@ from nvsim.r2r.instructions.ground import Leg, wrapped
 
 Detail = Literal["words", "clock", "degrees"]
 DETAILS: tuple[Detail, ...] = ("words", "clock", "degrees")
-"""How fine an instruction is: turns in words and whole metres; turns by the hours of a clock and half metres; turns by
-tens of degrees and half metres."""
+"""How fine an instruction is: turns in words and whole metres, of height half ones; turns by the hours of a clock and
+half metres; turns by tens of degrees and half metres."""
 _STEPS = {"clock": 30, "degrees": 10}
 
 TURNS = {0: "ahead", 40: "slightly right", 90: "right", 135: "sharply right", 180: "around"} | {
@@ -43,14 +43,19 @@ def degrees_of(leg: Leg) -> int:
 
 
 def _in_words(leg: Leg) -> Leg:
-    metres = None if leg.metres is None else float(max(1, round(leg.metres)))
+    metres = leg.metres
+    if metres is not None:
+        metres = float(max(1, round(metres))) if leg.slope == "level" else _in_halves(metres)
     return Leg(math.radians(_nearest(leg.turn)), metres, leg.slope, leg.cues)
 
 
 def _in_steps(leg: Leg, degrees: int) -> Leg:
     turn = wrapped(math.radians(degrees * round(math.degrees(leg.turn) / degrees)))
-    metres = None if leg.metres is None else max(0.5, round(2 * leg.metres) / 2)
-    return Leg(turn, metres, leg.slope, leg.cues)
+    return Leg(turn, None if leg.metres is None else _in_halves(leg.metres), leg.slope, leg.cues)
+
+
+def _in_halves(metres: float) -> float:
+    return max(0.5, round(2 * metres) / 2)
 
 
 def _nearest(turn: float) -> int:

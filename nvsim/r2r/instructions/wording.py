@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from random import Random
 
+from nvsim.graph.slopes import Slope
 from nvsim.r2r.instructions.cue_words import cue_words, stop_words
-from nvsim.r2r.instructions.ground import Leg, Slope
+from nvsim.r2r.instructions.ground import Leg
 from nvsim.r2r.instructions.rounding import Detail, degrees_of, hour_of, turn_of
 
 TURN_PHRASES: dict[str, tuple[str, ...]] = {
@@ -20,21 +21,31 @@ TURN_PHRASES: dict[str, tuple[str, ...]] = {
     "around": ("turn around", "turn back", "make a U-turn"),
 }
 AHEAD_PHRASES = ("straight ahead", "straight on", "without turning")
-"""After the walk, in place of a turn."""
+"""After the walk, or the stairs, in place of a turn."""
 CLOCK_PHRASES = ("turn to {} o'clock", "face {} o'clock", "turn towards {} o'clock")
 DEGREE_PHRASES = ("turn {} degrees to the {}", "turn {} degrees {}", "make a turn of {} degrees to the {}")
 WALK_PHRASES: dict[Slope, tuple[str, ...]] = {
     "level": ("walk {}", "go {}", "move forward {}", "advance {}"),
-    "up": ("go up for {}", "climb for {}", "walk up for {}"),
-    "down": ("go down for {}", "descend for {}", "walk down for {}"),
+    "up": (
+        "go up the stairs*, {} higher",
+        "climb the stairs* until you are {} higher",
+        "walk up the stairs*, rising {}",
+    ),
+    "down": (
+        "go down the stairs*, {} lower",
+        "descend the stairs* until you are {} lower",
+        "walk down the stairs*, dropping {}",
+    ),
 }
+"""A star is where the way ahead is said. Up and down, metres are those of height."""
 ON_PHRASES: dict[Slope, tuple[str, ...]] = {
     "level": ("walk", "go", "continue", "move forward"),
-    "up": ("go up the stairs", "climb the stairs", "walk up the stairs"),
-    "down": ("go down the stairs", "descend the stairs", "walk down the stairs"),
+    "up": ("go up the stairs*", "climb the stairs*", "walk up the stairs*"),
+    "down": ("go down the stairs*", "descend the stairs*", "walk down the stairs*"),
 }
 """The walk where no metres are said."""
 METRE_PHRASES = ("{} metres", "about {} metres", "roughly {} metres", "some {} metres")
+HALF_METRE = ("half a metre", "about half a metre", "roughly half a metre")
 ONE_METRE = ("one metre", "about one metre", "a single metre")
 _LINKS = ("", "then ", "next, ", "after that, ", "now ")
 _BOTH = ("{} and {}", "{}, then {}", "{} and then {}")
@@ -65,10 +76,12 @@ def _clause(leg: Leg, detail: Detail, both: str, random: Random) -> str:
         walk = _of(ON_PHRASES[leg.slope], random)
     else:
         walk = _of(WALK_PHRASES[leg.slope], random).format(_metres(leg.metres, random))
-    if not turn:
-        walk = f"{walk} {_of(AHEAD_PHRASES, random)}"
+    ahead = "" if turn else f" {_of(AHEAD_PHRASES, random)}"
+    walk = walk.replace("*", ahead) if "*" in walk else walk + ahead
     if seen:
-        walk = f"{walk} {seen}" if leg.metres is None else f"{walk}, {seen}"
+        clause = leg.metres is not None or seen.startswith(("leaving", "following"))
+        clause = clause or (not turn and leg.slope != "level")
+        walk = f"{walk}, {seen}" if clause else f"{walk} {seen}"
     return both.format(turn, walk) if turn else walk
 
 
@@ -86,6 +99,8 @@ def _turn(leg: Leg, detail: Detail, random: Random) -> str:
 
 
 def _metres(metres: float, random: Random) -> str:
+    if metres == 0.5:
+        return _of(HALF_METRE, random)
     if metres == 1:
         return _of(ONE_METRE, random)
     return _of(METRE_PHRASES, random).format(f"{metres:g}")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.r2r.reviewing.review import FILE, FOLDER, Key, Review, read_review
+from nvsim.r2r.reviewing.review import FILE, FOLDER, STATES, Key, Review, read_review
 from nvsim.r2r.tasks.task import Task
 from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
 
@@ -35,26 +35,50 @@ class Folder:
     review: Review
 
 
-def read_folder(path: Path) -> Folder:
-    """A file of tasks, or a folder with R2R_*.json and R4R_*.json. Raises InputError where none is there or one cannot
-    be read."""
-    files = sorted([*path.glob("R2R_*.json"), *path.glob("R4R_*.json")]) if path.is_dir() else [path]
-    if not files:
-        raise InputError(f"{path} holds no R2R_<split>.json; name the --out of nvsim export tasks.")
-    entries = tuple(Entry(file.stem, task) for file in files for task in read_tasks(file))
-    review_file = (path if path.is_dir() else path.parent) / FOLDER / FILE
+def read_folder(*paths: Path) -> Folder:
+    """Files of tasks of one folder, or a folder with R2R_*.json and R4R_*.json. Raises InputError where none is there,
+    one cannot be read, or they lie in several folders."""
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted([*path.glob("R2R_*.json"), *path.glob("R4R_*.json")]) if path.is_dir() else [path]
+        if not inside:
+            raise InputError(f"{path} holds no R2R_<split>.json; name the --out of nvsim export tasks.")
+        found += [file for file in inside if file not in found]
+    parents = {file.parent for file in found}
+    if len(parents) != 1:
+        raise InputError(
+            "The files of tasks lie in several folders; name those of one, as their review lies beside them."
+        )
+    entries = tuple(Entry(file.stem, task) for file in found for task in read_tasks(file))
+    review_file = parents.pop() / FOLDER / FILE
     return Folder(review_file, entries, read_review(review_file))
 
 
-def export_reviewed(entries: Iterable[Entry], review: Review, out: Path) -> list[Path]:
-    """Writes the accepted tasks, as people edited them, as `<split>.json` into `out`; returns the paths. Raises
-    InputError where none is accepted, or `out` holds the tasks themselves under these names."""
+def counts_of(folder: Folder) -> list[dict[str, str | int]]:
+    """Of each split how many tasks there are, accepted, rejected, unread and rewritten."""
+    rows: dict[str, dict[str, str | int]] = {}
+    for entry in folder.entries:
+        row = rows.setdefault(
+            entry.split, {"split": entry.split, **dict.fromkeys(("tasks", *STATES[1:], "unread", "rewritten"), 0)}
+        )
+        verdict = folder.review[entry.key]
+        for name in ("tasks", verdict.state or "unread", *(["rewritten"] if verdict.instructions is not None else [])):
+            row[name] = int(row[name]) + 1
+    return list(rows.values())
+
+
+def export_reviewed(entries: Iterable[Entry], review: Review, out: Path, unread: bool = False) -> list[Path]:
+    """Writes the accepted tasks, and with `unread` those that nobody decided about too, as people edited them, as
+    `<split>.json` into `out`; returns the paths. Raises InputError where there is none, or `out` holds the tasks
+    themselves under these names."""
+    states = ("accepted", "") if unread else ("accepted",)
     chosen: dict[str, list[Task]] = {}
     for entry in entries:
-        if review[entry.key].state == "accepted":
+        if review[entry.key].state in states:
             chosen.setdefault(entry.split, []).append(review.reviewed(entry.key, entry.task))
     if not chosen:
-        raise InputError("No task is accepted; accept tasks before they are written.")
+        why = "Every task is rejected" if unread else "No task is accepted"
+        raise InputError(f"{why}; accept tasks before they are written.")
     files = {out / f"{split}.json": tasks for split, tasks in chosen.items()}
     if out.name != FOLDER and any(os.path.lexists(path) for path in files):
         raise InputError(f"{out} holds files of tasks already; choose another folder.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.scores import score
@@ -23,14 +23,20 @@ class Episode:
 
 def episodes(tasks: Iterable[Task], trajectories: Trajectories, distances: Distances) -> Mapping[str, Episode]:
     """instr_id -> its episode, of the tasks and trajectories that the graph of `distances` holds."""
-    found: dict[str, Episode] = {}
+    ids: list[str] = []
+    alone: list[Task] = []  # tasks of one instruction each, numbered anew
+    walks: dict[str, tuple[Pose, ...]] = {}
     for task in tasks:
-        for k, id in enumerate(task.instr_ids):
+        if len(task.path) < 2 or distances.wrong_step(task.path):
+            continue
+        for id in task.instr_ids:
             poses = tuple(trajectories.get(id, ()))
-            walked = [pose[0] for pose in poses]
-            if len(task.path) < 2 or not poses or distances.wrong_step(task.path) or distances.wrong_step(walked):
-                continue
-            one = replace(task, instructions=task.instructions[k : k + 1])
-            scores = score([one], {one.instr_ids[0]: poses}, {task.scan: distances})
-            found[id] = Episode(poses, float(scores.ne[0]), bool(scores.success[0]), float(scores.spl[0]))
-    return found
+            if poses and not distances.wrong_step([pose[0] for pose in poses]):
+                alone.append(Task(len(ids), "", task.path, task.heading))
+                walks[alone[-1].instr_ids[0]] = poses
+                ids.append(id)
+    if not ids:
+        return {}
+    scores = score(alone, walks, {"": distances})
+    figures = zip(walks.values(), scores.ne.tolist(), scores.success.tolist(), scores.spl.tolist())
+    return {id: Episode(poses, ne, bool(success), spl) for id, (poses, ne, success, spl) in zip(ids, figures)}

@@ -19,7 +19,7 @@ _RANGES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, 
     "yellow": ((84, 105), (60, 100), (45, 200)),
     "green": ((108, 172), (18, 85), (16, 200)),
     "blue": ((232, 292), (15, 75), (14, 200)),
-    "purple": ((300, 340), (15, 75), (16, 200)),
+    "purple": ((314, 340), (15, 75), (16, 200)),  # CIELAB has the hue of blue at 306
 }
 
 

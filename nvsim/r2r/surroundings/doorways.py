@@ -17,7 +17,10 @@ _THICK = 0.6  # metres of a lintel, at most
 _DIRECTIONS = 36  # over half a turn
 _FAR = 9.0  # metres
 _LEAST, _CORRIDOR, _LONG = 0.8, 2.3, 5.5  # metres: width of a corridor, from, to; its length, at least
-_ROOM, _AROUND = 2.9, 0.7  # metres: width of a room, at least; how far off its middle may be
+_BEND = 2.6  # metres of a corridor that bends or branches, at most
+_ROOM = 2.9  # metres: width of a room, at least
+_WALL_LENGTH = 1.5  # metres
+_GAP = 5  # cells; walls that few rays meet have holes
 
 
 def doorways_between(
@@ -71,15 +74,51 @@ def _runs(values: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floating]) -> list[Kind]:
-    """Whether places (N, 2) are in a room or in a corridor, by how far the walls are; "" where that is disputable."""
-    from scipy.ndimage import distance_transform_edt, maximum_filter
+    """Whether places (N, 2) are in a room, where a disc of 2.9 m covers them, or in a corridor, where none of 2.6 m
+    does and which is long; "" where that is disputable, or a room and a corridor are open to each other."""
+    from scipy.ndimage import label
 
-    clear = (distance_transform_edt(~walls) * CELL).astype(np.float32)
-    widest = 2 * layers.values_at(maximum_filter(clear, size=2 * round(_AROUND / CELL) + 1), places)
+    firm = _without_islands(walls)
+    closed, _ = label(~_grown(firm, _GAP))  # by walls and lintels
+    narrow, _ = label(~firm & ~_covered(firm, _BEND))
+    roomy = layers.values_at(_covered(firm, _ROOM), places)
+    regions, strips = layers.values_at(closed, places), layers.values_at(narrow, places)
+    long = {strip for strip in set(strips.tolist()) - {0} if _longest(narrow == strip) >= _LONG}
+    corridor = [strip in long or _is_corridor(walls, layers, place) for strip, place in zip(strips.tolist(), places)]
+    mixed = {region for region, here in zip(regions.tolist(), corridor) if here} | {0}
     return [
-        "corridor" if _is_corridor(walls, layers, place) else "room" if wide >= _ROOM else ""
-        for place, wide in zip(places, widest)
+        "corridor" if here else "room" if wide and region not in mixed else ""
+        for here, wide, region in zip(corridor, roomy, regions.tolist())
     ]
+
+
+def _without_islands(walls: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Without what is too short for a wall: lamps, and what reconstructions leave below ceilings."""
+    import cv2
+
+    _, labels, sizes, _ = cv2.connectedComponentsWithStats(_grown(walls, 3).astype(np.uint8), connectivity=8)
+    longer = sizes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) * CELL
+    return np.asarray(walls & (longer >= _WALL_LENGTH)[labels])
+
+
+def _grown(walls: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    import cv2
+
+    return cv2.dilate(walls.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
+
+
+def _covered(walls: NDArray[np.bool_], diameter: float) -> NDArray[np.bool_]:
+    """(rows, columns) which cells discs of so many metres cover that no wall is in."""
+    from scipy.ndimage import distance_transform_edt
+
+    radius = diameter / 2 / CELL
+    return np.asarray(distance_transform_edt(distance_transform_edt(~walls) < radius) < radius)
+
+
+def _longest(mine: NDArray[np.bool_]) -> float:
+    """Metres of the longer side of the cells' box."""
+    rows, columns = np.nonzero(mine)
+    return float(max(np.ptp(rows), np.ptp(columns)) + 1) * CELL
 
 
 def _is_corridor(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating]) -> bool:

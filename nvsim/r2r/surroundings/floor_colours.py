@@ -1,15 +1,13 @@
-"""The colour of the floor along a way."""
+"""The colour of the floor."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names_of
+from nvsim.r2r.surroundings.colour_names import NAMELESS, lab_of, names_of
 from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
 
-EVERY = 0.2
-"""Metres between the places at which the floor is looked at."""
 _BLUR = 0.5  # metres over which patterns are averaged
 
 
@@ -27,13 +25,3 @@ def floor_names(layers: Layers) -> NDArray[np.int64]:
     seen = lab[..., 3] > 0
     mean = blurred[..., :3] / np.maximum(blurred[..., 3:], 1e-6)
     return np.where(seen, names_of(mean), NAMELESS)
-
-
-def floor_along(
-    names: NDArray[np.int64], layers: Layers, a: NDArray[np.floating], b: NDArray[np.floating]
-) -> tuple[str, ...]:
-    """The names of the floor's colour at places EVERY metres apart from `a` (2,) to `b` (2,), "" where none."""
-    count = max(1, round(float(np.linalg.norm(b - a)) / EVERY))
-    shares = (np.arange(count) + 0.5) / count
-    found = layers.values_at(names, a + shares[:, None] * (b - a))
-    return tuple("" if i == NAMELESS else COLOURS[int(i)] for i in found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -9,6 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.graph.slopes import slope_of
+from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.seen import Seen
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -17,7 +20,8 @@ CELL = 0.05
 FLOOR = 0.06
 """Metres up to which what is seen above and below the floor is the floor."""
 _LOWEST, _HIGHEST = -0.3, 3.2  # metres above the floor
-_APART = 0.8  # metres between floors of two storeys, at least
+_APART = 0.4  # metres between floors of two storeys, at least
+_FEW = 3  # viewpoints; fewer, from which stairs lead, stand on these
 _LEAST = 2  # points of a voxel
 _MOST = 40_000_000  # voxels
 _CEILING = (1.95, 3.2)  # metres above the floor between which a ceiling is looked for
@@ -99,15 +103,40 @@ class Layers:
         return values[at[..., 0].clip(0, self.shape[0] - 1), at[..., 1].clip(0, self.shape[1] - 1)]
 
 
-def layers_of(seen: Sequence[Seen]) -> Iterator[Layers]:
-    """The storeys, the lowest first: viewpoints belong to one whose floors are less than 0.8 m apart in order."""
-    order = sorted(seen, key=lambda s: s.floor)
+def layers_of(seen: Sequence[Seen], graph: NavGraph) -> Iterator[Layers]:
+    """The storeys, the lowest first: viewpoints that level edges join, and others that are as high. Viewpoints on
+    stairs belong to none, because what they see is higher or lower than others see it."""
     groups: list[list[Seen]] = []
-    for one in order:
-        if not groups or one.floor - groups[-1][-1].floor > _APART:
-            groups.append([])
-        groups[-1].append(one)
-    return (_layers(tuple(group)) for group in groups)
+    for part in sorted(_level_parts(seen, graph), key=len, reverse=True):
+        same = [group for group in groups if abs(_floor(group) - _floor(part)) < _APART]
+        if same:
+            same[0].extend(part)
+        else:
+            groups.append(part)
+    return (_layers(tuple(group)) for group in sorted(groups, key=_floor))
+
+
+def _level_parts(seen: Sequence[Seen], graph: NavGraph) -> Iterator[list[Seen]]:
+    """Viewpoints that level edges join, but for those on stairs."""
+    import networkx as nx
+
+    by_id = {one.viewpoint.id: one for one in seen}
+    level, climbing = nx.Graph(), set()
+    level.add_nodes_from(by_id)
+    for a, b in graph.edges:
+        if a in by_id and b in by_id:
+            rise = by_id[b].floor - by_id[a].floor
+            if slope_of(rise, math.dist(by_id[a].viewpoint.position, by_id[b].viewpoint.position)) == "level":
+                level.add_edge(a, b)
+            else:
+                climbing |= {a, b}
+    for ids in nx.connected_components(level):
+        if len(ids) >= _FEW or not ids & climbing:
+            yield [one for one in seen if one.viewpoint.id in ids]
+
+
+def _floor(seen: Sequence[Seen]) -> float:
+    return float(np.median([one.floor for one in seen]))
 
 
 def _layers(seen: tuple[Seen, ...]) -> Layers:
@@ -129,7 +158,7 @@ def _layers(seen: tuple[Seen, ...]) -> Layers:
     row, column = np.divmod(cell, columns)
     voxels = np.stack([column, row, level], axis=1).astype(np.int32)
     colours = (sums / counts[:, None]).astype(np.float32)
-    floor = float(np.median([s.floor for s in seen]))
+    floor = _floor(seen)
     where = float(low[0]), float(low[1])
     return Layers(seen, floor, where, voxels, colours, (rows, columns), _high_of(voxels[:, 2]))
 

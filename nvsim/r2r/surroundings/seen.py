@@ -19,6 +19,7 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.line_of_sight import read_depth, strip_pixels
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METRE
+from nvsim.r2r.surroundings.floor_patch import FloorPatch, floor_patch
 
 SIDE = 128
 """Pixels of a face as it is read."""
@@ -30,12 +31,14 @@ class Seen:
     """metres  (S, 6 S) float32 along the rays of a strip's pixels, 0 where there is nothing
     points  (n, 3) float32, metres, world, of the pixels that are within 8 m
     colours (n, 3) uint8, red, green, blue
+    underfoot  the floor around
     """
 
     viewpoint: Viewpoint
     metres: NDArray[np.float32]
     points: NDArray[np.float32]
     colours: NDArray[np.uint8]
+    underfoot: FloorPatch
 
     @property
     def floor(self) -> float:
@@ -85,7 +88,8 @@ def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> Seen:
     colour = cv2.resize(np.ascontiguousarray(strip), (6 * side, side), interpolation=cv2.INTER_AREA)
     kept = (metres > 0.2) & (metres < _REACH)
     points = np.array(viewpoint.position, np.float32) + _directions(side)[kept] * metres[kept][:, None]
-    return Seen(viewpoint, metres, points.astype(np.float32), colour[kept])
+    underfoot = floor_patch(viewpoint, strip, depth / np.float32(UNITS_A_METRE))
+    return Seen(viewpoint, metres, points.astype(np.float32), colour[kept], underfoot)
 
 
 @cache

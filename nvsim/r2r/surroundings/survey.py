@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of
-from nvsim.r2r.surroundings.floor_colours import floor_along, floor_names
+from nvsim.r2r.surroundings.floor_kinds import floor_along, floor_kinds
 from nvsim.r2r.surroundings.layers import Layers
 from nvsim.r2r.surroundings.seen import Seen
 from nvsim.r2r.surroundings.things import Thing, find_things, walls_of
@@ -34,7 +34,7 @@ class Surroundings:
     passed   (from, to) of a step -> things beside it in plain sight from its start: index and side
     metres   (from, to) -> length of the step, seen from above
     doors    (from, to) -> metres after which it leads through a doorway
-    floors   (from, to) -> names of the floor's colour along it, 0.2 m apart
+    floors   (from, to) -> names of the floor along it, 0.2 m apart: of FLOORS
     """
 
     things: tuple[Thing, ...] = ()
@@ -47,7 +47,7 @@ class Surroundings:
 
 
 def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
-    """From the storeys of the scan. Steps from one storey to another have none."""
+    """From the storeys of the scan. Steps on stairs have none."""
     things: list[Thing] = []
     kinds: dict[str, Kind] = {}
     near: dict[str, tuple[tuple[int, float, float], ...]] = {}
@@ -60,8 +60,11 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
         first, here = len(things), find_things(layers)
         things += here
         walls, standing = walls_of(layers), layers.between(0.4, 1.7) >= 4
-        names = floor_names(layers)
+        kinds_of_floor = floor_kinds(layers, walls)
         sees = {one.viewpoint.id: _seen_by(one, here) for one in layers.seen}
+        for id, place in at.items():  # what is in the next room is not what one stands by or passes
+            behind = {i for i in sees[id] if doorways_between(walls, standing, layers, place[:2], here[i].middle)}
+            sees[id] -= behind
         kinds |= dict(zip(at, kinds_of(walls, layers, np.array([place[:2] for place in at.values()]))))
         for id, place in at.items():
             near[id] = tuple((first + i, *where) for i, where in _near(place, here, sees[id]))
@@ -70,7 +73,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
                 continue
             length = float(np.linalg.norm(at[b][:2] - at[a][:2]))
             through = doorways_between(walls, standing, layers, at[a][:2], at[b][:2])
-            along = floor_along(names, layers, at[a][:2], at[b][:2])
+            along = floor_along(kinds_of_floor, layers, at[a][:2], at[b][:2])
             lengths[a, b] = lengths[b, a] = length
             doors[a, b], floors[a, b] = tuple(through), along
             doors[b, a], floors[b, a] = tuple(length - m for m in reversed(through)), along[::-1]

@@ -28,6 +28,7 @@ _MOST_CELLS = 3600
 _SHORTEST, _LONGEST = 0.4, 3.0  # metres of its longer side
 _THINNEST = 0.15  # metres of its shorter side
 _FIRM = 0.75  # share of the looks at its voxels that end there and do not go past
+_NEAR_TOP, _AT_TOP = 0.3, 0.1  # metres below the top, and the share of the cells in which its colour is so high
 _ONE_COLOUR = 0.6  # share of its voxels that are of its colour, of those that have a name
 _ALONE = 0.3  # share of the cells around it in which something else stands, at most: or it is a part of that
 
@@ -149,6 +150,10 @@ def _thing(
     if shape is None:
         return None
     points = layers.places_of(rows[of_colour])
+    own = np.zeros(len(cells))
+    np.maximum.at(own, back[of_colour], heights[of_colour])
+    if (own[own > 0] > top - _NEAR_TOP).mean() < _AT_TOP:
+        return None  # what stands up there is another thing, or a smear over this one
     if not _is_firm(layers, points):
         return None
     return Thing(colour, shape, layers.centres_of(cells[:, ::-1]), points, top, (longer, shorter))
