@@ -66,6 +66,7 @@ class JobWorkers(QWidget):
         self._handle: JobHandle | None = None
         self.model = WorkerModel(self)
         self.table = table(self.model, self)
+        self.table.setAccessibleName("Workers")
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.table)

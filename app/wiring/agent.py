@@ -67,6 +67,7 @@ class AgentPart(Part):
         modes.modes[self.mode.name] = self.mode
         modes.listen(self.view)
         workspace.window.centre.addWidget(self.view)
+        self._was_closed = False  # the agent's own panel, before it began
         self._hidden: list[tuple[QDockWidget, bool]] = []  # to make room, and whether it was before its tabs
         self._before: QDockWidget | None = None  # the panel before whose tab the agent's came
         self._at = ""  # the viewpoint that was last selected and brought into view
@@ -117,8 +118,10 @@ class AgentPart(Part):
         self._make_room()
         self.workspace.part(InspectorPart).hold_back(True)
         own = self._dock()
-        self._before = next((d for d in window.tabifiedDockWidgets(own) if _in_front(d)), None)
+        self._was_closed = own.isHidden()
+        in_front = [d for d in window.docks.values() if _in_front(d)]
         window.show_dock("agent")
+        self._before = next((d for d in window.tabifiedDockWidgets(own) if d in in_front), None)
         window.show_page(self.view)
         self.view.setFocus()
         self.walk.begin(self._source(), np.array(place), scene.pose.heading)
@@ -139,6 +142,8 @@ class AgentPart(Part):
         self._hidden = []
         if self._before is not None and _in_front(self._dock()):
             self._before.raise_()
+        if self._was_closed:
+            self._dock().hide()
         if seen and state is not None and state.location.viewpointId in self.workspace.document.graph_arrays.index:
             scene.go_to_position(state.position, state.heading)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import QSettings, Signal
+from PySide6.QtCore import QSettings, QTimer, Signal
 
 from app.actions import Action
 from app.forms.arguments import Settings
@@ -247,7 +247,7 @@ class JobsPart(Part):
 
     def _on_found(self, handles: list[JobHandle]) -> None:
         self.workspace.notices.warning(f"{waiting_words(handles)} The Jobs panel offers to go on.")
-        self.show_panel()
+        QTimer.singleShot(0, self.panel, self.show_panel)  # when the panels of the project that is opened are laid out
 
     def _on_foreign(self, handles: list[JobHandle]) -> None:
         one = len(handles) == 1
@@ -255,7 +255,7 @@ class JobsPart(Part):
             f"{len(handles)} job{' was' if one else 's were'} ordered elsewhere and came with this project; "
             f"{'it is' if one else 'they are'} not run. The Jobs panel shows what {'it' if one else 'they'} would do."
         )
-        self.show_panel()
+        QTimer.singleShot(0, self.panel, self.show_panel)
 
 
 MAKERS = ("import", "demo", "run")

@@ -126,7 +126,7 @@ def test_a_key_goes_from_pane_to_pane_and_a_ring_shows_where_it_is(window: MainW
     qtbot.waitUntil(window.isActiveWindow, timeout=3000)
     part = window.part(PanePart)
     panes = part.panes()
-    assert {title for title, _ in panes} >= {"3D view", "Submaps", "Frames", "Map", "Details", "Jobs"}
+    assert {title for title, _ in panes} >= {"3D view", "Layers", "Map"}
     window.scene.setFocus()
     assert part.ring.isVisible() and part.ring.size() == window.scene.size()
     visited = []

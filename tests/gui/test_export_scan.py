@@ -19,6 +19,7 @@ from pytestqt.qtbot import QtBot
 from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
 from app.jobs.scan_estimate import estimate_of
+from app.look.labels import Label
 from app.panels.jobs import JobPanel
 from app.panels.scan_estimate import ScanEstimatePanel
 from app.session import Session
@@ -82,7 +83,7 @@ def answered(form: CommandForm, qtbot: QtBot) -> ScanEstimatePanel:
 
 
 def texts(panel: ScanEstimatePanel) -> str:
-    return " ".join(label.text() for label in panel.rows.findChildren(type(panel.title)) if label.isVisibleTo(panel))
+    return " ".join(label.text() for label in panel.rows.findChildren(Label) if label.isVisibleTo(panel))
 
 
 def export_part(window: MainWindow) -> ExportPart:

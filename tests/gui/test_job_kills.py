@@ -152,7 +152,8 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
         session.open(project)
     assert [h.state for h in found.args[0]] == ["interrupted"]
     panel = session.window.panels["jobs"]
-    assert isinstance(panel, JobPanel) and panel.offer.isVisible()
+    assert isinstance(panel, JobPanel)
+    qtbot.waitUntil(panel.offer.isVisible)
     qtbot.mouseClick(panel.offer.go_on, Qt.MouseButton.LeftButton)
     (handle,) = session.window.jobs.handles
     qtbot.waitUntil(lambda: handle.state in ("running", "done"), timeout=int(1000 * SECONDS))
