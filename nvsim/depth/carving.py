@@ -17,9 +17,9 @@ from nvsim.geometry.camera import Camera
 
 Float32 = NDArray[np.float32]
 
-_TIMES = 3  # a point stays that is shown by so many times the pixels that see through it
+_TIMES = 2  # a point stays that is shown by so many times the pixels that see through it
 _PIXELS = 4096.0  # that a map counts for a metre before its camera, so that sums of whole numbers are exact
-_NEAREST = 0.5  # metres from which on a map does not count for more
+_NEAREST = 2.5  # metres: one nearer counts no more, or a single camera beside a wall could take it away
 _SHOWN = 0.05  # share of its inverse depth within which a map shows a point
 _THROUGH = 0.1  # share of it by which a map that sees through a point lies behind
 
