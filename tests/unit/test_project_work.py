@@ -37,7 +37,7 @@ def test_the_main_job_runs_the_stages_in_the_order_of_the_table(
 ) -> None:
     ran: list[str] = []
     for module in (mapped, trained, floors, depths, submaps, imported):
-        monkeypatch.setattr(module, "run", lambda *_, name=module.STAGE: ran.append(name))
+        monkeypatch.setattr(module, "run", lambda *_, name=module.STAGE, **__: ran.append(name))
     with Project.create_or_open(tmp_path / "house.nvsim") as project:
         pipeline.run(project, tmp_path, CaptureConfig(), RunConfig(), lambda _: None)
     assert tuple(ran) == STAGES
