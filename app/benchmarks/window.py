@@ -30,8 +30,8 @@ Figures = dict[str, float | str | None]
 
 
 class Bench(QObject):
-    """finished(dict): start_s, gap_p99_ms, gap_max_ms, first_fps_moving, fps_moving, sharp_ms, rss_mb, window_mb and what else
-    is known; None for what there was nothing to measure on. failed(): an error kept it from measuring.
+    """finished(dict): start_s, gap_p99_ms, gap_max_ms, first_fps_moving, fps_moving, sharp_ms, rss_mb, window_mb and
+    what else is known; None for what there was nothing to measure on. failed(): an error kept it from measuring.
 
     cycles   how often the project is closed and opened again, for what stays behind
     """
