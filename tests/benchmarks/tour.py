@@ -33,7 +33,7 @@ Answer = TypeVar("Answer")
 SCREENS = {"1280x720": ("1280x720", "1"), "1920x1080": ("1920x1080", "1"), "twice": ("1920x1080", "2")}
 THEMES = ("dark", "light")
 PATIENCE = 40.0  # seconds until a task counts as stuck
-TRAINING = ("--submaps", "1", "--steps", "300", "--image-size", "240")
+TRAINING = ("--submaps", "1", "--steps", "500", "--image-size", "240")
 SETTLE = 0.6  # seconds from an action to its image
 
 
