@@ -312,8 +312,9 @@ class Tour:
         panel = self.window.panels["frames"]
         self.bring("Frames", panel)
         self.choose(panel.kind, 1)
-        first: QRect = gui.ask(lambda: panel.list.visualRect(panel.filter.index(0, 0)))
-        hand.click("the first frame", panel.list.viewport(), first.center(), times=2)
+        viewport = panel.list.viewport()
+        first: QRect = gui.ask(lambda: panel.list.visualRect(panel.filter.index(0, 0)) & viewport.rect())
+        hand.click("the first frame", viewport, first.center(), times=2)
         page = gui.ask(lambda: self.window.part(FramePart).browser.page)
         hand.until("the frame was not compared", lambda: page.isVisible() and page.canvas._render is not None)
         hand.press("wipe", "ctrl+3")
