@@ -313,7 +313,9 @@ class Tour:
         self.bring("Frames", panel)
         self.choose(panel.kind, 1)
         viewport = panel.list.viewport()
-        first: QRect = gui.ask(lambda: panel.list.visualRect(panel.filter.index(0, 0)) & viewport.rect())
+        first: QRect = gui.ask(
+            lambda: panel.list.visualRect(panel.filter.index(0, 0)) & viewport.visibleRegion().boundingRect()
+        )
         hand.click("the first frame", viewport, first.center(), times=2)
         page = gui.ask(lambda: self.window.part(FramePart).browser.page)
         hand.until("the frame was not compared", lambda: page.isVisible() and page.canvas._render is not None)
