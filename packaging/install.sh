@@ -9,3 +9,5 @@ shift
 [ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$venv"
 # Compiling every module of every package takes longer than unpacking them; Python compiles those that are used.
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile -c "$here/constraints.txt" "$@"
+# Else the first window would move in jerks for half a minute. Without it the window does it by itself.
+"$venv/bin/python" -P -m app.drawing.compilation || echo "The window will compile what it draws with." >&2

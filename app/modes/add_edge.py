@@ -66,6 +66,9 @@ class AddEdgeMode(Mode):
         self.context.refresh()
         return True
 
+    def away(self) -> None:
+        self._now = None
+
     def cancel(self) -> bool:
         was, self._start, self._now = self._held is not None, None, None
         self.context.refresh()

@@ -71,6 +71,9 @@ class AddViewpointMode(Mode):
 
     _joins = False
 
+    def away(self) -> None:
+        self._ghost = None
+
     def cancel(self) -> bool:
         self._ghost = None
         self.context.refresh()

@@ -161,6 +161,7 @@ class ModeOverlay(QWidget):
             self.resize(self.surface.widget.size())
         elif event.type() == QEvent.Type.Leave:
             self.cursor_at = None
+            self._stage.current.away()
             self.surface.widget.update()
         return False
 

@@ -52,6 +52,9 @@ class MeasureMode(Mode):
         self.context.refresh()
         return True
 
+    def away(self) -> None:
+        self._now = None
+
     def cancel(self) -> bool:
         was, self._places, self._now = bool(self._places), (), None
         self.context.refresh()

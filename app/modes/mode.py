@@ -98,6 +98,9 @@ class Mode:
         """The cursor moved without a button. Returns True when the view's own hovering would be wrong."""
         return False
 
+    def away(self) -> None:
+        """The cursor left the view; what is said at it is over."""
+
     def takes_key(self, event: QKeyEvent) -> bool:
         """Whether a key is this mode's although it is the shortcut of a command."""
         return False

@@ -3,7 +3,7 @@ run beside them."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtCore import QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QDialog, QHBoxLayout, QSlider, QSplitter, QVBoxLayout, QWidget
 
@@ -16,6 +16,7 @@ from app.panels.job_table import STATE_WORDS, clock
 from app.panels.training_images import TrainingImages
 from app.state.reasons import TRAININGS
 
+_RIM = (20, 50)  # pixels that a window manager's frame may take
 _SMOOTHEST = 99  # per cent: the weight of the mean so far
 
 
@@ -79,7 +80,8 @@ class TrainingWindow(QDialog):
         self.smoothing.valueChanged.connect(lambda _: self._on_smoothing())
         queue.changed.connect(self._list)
         queue.progressed.connect(self._refresh)
-        self.resize(1080, 680)
+        room = self.screen().availableSize() - QSize(*_RIM)
+        self.resize(QSize(1080, 680).boundedTo(room))
         self._on_smoothing()
         self._list()
 

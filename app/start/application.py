@@ -19,6 +19,7 @@ from app.look.icons import FOLDER
 from app.look.notices import install_excepthook
 from app.session import Session
 from app.start.collecting import Collecting
+from app.start.preparing import Preparing
 from app.wiring.keeping import OPEN
 from nvsim.errors import InputError
 
@@ -75,12 +76,14 @@ def _run(
     # after every call of Qt, dozens of times in one painting.
     sys.setswitchinterval(TURN)
     collecting = Collecting(lambda: session.window.scene.drawing)
+    preparing = Preparing(session.window, session)
     session.document.projectLeft.connect(collecting.begin_anew)
     code = 0
     try:
         session.window.show()
         if project is None and bench is None and screenshot is None:
             project = left_open(settings)
+            preparing.begin()
         # What takes long begins when the window is on the screen.
         QTimer.singleShot(0, lambda: session.open(project) if project is not None else None)
         if bench is not None:
@@ -99,6 +102,7 @@ def _run(
             print(f"Cannot write {screenshot}; choose a writable folder and a name ending in .png.", file=sys.stderr)
             code = 2
     finally:
+        preparing.stop()
         session.close()
         collecting.stop()
         sys.setswitchinterval(switch)

@@ -304,7 +304,9 @@ class _Scale(pg.ScaleBar):
         view = self.parentItem()
         if view is not None:
             unit = lengths.unit()
-            pixels = unit.metres / max(view.viewPixelSize()[0], 1e-9)  # of one metre or foot
+            # As the bar itself is drawn: what viewPixelSize says may be of the size before.
+            begin, end = (view.mapFromViewToItem(self, QPointF(x, 0.0)).x() for x in (0.0, unit.metres))
+            pixels = max(end - begin, 1e-9)  # of one metre or foot
             fitting = max((size for size in _SIZES if size * pixels <= _LONGEST), default=_SIZES[0])
             self.size = fitting * unit.metres
             self.text.setText(f"{fitting:g} {unit.symbol}")

@@ -118,6 +118,7 @@ class MainWindow(QMainWindow):
         window_menu.addSeparator()
         for dock in self._docks.values():
             window_menu.addAction(dock.toggleViewAction())
+            dock.toggleViewAction().triggered.connect(dock.raise_)  # what is opened comes before its tab's others
         bar = QToolBar("Tools", self)
         bar.setObjectName("toolbar")
         bar.setMovable(False)

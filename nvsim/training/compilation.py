@@ -7,22 +7,14 @@ linked. A run that was killed on its first day would go on with the other copy. 
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import fcntl
-import hashlib
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
-import llvmlite.binding as llvm
-import numba
-from numba.core.caching import FunctionCache
-
-import nvsim
 from nvsim.events import Listener, Log, Warning, silent
 from nvsim.files import atomic
+from nvsim.render.kernel_cache import alone, stamp
 
 STAGE = "train"
 _SOURCES = ("geometry", "splats", "render", "training")
@@ -34,7 +26,7 @@ def compile_ahead(listen: Listener = silent) -> None:
     done = _stamp()
     if done.exists():
         return
-    with _alone(done.with_suffix(".lock")):
+    with alone(done.with_suffix(".lock")):
         if not done.exists():  # another process did it meanwhile
             _compile(done, listen)
 
@@ -50,36 +42,8 @@ def _compile(done: Path, listen: Listener) -> None:
     atomic.write_text(done, "")
 
 
-@contextlib.contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """While no other process of this machine is in such a block; at once on a file system without locks."""
-    with contextlib.ExitStack() as held:
-        with contextlib.suppress(OSError):
-            file = held.enter_context(open(path, "wb"))
-            fcntl.flock(file, fcntl.LOCK_EX)
-        yield
-
-
 def _stamp() -> Path:
-    """An empty file in numba's cache, named after everything that the machine code depends on."""
-    from nvsim.render import projection
-
-    key = hashlib.sha256()
-    root = Path(nvsim.__file__).parent
-    for path in sorted(p for name in _SOURCES for p in (root / name).rglob("*.py")):
-        key.update(path.read_bytes())
-    for fact in (root, numba.__version__, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()):
-        key.update(str(fact).encode())
-    return _cache_folder(projection) / f"nvsim-{key.hexdigest()[:16]}.compiled"
-
-
-def _cache_folder(module: object) -> Path:
-    """Where numba keeps what it compiles of this package: beside the sources, or the user's cache."""
-    for value in vars(module).values():
-        cache = getattr(value, "_cache", None)
-        if isinstance(cache, FunctionCache):
-            return Path(cache.cache_path)
-    raise LookupError(f"{module} has no kernel that is kept")
+    return stamp("nvsim", _SOURCES)
 
 
 def _train_in_small() -> None:

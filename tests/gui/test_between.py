@@ -6,7 +6,8 @@ import demo_room
 import numpy as np
 import pytest
 from editing_room import Hand
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtWidgets import QApplication
 
 from app.modes.add_edge import AddEdgeMode
 from app.panels.details import DetailsPanel
@@ -60,3 +61,21 @@ def test_the_line_that_is_drawn_says_it_as_well(
     hand.hover(hand.foot(document.graph_arrays.index[free]))
     hand.key(Qt.Key.Key_Shift)
     assert way_between(document, a, free).speaks == 1
+
+
+@pytest.mark.parametrize("mode", ["add_edge", "add_viewpoint", "measure"])
+def test_what_is_said_at_the_cursor_goes_when_the_cursor_leaves(
+    window: MainWindow, document: Document, monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    canvas = window.modes.canvases[1]
+    window.actions_table[f"mode_{mode}"].trigger()
+    hand = Hand(window, canvas.surface)
+    said: list[str] = []
+    monkeypatch.setattr(f"app.modes.{mode}.label", lambda painter, point, text, ink="": said.append(text))
+    hand.hover(hand.foot(0))
+    canvas.grab()
+    assert said
+    QApplication.sendEvent(canvas.surface.widget, QEvent(QEvent.Type.Leave))
+    said.clear()
+    canvas.grab()
+    assert not said

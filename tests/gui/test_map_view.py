@@ -120,6 +120,18 @@ def test_the_whole_map_comes_into_view_by_a_command_and_a_button(window: MainWin
     assert view.seen[2] >= demo_room.WIDTH
 
 
+def test_the_scale_bar_fits_from_the_first_moment(window: MainWindow, qtbot: QtBot) -> None:
+    view = window.part(MapPart).view
+    view.frame_everything()  # of no size yet
+    window.resize(1900, 1060)
+    window.show()
+    for tall in (False, True, False):
+        window.actions_table["workspace_edit" if tall else "workspace_explore"].trigger()
+        view.frame_everything()
+        qtbot.wait(60)
+        assert 15 < view._scale.bar.rect().width() <= 111
+
+
 def test_the_scale_bar_fits_and_the_place_under_the_cursor_is_told(window: MainWindow, qtbot: QtBot) -> None:
     view = window.part(MapPart).view
     sizes = []

@@ -229,3 +229,10 @@ def test_the_jobs_panel_opens_it_and_it_comes_back_as_it_was_left(
     assert part.open_window().smoothing.value() == 40 and part.window.size().width() == 700
     main.close()
     assert part.window is None
+
+
+def test_it_is_no_larger_than_the_screen(qtbot: QtBot) -> None:
+    window = TrainingWindow(JobQueue())
+    qtbot.addWidget(window)
+    room = window.screen().availableSize()
+    assert window.width() < room.width() and window.height() < room.height()

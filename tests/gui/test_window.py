@@ -148,3 +148,12 @@ def test_projects_follow_each_other(window: MainWindow, document: Document) -> N
     document.set_contents(Contents(Path("other.nvsim")))
     assert window.centre.currentWidget() is window.empty and window.windowTitle().startswith("other.nvsim")
     assert window.panels["submaps"].model.rowCount() == 0 and window.panels["frames"].model.rowCount() == 0
+
+
+def test_a_panel_opened_in_the_window_menu_comes_before_those_of_its_place(window: MainWindow, qtbot: QtBot) -> None:
+    window.show()
+    window.actions_table["workspace_edit"].trigger()
+    frames, history = window.docks["frames"], window.docks["history"]
+    assert not history.isHidden() and frames.isHidden()
+    frames.toggleViewAction().trigger()
+    qtbot.waitUntil(lambda: not frames.visibleRegion().isEmpty(), timeout=3000)

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from nvsim.events import Event, Log, Warning
+from nvsim.render import kernel_cache
 from nvsim.training import compilation
 
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(compilation, "_cache_folder", lambda module: tmp_path)
+    monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
     return tmp_path
 
 
@@ -49,7 +50,7 @@ def test_other_sources_are_compiled_again(cache: Path, tmp_path: Path, monkeypat
     package = tmp_path / "nvsim"
     (package / "render").mkdir(parents=True)
     (package / "render" / "kernel.py").write_text("a = 1")
-    monkeypatch.setattr(compilation.nvsim, "__file__", str(package / "__init__.py"))
+    monkeypatch.setattr(kernel_cache.nvsim, "__file__", str(package / "__init__.py"))
     first = compilation._stamp()
     assert compilation._stamp() == first
     (package / "render" / "kernel.py").write_text("a = 2")

@@ -9,10 +9,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from nvsim.cli import show
 from nvsim.cli.window import has_display, measured_by_window
@@ -21,6 +23,7 @@ from nvsim.events import silent
 
 NICE = 10  # of a job
 _SCREEN = "2560x1440x24"
+Kernels = Literal["kept", "installed", "none"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,9 @@ class Arguments:
     """Viewpoints of its graph; about four times as many edges."""
     train: bool = True
     """Measure a second time while a submap of the built-in building trains, as a job does: with low priority."""
+    kernels: Kernels = "kept"
+    """What is compiled when the window opens: what this machine has kept, what an installation compiles, or nothing.
+    The last two are asked in an empty cache that is then thrown away."""
     cycles: int = 0
     """Close and open the project so often, and say by how much the window has grown."""
     json: bool = False
@@ -44,10 +50,12 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     with tempfile.TemporaryDirectory(prefix="nvsim-bench-") as folder, _display() as environment:
         project = arguments.project or _project(Path(folder) / "rooms.nvsim", arguments)
+        compiling = _begin_anew(arguments.kernels, environment, Path(folder) / "kernels")
         empty = measured_by_window(["--bench"], environment)
         command = [f"--project={project.resolve()}", f"--bench={arguments.cycles}"]
         figures = measured_by_window(command, environment)
         figures["start_s"] = empty["start_s"]
+        figures |= compiling
         if arguments.train:
             with _training(Path(folder) / "trains.nvsim"):
                 busy = measured_by_window([f"--project={project.resolve()}", "--bench"], environment)
@@ -56,6 +64,22 @@ def run(arguments: Arguments) -> int:
             figures |= {f"busy_{name}": busy[name] for name in ("fps_moving", "sharp_ms")}
     show.figures(figures, arguments.json, "the window")
     return 0
+
+
+def _begin_anew(kernels: Kernels, environment: dict[str, str], cache: Path) -> dict[str, float]:
+    """Has windows in this environment keep what they compile in the empty folder `cache`; what the installation puts
+    there, and the seconds that it takes: compile_s."""
+    if kernels == "kept":
+        return {}
+    cache.mkdir()
+    environment["NUMBA_CACHE_DIR"] = str(cache)
+    if kernels == "none":
+        return {}
+    begin = time.perf_counter()
+    command = [sys.executable, "-P", "-m", "app.drawing.compilation"]
+    if subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=False).returncode != 0:
+        raise InputError("the kernels could not be compiled ahead; the sentence before this one says why.")
+    return {"compile_s": round(time.perf_counter() - begin, 1)}
 
 
 def _project(folder: Path, arguments: Arguments) -> Path:

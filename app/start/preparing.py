@@ -1,0 +1,66 @@
+"""While nothing is drawn yet, what the window draws with is compiled in a process of its own, and the status bar says
+so. Once on a machine; an installation has usually done it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from PySide6.QtCore import QObject, QProcess, QTimer
+
+from app.look.labels import Label
+from app.wiring.window import MainWindow
+
+WORDS = "Preparing the 3D view, once on this machine; this takes half a minute."
+LATER = 2000  # milliseconds after the window is there; what a user opened first is read by then
+_COMMAND = ("-P", "-m", "app.drawing.compilation")
+
+
+class Preparing(QObject):
+    """Runs `command` with this Python; whatever it prints means that it has something to do."""
+
+    def __init__(self, window: MainWindow, parent: QObject, command: Sequence[str] = _COMMAND) -> None:
+        super().__init__(parent)
+        self._window, self._command = window, tuple(command)
+        self._label = Label(window)
+        self._label.setText(WORDS)
+        self._label.hide()
+        self._process: QProcess | None = None
+        self._later = QTimer(self, singleShot=True, interval=LATER)
+        self._later.timeout.connect(self._start)
+        window.scene.feed.changed.connect(self._on_feed)
+
+    def begin(self) -> None:
+        """In a moment, unless something is drawn by then: that compiles by itself, and says so in the view."""
+        self._later.start()
+
+    def stop(self) -> None:
+        """Ends it. What was compiled by then is kept."""
+        self._later.stop()
+        process, self._process = self._process, None
+        if process is not None:
+            process.finished.disconnect(self._on_finished)
+            process.kill()
+            process.waitForFinished(2000)
+            process.deleteLater()
+        self._label.hide()
+
+    def _on_feed(self) -> None:
+        if self._window.scene.feed.source is not None:
+            self.stop()
+
+    def _start(self) -> None:
+        process = self._process = QProcess(self)
+        process.readyReadStandardOutput.connect(self._on_words)
+        process.finished.connect(self._on_finished)
+        process.start(sys.executable, list(self._command))
+
+    def _on_words(self) -> None:
+        self._window.statusBar().addPermanentWidget(self._label)
+        self._label.show()
+
+    def _on_finished(self) -> None:
+        self._label.hide()
+        process, self._process = self._process, None
+        if process is not None:
+            process.deleteLater()

@@ -1,0 +1,49 @@
+"""What numba keeps of the kernels between processes: where, and whether somebody has compiled ahead."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import llvmlite.binding as llvm
+import numba
+from numba.core.caching import FunctionCache
+
+import nvsim
+
+
+def stamp(name: str, sources: Sequence[str]) -> Path:
+    """The empty file in numba's cache that says that `name` was compiled ahead: named after everything that the machine
+    code depends on, the Python files in the folders `sources` of the package, numba and the processor."""
+    from nvsim.render import projection
+
+    key = hashlib.sha256()
+    root = Path(nvsim.__file__).parent
+    for path in sorted(p for folder in sources for p in (root / folder).rglob("*.py")):
+        key.update(path.read_bytes())
+    for fact in (root, numba.__version__, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()):
+        key.update(str(fact).encode())
+    return cache_folder(projection) / f"{name}-{key.hexdigest()[:16]}.compiled"
+
+
+def cache_folder(module: object) -> Path:
+    """Where numba keeps what it compiles of this package: beside the sources, or the user's cache. Raises LookupError
+    for a module without kernels."""
+    for value in vars(module).values():
+        cache = getattr(value, "_cache", None)
+        if isinstance(cache, FunctionCache):
+            return Path(cache.cache_path)
+    raise LookupError(f"{module} has no kernel that is kept")
+
+
+@contextlib.contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """While no other process of this machine is in such a block; at once on a file system without locks."""
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(OSError):
+            file = held.enter_context(open(path, "wb"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield

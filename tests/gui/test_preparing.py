@@ -1,0 +1,54 @@
+"""What the window draws with is compiled beside it while nothing is drawn, and the status bar says so."""
+
+from __future__ import annotations
+
+import pytest
+from demo_room import RoomSource
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QWidget
+from pytestqt.qtbot import QtBot
+
+from app.session import Session
+from app.start import preparing
+from app.start.preparing import WORDS, Preparing
+
+BUSY = ("-c", "import time; print('x', flush=True); time.sleep(30)")
+
+
+@pytest.fixture
+def session(qtbot: QtBot, tmp_path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(preparing, "LATER", 1)
+    made = Session(QSettings(f"{tmp_path}/window.ini", QSettings.Format.IniFormat))
+    made.window.show()
+    yield made
+    made.close()
+    made.window.deleteLater()
+
+
+def _says(session: Session) -> bool:
+    texts = [w for w in session.window.statusBar().findChildren(QWidget) if getattr(w, "text", str)() == WORDS]
+    return any(w.isVisible() for w in texts)
+
+
+def test_the_status_bar_says_what_is_going_on_and_stops_when_it_is_over(qtbot: QtBot, session: Session) -> None:
+    made = Preparing(session.window, session, ("-c", "print('x', flush=True); input()"))
+    made.begin()
+    qtbot.waitUntil(lambda: _says(session), timeout=10_000)
+    made._process.closeWriteChannel()
+    qtbot.waitUntil(lambda: not _says(session), timeout=10_000)
+
+
+def test_nothing_is_said_where_it_was_done_before(qtbot: QtBot, session: Session) -> None:
+    made = Preparing(session.window, session, ("-c", ""))
+    made.begin()
+    qtbot.waitUntil(lambda: made._process is not None, timeout=10_000)
+    qtbot.waitUntil(lambda: made._process is None, timeout=10_000)
+    assert not _says(session)
+
+
+def test_it_gives_way_to_a_reconstruction(qtbot: QtBot, session: Session) -> None:
+    made = Preparing(session.window, session, BUSY)
+    made.begin()
+    qtbot.waitUntil(lambda: _says(session), timeout=10_000)
+    session.window.show_source(RoomSource())
+    assert made._process is None and not _says(session)

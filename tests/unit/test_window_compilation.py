@@ -1,0 +1,81 @@
+"""After an installation nothing that the window draws with is left to compile."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.drawing import compilation
+from nvsim.render import kernel_cache
+
+AFTERWARDS = """
+import sys
+from pathlib import Path
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from app.drawing.compilation import draw_in_small
+from app.drawing.painter import Models, Painter
+from app.drawing.warming import Warming
+from app.painting.tones import CHANNELS
+from nvsim.benchmarks.random_room import random_room
+from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.opengl.benchmark import furnished
+from nvsim.render.opengl.preparation import Sorter
+from nvsim.splats.types import Gaussians, SubmapModel
+
+def compiled():
+    found = {}
+    for module in [m for name, m in sys.modules.items() if name.startswith("nvsim.")]:
+        for kernel in vars(module).values():
+            if isinstance(kernel, Dispatcher):
+                found[f"{kernel.__module__}.{kernel.__qualname__}"] = set(kernel.signatures)
+    return found
+
+draw_in_small()
+ahead = compiled()
+assert len(ahead) > 5
+flat = Gaussians(*(np.ascontiguousarray(a) for a in vars(random_room(300)).values()))
+flat.sh = np.ascontiguousarray(flat.sh[:, :1])
+for model in (furnished(random_room(900), antialiased=False), SubmapModel(flat, None, None, FloorSurface.flat(0.0))):
+    painter = Painter(Models(lambda camera: (0, model)))
+    camera = Camera(Intrinsics.from_fov(61, 47, 1.2), np.eye(4))
+    for channel in CHANNELS:
+        for moving in (True, False):
+            painter.paint(camera, channel, "cpu", moving)
+    warming = Warming(painter)
+    warming.begin()
+    while warming.waits:
+        warming.step()
+    Sorter().prepare(model, camera, np.empty((0, 10), np.float32))
+more = {name: found - ahead.get(name, set()) for name, found in compiled().items() if found - ahead.get(name, set())}
+assert not more, more
+"""
+
+
+def test_nothing_is_left_to_compile_for_the_first_window() -> None:
+    child = subprocess.run([sys.executable, "-c", AFTERWARDS], capture_output=True, text=True, check=False)
+    assert child.returncode == 0, child.stderr
+
+
+def test_it_is_done_and_said_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    drawn: list[int] = []
+    monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
+    monkeypatch.setattr(compilation, "draw_in_small", lambda: drawn.append(1))
+    compilation.compile_once()
+    compilation.compile_once()
+    assert len(drawn) == 1 and capsys.readouterr().out.count(compilation.SAID) == 1
+
+
+def test_one_that_was_broken_off_is_not_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def breaks_off() -> None:
+        raise OSError("no room on the disk")
+
+    monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
+    monkeypatch.setattr(compilation, "draw_in_small", breaks_off)
+    with pytest.raises(OSError, match="no room"):
+        compilation.compile_once()
+    assert not list(tmp_path.glob("*.compiled"))
