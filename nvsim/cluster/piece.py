@@ -56,9 +56,15 @@ class Finished:
 
 @dataclass(frozen=True)
 class Unseen:
-    """What work returns that does not see the files of its caller, and `why`: it is to be begun again otherwise."""
+    """What work returns that does not see the files of its caller, and the path that is missing: it is to be begun
+    again otherwise."""
 
-    why: str
+    path: str
+
+    @property
+    def why(self) -> str:
+        """The beginning of a sentence for users."""
+        return f"A machine of the cluster does not see {self.path}"
 
 
 Message = Event | SentFile | Unseen | Finished

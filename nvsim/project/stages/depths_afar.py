@@ -62,7 +62,7 @@ def depth_there(
     """Does frames of a phase and sends their files, named as they lie below the folder of the depth."""
     missing = witness.missing()
     if missing:
-        return Unseen(f"A machine of the cluster does not see {missing}")
+        return Unseen(missing)
     with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-depth-") as name:
         out = Path(name)
         make_folder(out / phase)

@@ -75,7 +75,7 @@ def segment_there(
     """Finds the floor in frames and sends their masks, named by the number of the frame and what failed."""
     missing = witness.missing()
     if missing:
-        return Unseen(f"A machine of the cluster does not see {missing}")
+        return Unseen(missing)
     with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-floors-") as name:
         found = choose(config, project.scan, lambda: depth_maps(project) is not None)
         if found.key() != provider:

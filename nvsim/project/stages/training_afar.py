@@ -122,7 +122,7 @@ def train_in_place(
     """Trains a submap in the project itself."""
     missing = "" if witness is None else witness.missing()
     if missing:
-        return Unseen(f"A machine of the cluster does not see {missing}")
+        return Unseen(missing)
     from nvsim.training.compilation import compile_ahead
 
     compile_ahead(caller.tell)

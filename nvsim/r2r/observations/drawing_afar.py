@@ -111,7 +111,7 @@ def draw_there(
         else:
             folder = model
             if not (folder / "model.json").is_file():
-                return Unseen(f"A machine of the cluster does not see {folder}")
+                return Unseen(str(folder))
         loaded = load_model(folder)
         painter, places = Painter(settings, backend), ScanPlaces(Path(name), scan)
         for i, viewpoint in enumerate(viewpoints):
