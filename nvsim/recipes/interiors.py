@@ -54,6 +54,8 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
     for room in scene.plan.rooms:
         for rect in room.rects:
             boxes += _clutter(rect.grown(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
+            if style != "bare" and rng.random() < 0.5:
+                boxes += _along_a_wall(rect.grown(-0.05), rng)
     return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
 
 
@@ -71,18 +73,48 @@ def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[B
         x, y = rng.uniform(rect.x0, rect.x1 - w), rng.uniform(rect.y0, rect.y1 - d)
         paint = Paint(str(rng.choice(["plain", "wood", "cloth", "carton", "drawers", "books", "stone"])), _tone(rng))
 
-        def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, paint: Paint = paint) -> Box:
-            return Box((round(x0, 3), round(y0, 3), round(z0, 3)), (round(x1, 3), round(y1, 3), round(z1, 3)), paint)
-
         if kind in (2, 3):
             h, t, leg = rng.uniform(0.3, 1.0), rng.uniform(0.02, 0.08), rng.uniform(0.02, 0.06)
-            yield box(x, y, h, x + w, y + d, h + t)
+            yield _box((x, y, h), (x + w, y + d, h + t), paint)
             for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
-                yield box(x + lx, y + ly, 0, x + lx + leg, y + ly + leg, h)
+                yield _box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h), paint)
         elif kind == 5:
-            yield box(x, y, h - rng.uniform(0.03, 0.5), x + w, y + d, min(h, HEIGHT - 0.05))
+            yield _box((x, y, h - rng.uniform(0.03, 0.5)), (x + w, y + d, min(h, HEIGHT - 0.05)), paint)
         else:
-            yield box(x, y, 0, x + w, y + d, h)
+            yield _box((x, y, 0), (x + w, y + d, h), paint)
+
+
+def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
+    """A row of cupboards with its top, a bench with its back, or a bed: what is broad, low, and looks like a floor."""
+    along, across = rect.x1 - rect.x0, rect.y1 - rect.y0
+    turned = bool(rng.random() < 0.5)
+    if turned:
+        along, across = across, along
+    length, kind = rng.uniform(0.4, 0.9) * along, int(rng.integers(3))
+    least, most = (((0.4, 0.75), (0.7, 1.0)), ((0.6, 0.4), (1.0, 0.5)), ((0.9, 0.35), (1.8, 0.65)))[kind]
+    depth, height = rng.uniform(least, most)
+    if depth > 0.5 * across or length < 0.8:
+        return
+    begin, far = rng.uniform(0, along - length), bool(rng.random() < 0.5)
+
+    def box(a: float, b: float, low: float, high: float, paint: Paint) -> Box:
+        """Over depths `a` to `b` from the wall, heights `low` to `high`."""
+        near, off = (across - b, across - a) if far else (a, b)
+        x0, x1, y0, y1 = (near, off, begin, begin + length) if turned else (begin, begin + length, near, off)
+        return _box((rect.x0 + x0, rect.y0 + y0, low), (rect.x0 + x1, rect.y0 + y1, high), paint)
+
+    front = Paint(str(rng.choice(("drawers", "wood", "plain") if kind == 0 else ("cloth", "plain"))), _tone(rng))
+    yield box(0, depth, 0, height, front)
+    if kind == 0:
+        top = Paint(str(rng.choice(["wood", "stone", "plain"])), _tone(rng))
+        yield box(0, depth + rng.uniform(0, 0.04), height, height + 0.04, top)
+    elif kind == 1:
+        yield box(0, rng.uniform(0.12, 0.3), height, height + rng.uniform(0.3, 0.5), front)
+
+
+def _box(low: tuple[float, float, float], high: tuple[float, float, float], paint: Paint) -> Box:
+    x0, y0, z0, x1, y1, z1 = (round(v, 3) for v in (*low, *high))
+    return Box((x0, y0, z0), (x1, y1, z1), paint)
 
 
 def _tone(rng: np.random.Generator) -> tuple[float, float, float]:
