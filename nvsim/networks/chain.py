@@ -15,8 +15,9 @@ from nvsim.files.reading import reading
 from nvsim.networks.binding import Bound, bind, words
 from nvsim.networks.description import OF_PROMPTS, Constant, Description, Step
 from nvsim.networks.diffusion import Ddim
-from nvsim.networks.onnx_session import TYPES, Node, Provider, providers, session, signature
+from nvsim.networks.onnx_session import TYPES, Node, Provider, providers, signature
 from nvsim.networks.preparing import Image, Placement, Preparation
+from nvsim.networks.shared_file import SharedFile, shared_file
 
 Values = dict[str, NDArray[Any]]
 _MOST = 4096  # pixels of a side
@@ -26,13 +27,18 @@ Rays = Callable[[Placement], NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class _Run:
-    """A step with its session and its bound tensors."""
+    """A step with its file and its bound tensors."""
 
     step: Step
     path: Path
-    session: Any
+    file: SharedFile
     inputs: tuple[Bound, ...]
     outputs: tuple[Bound, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Of the file's outputs that the step takes."""
+        return list(dict.fromkeys(b.node.name for b in self.outputs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +64,8 @@ class Chain:
                 )
         self.paths = {key: folder / file.name for key, file in description.files.items()}
         asked = providers(provider)
-        sessions = {key: session(path, asked) for key, path in self.paths.items()}
-        runs = [_bound(step, self.paths[step.file], sessions[step.file]) for step in description.steps]
+        files = {key: shared_file(path, asked) for key, path in self.paths.items()}
+        runs = [_bound(step, self.paths[step.file], files[step.file]) for step in description.steps]
         self.images = _sized(description, runs)
         self._ddim = {name: Ddim(scheduler) for name, scheduler in description.schedulers.items()}
         # What depends on a prompt runs once for each, the rest once for an image.
@@ -72,6 +78,7 @@ class Chain:
                 self._each.append(run)
             else:
                 self._once.append(run)
+                run.file.will_ask(self, run.names)
 
     @property
     def takes_rays(self) -> bool:
@@ -125,8 +132,7 @@ class Chain:
 
     def _once_through(self, run: _Run, values: Values) -> None:
         feed = {b.node.name: self._fed(b, values) for b in run.inputs}
-        names = list(dict.fromkeys(b.node.name for b in run.outputs))
-        found = dict(zip(names, run.session.run(names, feed), strict=True))
+        found = dict(zip(run.names, run.file.run(run.names, feed), strict=True))
         for b in run.outputs:
             values[b.tensor.values[0]] = _copied(_changed(np.asarray(found[b.node.name]), b), b)
 
@@ -148,10 +154,10 @@ class Chain:
         return _constant(constant, values, node)
 
 
-def _bound(step: Step, path: Path, opened: Any) -> _Run:
-    takes, gives = signature(opened, path)
+def _bound(step: Step, path: Path, file: SharedFile) -> _Run:
+    takes, gives = signature(file.session, path)
     inputs = bind(step.inputs, takes, path, inputs=True)
-    return _Run(step, path, opened, inputs, bind(step.outputs, gives, path, inputs=False))
+    return _Run(step, path, file, inputs, bind(step.outputs, gives, path, inputs=False))
 
 
 def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparation]:

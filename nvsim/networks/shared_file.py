@@ -1,0 +1,79 @@
+"""An opened file of a network, shared by the models that run it: one file that gives floor and normals runs once for an
+image, whichever of them is asked first."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary, WeakValueDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.networks.onnx_session import session
+
+Feed = Mapping[str, NDArray[Any]]
+_KEPT = 4  # answers; as many images may be in hand at the same time
+
+
+class SharedFile:
+    """`session` is onnxruntime's."""
+
+    def __init__(self, session: Any) -> None:
+        self.session = session
+        self._askers: WeakKeyDictionary[object, tuple[str, ...]] = WeakKeyDictionary()
+        self._answers: deque[tuple[Feed, dict[str, Any]]] = deque(maxlen=_KEPT)
+        self._lock = threading.Lock()
+
+    def will_ask(self, asker: object, names: Sequence[str]) -> None:
+        """For as long as it lives, `asker` runs this file for the outputs `names`."""
+        with self._lock:
+            self._askers[asker] = (*self._askers.get(asker, ()), *names)
+
+    def run(self, names: Sequence[str], feed: Feed) -> list[Any]:
+        """The outputs `names` of inputs by their names."""
+        with self._lock:
+            askers, answers = list(self._askers.values()), list(self._answers)
+        if len(askers) < 2:
+            return list(self.session.run(list(names), dict(feed)))
+        wanted = list(dict.fromkeys(name for asked in askers for name in asked))
+        for before, found in answers:
+            if all(name in found for name in names) and _same(before, feed):
+                return [found[name] for name in names]
+        whole = dict(zip(wanted, self.session.run(wanted, dict(feed)), strict=True))
+        with self._lock:
+            self._answers.append((feed, whole))
+        return [whole[name] for name in names]
+
+
+_opened: WeakValueDictionary[tuple[Any, ...], SharedFile] = WeakValueDictionary()
+_opening = threading.Lock()
+
+
+def shared_file(path: Path, providers: Sequence[str]) -> SharedFile:
+    """The file at `path`, opened or as it is open already, where it is still the same. Raises InputError for one that
+    cannot be loaded."""
+    with _opening:
+        key = _key(path, providers)
+        found = None if key is None else _opened.get(key)
+        if found is None:
+            found = SharedFile(session(path, providers))
+            if key is not None:
+                _opened[key] = found
+        return found
+
+
+def _key(path: Path, providers: Sequence[str]) -> tuple[Any, ...] | None:
+    try:
+        about = os.stat(path)
+    except OSError:
+        return None  # opening it says what is wrong
+    return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns, tuple(providers)
+
+
+def _same(a: Feed, b: Feed) -> bool:
+    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
