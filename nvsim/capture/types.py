@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.geometry.cells import near_places
 from nvsim.geometry.lens import Lens
 
 CloudKind = Literal["lidar", "sfm", "images"]
@@ -44,6 +45,16 @@ class Cloud:
         if self.normals is None:
             return np.zeros(len(self.points), bool)
         return np.asarray(np.abs(self.normals).sum(axis=1) > 0)
+
+    def near(self, places: NDArray[np.floating], reach: float) -> Cloud:
+        """The points less than `reach` metres along the ground from one of `places` (P, 2 or 3), and some that are a
+        metre or two farther: of a large building a room needs no more. The same cloud where these are all."""
+        kept = near_places(self.points, places, reach)
+        if kept.all():
+            return self
+        colors = None if self.colors is None else self.colors[kept]
+        normals = None if self.normals is None else self.normals[kept]
+        return Cloud(self.points[kept], colors, self.kind, normals)
 
 
 @dataclass(frozen=True, eq=False)

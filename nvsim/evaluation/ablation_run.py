@@ -27,6 +27,7 @@ from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.imported import capture_config
+from nvsim.project.stages.submap_training import seen_cloud
 from nvsim.project.stages.trained import training_views
 from nvsim.splats.files import DESCRIPTION, load_model, save_model
 from nvsim.splats.types import SubmapModel
@@ -93,9 +94,10 @@ def finished(project: Project, run: Run, views: Views, listen: Listener) -> Subm
         raise InputError(f"{project.layout.surface(run.submap.index)} is missing; run `nvsim floors --project` again.")
     asked = {"submap": run.submap.index, "seed": run.seed, "config": dataclasses.asdict(run.config)}
     atomic.write_text(run.folder / "run.json", json.dumps(asked, indent=1) + "\n")
+    seen = views()
     model = train_submap(
-        views(),
-        project.scan_on(surface),
+        seen,
+        seen_cloud(project, surface, seen),
         surface,
         run.config,
         checkpoint=run.checkpoint,

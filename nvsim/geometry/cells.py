@@ -24,3 +24,25 @@ def grid_size(
             "`nvsim check CAPTURE` names the frames with a wrong pose, and --leave-out NAME,... imports without them."
         )
     return int(cells[0]), int(cells[1])
+
+
+def near_places(points: NDArray[np.floating], places: NDArray[np.floating], reach: float) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 2 or 3) lie less than `reach` metres along the ground from one of `places` (P, 2 or 3),
+    told by cells of a metre: true of some that are up to two metres farther."""
+    from scipy.ndimage import distance_transform_edt
+
+    if not len(places):
+        return np.zeros(len(points), bool)
+    cells = np.floor(np.asarray(places, np.float64)[:, :2]).astype(np.int64)
+    margin = int(np.ceil(reach)) + 3
+    low = cells.min(axis=0) - margin
+    columns, rows = grid_size(low, cells.max(axis=0) + margin + 1, 1.0, "the cameras")
+    empty = np.ones((columns, rows), bool)
+    empty[tuple((cells - low).T)] = False
+    near = np.asarray(distance_transform_edt(empty)) < reach + 2**0.5
+    with np.errstate(invalid="ignore"):
+        at = np.floor(points[:, :2]) - low
+        within = ((at >= 0) & (at < near.shape)).all(axis=1)
+    index = np.where(within[:, None], at, 0).astype(np.int64)
+    found: NDArray[np.bool_] = near[index[:, 0], index[:, 1]] & within
+    return found

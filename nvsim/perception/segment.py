@@ -139,7 +139,9 @@ def learnt_floor(
         frame = capture.frames[near[k]]
         return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
 
-    cloud = None if capture.cloud is None else calmed(capture.cloud, surface)
+    cloud = capture.cloud
+    if cloud is not None:
+        cloud = calmed(cloud.near(capture.positions[near], config.geometric.farthest), surface)
     floor = GeometricFloor(cloud, surface, config.geometric)
     floor.learn([camera(i) for i in near], read_small)
     return floor, cloud

@@ -31,6 +31,9 @@ from nvsim.project.work import FROM_A_CUT, StageName, lacks
 from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from nvsim.capture.types import Capture, Cloud
     from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.geometry.stacked_floor import Floor
@@ -200,11 +203,14 @@ class Project:
             self._scan = stamp, load_scan(self)
         return self._scan[1]
 
-    def scan_on(self, floor: Floor) -> Cloud | None:
-        """The same with the noise of images taken off `floor`, so that floor is not taken for obstacles."""
+    def scan_on(self, floor: Floor, places: NDArray[np.floating] | None = None, reach: float = 0.0) -> Cloud | None:
+        """The same with the noise of images taken off `floor`, so that floor is not taken for obstacles; where `places`
+        (P, 3) are given, as `Cloud.near` has it."""
         from nvsim.depth.floor_noise import calmed
 
         cloud = self.scan()
+        if cloud is not None and places is not None:
+            cloud = cloud.near(places, reach)
         return None if cloud is None else calmed(cloud, floor)
 
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:

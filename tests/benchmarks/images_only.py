@@ -3,7 +3,9 @@
 python tests/benchmarks/images_only.py PROJECT [--capture FOLDER | --seed N] [--truth FOLDER] [--occupancy MAP]
 
 Without --capture the built-in building of that seed is taken. The capture is copied with links to its images and
-without its scan; --truth holds depth/ and floor/ as house_walk's ground_truth does.
+without its scan; --truth holds depth/ and floor/ as house_walk's ground_truth does. --shaken makes of a nerfstudio
+capture one as a hand and structure from motion would have left it: poses off by 1 cm and 0.2 degrees, exposures that
+change, blur of motion and JPEG.
 """
 
 from __future__ import annotations
@@ -16,9 +18,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import tyro
+from scipy.spatial.transform import Rotation
 
 _STAGES = ("submaps", "depth", "floors", "train", "map")
+_OFF, _TURNED, _EXPOSURE, _BLUR = 0.01, 0.2, 0.06, 4
+"""Of a shaken capture: metres and degrees by which poses are off, steps of the logarithm of the exposure, pixels."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +33,9 @@ class Arguments:
     project: tyro.conf.Positional[Path]
     capture: Path | None = None
     seed: int = 32
+    size: str = "full"
+    style: str = "furnished"
+    shaken: bool = False
     truth: Path | None = None
     occupancy: Path | None = None
     camera_height: float | None = None
@@ -39,10 +49,12 @@ def main() -> None:
         from nvsim.building import BuildingConfig, generate
 
         made = arguments.project.with_suffix(".building")
-        generate(made, BuildingConfig(seed=arguments.seed))
+        generate(made, BuildingConfig(seed=arguments.seed, size=arguments.size, style=arguments.style))  # type: ignore[arg-type]
         capture, truth = made / "capture", made / "ground_truth"
     occupancy = arguments.occupancy or (None if truth is None else truth / "map.yaml")
     without_scan(capture, beside)
+    if arguments.shaken:
+        shake(beside)
     height = [] if arguments.camera_height is None else ["--camera-height", str(arguments.camera_height)]
     project = ["--project", str(arguments.project)]
     figures: dict[str, Any] = {}
@@ -82,6 +94,27 @@ def without_scan(capture: Path, folder: Path) -> None:
         link = sensors / "records_data" / images.name
         if "lidar" not in images.name and not link.exists():
             link.symlink_to(images.resolve())
+
+
+def shake(folder: Path) -> None:
+    """Makes poses and images of a nerfstudio capture without scan as of a hand; its images become files of its own."""
+    rng = np.random.default_rng(5)
+    tree = json.loads((folder / "transforms.json").read_text())
+    (folder / "shaken").mkdir(exist_ok=True)
+    gain = np.zeros(3)
+    for number, frame in enumerate(tree["frames"]):
+        pose = np.array(frame["transform_matrix"])
+        pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(np.radians(rng.normal(0, _TURNED, 3))).as_matrix()
+        pose[:3, 3] += rng.normal(0, _OFF, 3)
+        frame["transform_matrix"] = pose.tolist()
+        gain = 0.9 * gain + rng.normal(0, _EXPOSURE) + rng.normal(0, _EXPOSURE / 4, 3)
+        image = np.asarray(cv2.imread(frame["file_path"]), np.float32) * np.exp(gain)
+        length = int(rng.integers(1, _BLUR + 1))
+        image = cv2.blur(image, (length, 1)) if rng.random() < 0.5 else cv2.blur(image, (1, length))
+        path = folder / "shaken" / f"{number:05d}.jpg"
+        cv2.imwrite(str(path), np.clip(image + rng.normal(0, 2, image.shape), 0, 255), [cv2.IMWRITE_JPEG_QUALITY, 85])
+        frame["file_path"] = str(path.resolve())
+    (folder / "transforms.json").write_text(json.dumps(tree))
 
 
 def nvsim(*words: str) -> str:

@@ -101,7 +101,7 @@ def test_a_map_of_panoramas_refuses_it() -> None:
 def test_the_measurement_says_what_an_image_costs() -> None:
     figures = measure(96, 64, 2, "bundled", "bundled")
     assert figures["size"] == "96x64" and 0 < figures["semantic_ms_cpu"] < 5000
-    assert 0 < figures["ms_per_frame_cpu"] < 5000 and 0 < figures["ms_per_frame"] and 0 < figures["normals_ms"]
+    assert 0 < figures["ms_per_frame_cpu"] < 5000 and figures["ms_per_frame"] > 0 and figures["normals_ms"] > 0
 
 
 def test_one_file_for_both_roles_runs_once_for_an_image(building: tuple[Scene, Seen]) -> None:

@@ -4,10 +4,12 @@ process can do it."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from nvsim.cluster.piece import Caller
 from nvsim.errors import InputError
@@ -74,7 +76,14 @@ def inputs_of(project: Project, index: int, config: TrainingConfig) -> Inputs:
     views = training_views(project, training_frames(project, index), config)
     watched = watched_frame(project, index)
     held = None if watched is None else training_views(project, [watched], config)[0]
-    return Inputs(views, project.scan_on(surface), surface, held)
+    return Inputs(views, seen_cloud(project, surface, views), surface, held)
+
+
+def seen_cloud(project: Project, surface: FloorSurface, views: Sequence[TrainingView]) -> Cloud | None:
+    """The project's cloud as far as `views` may see it."""
+    from nvsim.training.initialise import FARTHEST
+
+    return project.scan_on(surface, np.array([view.camera.position for view in views]).reshape(-1, 3), FARTHEST)
 
 
 def fit(
