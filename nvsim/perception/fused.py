@@ -12,8 +12,9 @@ from nvsim.perception.roles import Float32, FloorMask, Image, SemanticFloor
 
 @dataclass(frozen=True)
 class FusedFloor:
-    """A FloorSegmenter. The network only adds floor that nothing hides: what it takes for no floor stays, because it
-    misses floor more often than a dense cloud misses what stands on it."""
+    """A FloorSegmenter. Beside a scan the network only adds floor that nothing hides: what it takes for no floor stays,
+    because it misses floor more often than a scan misses what stands on it. The depth of images misses more, and draws
+    thin things thick: there a sure network is believed where the image's own depth says nothing else."""
 
     floor: GeometricFloor
     semantic: SemanticFloor

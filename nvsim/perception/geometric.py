@@ -41,7 +41,9 @@ class GeometricConfig:
     before        and one that is nearer by more than this share something before it
     glimpses      views from which the floor's looks are learnt, at most
     filled        probability by a network from which on what nothing hides and nothing confirms is floor,
-    filled_thin   and the same where the cloud is of images: bare floor has few points there
+    filled_thin   and the same where the cloud is of images: bare floor has few points there;
+    filled_behind  there also what something hides: thin things are drawn too thick, a table where its floor is seen,
+    doubted       and below which what nothing hides is none: near walls have holes there
     """
 
     clearance: float = 0.05
@@ -58,6 +60,8 @@ class GeometricConfig:
     glimpses: int = 160
     filled: float = 0.9
     filled_thin: float = 0.5
+    filled_behind: float = 0.8
+    doubted: float = 0.05
     appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
     glass: GlassConfig = GlassConfig()
@@ -138,8 +142,12 @@ class GeometricFloor:
             floor |= self._appearance.shining_through(view, seen.hidden)
         if looks is not None and self.knows_floor:
             small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
-            sure = self.config.filled if depth is None else self.config.filled_thin
-            floor |= seen.unsure & ~before & (small > sure)
+            if depth is None:
+                floor |= seen.unsure & (small > self.config.filled)
+            else:
+                floor &= level | (small > self.config.doubted)
+                floor |= seen.unsure & ~before & (small > self.config.filled_thin)
+                floor |= seen.hidden & ~before & (small > self.config.filled_behind)
         mask = refine(floor, seen.scale, image, self.config.refine)
         if depth is None or self._appearance is None:
             return FloorMask(mask, mask)

@@ -161,6 +161,29 @@ def test_a_network_fills_holes_of_the_scan_and_takes_nothing_away(k: int) -> Non
     assert np.array_equal(holed.segment(camera(k), image, looks=unsure).mask, alone)
 
 
+def test_beside_the_depth_of_images_a_network_says_what_the_cloud_draws_wrongly() -> None:
+    """A wall with a hole in its points, beyond which there is floor, and a box whose points stand for too much."""
+    points = scan().points
+    low_wall = (points[:, 1] > ROOM[1, 1] - 0.05) & (points[:, 2] < 1.2)
+    beyond = np.random.default_rng(3).uniform((0.5, ROOM[1, 1] + 0.1, 0), (5.5, ROOM[1, 1] + 3, 0), (20_000, 3))
+    thick = points[(points[:, 2] > 0.05) & ((points > BOX[0] - 0.01) & (points < BOX[1] + 0.01)).all(axis=1)]
+    swollen = [thick + np.array([x, y, 0]) for x in (-0.3, 0, 0.3) for y in (-0.3, 0, 0.3)]
+    cloud = Cloud(np.concatenate([points[~low_wall], beyond, *swollen]).astype(np.float32))
+    provider, view = GeometricFloor(cloud, FLAT), camera(0)
+    floor, image = truth(view)
+    unknown = np.zeros(floor.shape, np.float32)
+    sure = np.where(floor, 0.95, 0.01).astype(np.float32)
+    found = provider.segment(view, image, unknown, sure).mask
+    alone = provider.segment(view, image, unknown, np.full(floor.shape, 0.5, np.float32)).mask
+    assert (alone & ~floor).sum() > 200 and (floor & ~alone).sum() > 200
+    assert iou(found, floor) > 0.95 > iou(alone, floor) + 0.1
+    rays = view.rays().astype(float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.where(rays[..., 2] < 0, -view.position[2] / rays[..., 2], 0)
+    before = np.where(along > 0, 0.6 * along * (rays @ view.rotation[:, 2]), 0).astype(np.float32)
+    assert not provider.segment(view, image, before, np.ones_like(sure)).mask.any(), "the image's own depth comes first"
+
+
 def test_refinement_moves_a_shifted_border_back_to_the_edge_of_the_image():
     floor, image = truth(camera(0))
     shifted = np.roll(floor, 2, axis=0)
