@@ -4,6 +4,7 @@ shows before it hides it, floor that nothing confirms is left out, and the edge 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,14 +100,21 @@ class GeometricFloor:
         self._is_sparse = cloud is not None and not cloud.is_dense
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
 
-    def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image]) -> None:
+    def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image], threads: int = 1) -> None:
         """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
-        uint8 RGB of the camera at an index, at any size. Without it, what the cloud misses stays in the masks."""
+        uint8 RGB of the camera at an index, at any size, in `threads` at once. Without it, what the cloud misses stays
+        in the masks."""
         chosen = np.unique(
             np.linspace(0, len(cameras) - 1, min(len(cameras), self.config.glimpses)).round().astype(int)
         )
-        seen = [self.project(cameras[i]) for i in chosen]
-        glimpses = [self._glimpse(s, read(int(i))) for s, i in zip(seen, chosen, strict=True)]
+
+        def look(index: int) -> tuple[Projection, Glimpse]:
+            projection = self.project(cameras[index])
+            return projection, self._glimpse(projection, read(index))
+
+        with ThreadPoolExecutor(threads) as pool:
+            looks = list(pool.map(look, map(int, chosen)))
+        seen, glimpses = [projection for projection, _ in looks], [glimpse for _, glimpse in looks]
         self._appearance = FloorAppearance.learn(glimpses, self.config.appearance)
         if self._appearance is None:
             return

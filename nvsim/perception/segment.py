@@ -91,16 +91,12 @@ def segment_capture(
     walks: dict[int, list[int]] = {}
     for i, surface in enumerate(surfaces):
         walks.setdefault(id(surface), []).append(i)
-    providers: dict[int, FloorSegmenter] = {}
-    for key in dict.fromkeys(id(surfaces[i]) for i in missing):
-        floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
-        providers[key] = floor if other_of is None else other_of(floor, cloud)
 
-    def one(index: int) -> int:
+    def one(index: int, provider: FloorSegmenter) -> int:
         camera, intrinsics = view(index)
         image = read_image(capture.frames[index], intrinsics)
         depth = None if depth_of is None else depth_of(index)
-        found = providers[id(surfaces[index])].segment(camera, image, depth)
+        found = provider.segment(camera, image, depth)
         picture = found.mask.astype(np.uint8) * 255
         if found.doubtful is not None:
             picture[found.doubtful] = _DOUBTFUL
@@ -111,15 +107,19 @@ def segment_capture(
         return index
 
     with ThreadPoolExecutor(config.threads) as pool:
-        jobs = [pool.submit(one, i) for i in missing]
-        try:
-            for job in as_completed(jobs):
-                index = job.result()
-                done += 1
-                listen(Progress("floors", done, total, capture.frames[index].name))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        # One provider after the other: each holds the cloud around its walk.
+        for key in dict.fromkeys(id(surfaces[i]) for i in missing):
+            floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
+            provider = floor if other_of is None else other_of(floor, cloud)
+            jobs = [pool.submit(one, i, provider) for i in missing if id(surfaces[i]) == key]
+            try:
+                for job in as_completed(jobs):
+                    index = job.result()
+                    done += 1
+                    listen(Progress("floors", done, total, capture.frames[index].name))
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
     return failures.of_frames
 
 
@@ -143,7 +143,7 @@ def learnt_floor(
     if cloud is not None:
         cloud = calmed(cloud.near(capture.positions[near], config.geometric.farthest), surface)
     floor = GeometricFloor(cloud, surface, config.geometric)
-    floor.learn([camera(i) for i in near], read_small)
+    floor.learn([camera(i) for i in near], read_small, config.threads)
     return floor, cloud
 
 
