@@ -20,7 +20,7 @@ from typing import Any
 import psutil
 import tyro
 
-_EVERY = 0.2  # seconds between two looks at the memory
+_EVERY = 0.5  # seconds between two looks at the memory
 
 
 @dataclass(frozen=True)
