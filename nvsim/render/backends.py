@@ -18,7 +18,7 @@ def chosen(backend: Backend) -> Literal["numba", "gsplat"]:
     """What "auto" means here, and the others as they are. Raises InputError when gsplat is asked for and cannot run."""
     if backend == "numba":
         return "numba"
-    missing = _missing_for_gsplat()
+    missing = missing_for_gsplat()
     if backend == "auto":
         return "gsplat" if missing is None else "numba"
     if missing is not None:
@@ -27,7 +27,8 @@ def chosen(backend: Backend) -> Literal["numba", "gsplat"]:
 
 
 @cache
-def _missing_for_gsplat() -> str | None:
+def missing_for_gsplat() -> str | None:
+    """What keeps gsplat from running here, as the end of a sentence; None when nothing does."""
     if importlib.util.find_spec("gsplat") is None:
         return "gsplat is not installed (`pip install nvsim[gpu]`)"
     import torch

@@ -168,6 +168,9 @@ class TrainingConfig:
     appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
     densify: DensifyConfig = field(default_factory=DensifyConfig)
     robust: RobustConfig = field(default_factory=RobustConfig)
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where the Gaussians are trained: on a CUDA card by gsplat, on the CPU, or auto for the card where there is one. A
+    run that began on one goes on on the other."""
     threads: int = 0
     """Threads of the kernels; 0 means all cores. Runs are repeatable for one count."""
     checkpoint_seconds: float = 15.0
