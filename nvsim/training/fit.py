@@ -21,7 +21,7 @@ from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import TrainingConfig
-from nvsim.training.devices.choice import held_on
+from nvsim.training.devices.held import held_on
 from nvsim.training.devices.types import FEATURES
 from nvsim.training.exposure import Exposure
 from nvsim.training.loss.alpha import alpha_loss

@@ -77,10 +77,10 @@ def test_a_step_on_the_card_is_a_step_on_the_cpu(
         if step == 1:
             for field in ("means", "log_scales", "quats", "opacity_logits"):
                 a, b = (getattr(f.gradients, field) for f in fits)
-                assert np.linalg.norm(a - b) < 0.02 * np.linalg.norm(a), field
+                assert np.linalg.norm(a - b) < 0.02 * np.linalg.norm(a) + 1e-7, field  # round ones do not turn
             for group in cpu.groups:
                 a, b = (f.groups[group].gradient for f in fits)
-                assert np.linalg.norm(a - b) <= 0.02 * np.linalg.norm(a), group
+                assert np.linalg.norm(a - b) <= 0.02 * np.linalg.norm(a) + 1e-7, group
             np.testing.assert_allclose(card_.sums[:, 0], cpu.sums[:, 0], rtol=0.05, atol=0.02 * cpu.sums[:, 0].max())
         for f in fits:
             f.move(step)
@@ -99,7 +99,7 @@ def test_strategies_change_what_is_on_the_card(
 ) -> None:
     use_card(True)
     base = small(name)
-    densify = dataclasses.replace(base.densify, strategy=strategy, every=4, start=0.0)
+    densify = dataclasses.replace(base.densify, strategy=strategy, every=4, start=0.0, prune_opacity=0.005)
     adaptive = dataclasses.replace(densify.adaptive, reset=0.02, gradient=1e-6, pause=0.0)
     config = dataclasses.replace(base, densify=dataclasses.replace(densify, adaptive=adaptive), seed_share=0.5)
     fit, rng = fit_of(room, config), np.random.default_rng(1)
