@@ -20,7 +20,11 @@ def about() -> dict[str, Any]:
     import importlib.metadata as metadata
     import platform
 
-    found: dict[str, Any] = {"python": platform.python_version(), "torch": torch.__version__, "cuda": torch.version.cuda}
+    found: dict[str, Any] = {
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "cuda": torch.version.cuda,
+    }
     for package in ("nvsim", "gsplat", "numba"):
         try:
             found[package] = metadata.version(package)

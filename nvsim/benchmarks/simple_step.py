@@ -21,7 +21,11 @@ _WIDTH, _SIGMA = 11, 1.5  # of the window of SSIM, pixels
 
 
 def measure(
-    gaussians: Gaussians, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], device: str, steps: int = STEPS
+    gaussians: Gaussians,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    device: str,
+    steps: int = STEPS,
 ) -> dict[str, float]:
     """simple_step_ms: the median of a step over `gaussians`, from `cameras` in turn against `images` (H, W, 3)."""
     given = {name: getattr(gaussians, name) for name in RATES}

@@ -68,7 +68,7 @@ def measure(
     torch.set_num_threads(1)
     try:
         start = synthetic_gaussians(gaussians, sh_degree, seed)
-        fit = Fit(start.copy(), *first_paint(views, floor, config, seed), floor, config)
+        fit = Fit(start, *first_paint(views, floor, config, seed), floor, config)
         inlier = np.ones((height, width), np.bool_)
         laps: dict[str, list[float]] = {name: [] for name in ("step", *STEP_PARTS)}
         for step in range(1, warm_up + steps + 1):
@@ -85,6 +85,7 @@ def measure(
     figures["forward_ms"] = figures["project_ms"] + figures["sort_ms"] + figures["raster_ms"]
     figures["ratio"] = figures["step_ms"] / (figures["forward_ms"] + figures["raster_backward_ms"])
     if place is not None:
+        start = synthetic_gaussians(gaussians, sh_degree, seed)
         figures |= simple_step.measure(start, [v.camera for v in views], [v.image for v in views], place)
     if place == "cuda":
         figures["card_memory_mib"] = torch.cuda.max_memory_allocated() / (1 << 20)

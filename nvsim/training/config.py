@@ -8,7 +8,6 @@ from typing import Literal
 from nvsim.errors import InputError
 from nvsim.training.strategies.config import AdaptiveConfig, DensifyConfig
 
-
 Device = Literal["auto", "cpu", "cuda"]
 
 

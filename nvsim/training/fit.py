@@ -1,5 +1,5 @@
-"""One model in the making: draw a view, take the loss, send its gradient back, move every parameter. Where the Gaussians
-are and who draws them, the CPU or a card, is the matter of `nvsim.training.devices`.
+"""One model in the making: draw a view, take the loss, send its gradient back, move every parameter. Where the
+Gaussians are and who draws them, the CPU or a card, is the matter of `nvsim.training.devices`.
 """
 
 from __future__ import annotations

@@ -79,7 +79,9 @@ class OnCard:
                     getattr(self._groups[name], kind).data.copy_(torch.from_numpy(getattr(lent, name)))
         self._lent = self._lent_gradients = None
 
-    def draw(self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch) -> tuple[Float32, Float32]:
+    def draw(
+        self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch
+    ) -> tuple[Float32, Float32]:
         self._take_back()
         tensors = {name: group.values for name, group in self._groups.items()}
         self._rows = None
@@ -89,9 +91,7 @@ class OnCard:
                 tensors = {name: tensor[self._rows] for name, tensor in tensors.items()}
             tensors["sh"] = self._colours.coefficients(tensors["sh"], tensors[FEATURES], self._networks.seen)
         watch.lap("appearance")
-        drawn = rasterize(
-            *(tensors[name] for name in FIELDS), camera, antialiased=antialiased, sh_degree=sh_degree
-        )
+        drawn = rasterize(*(tensors[name] for name in FIELDS), camera, antialiased=antialiased, sh_degree=sh_degree)
         self._drawn = drawn
         rgb, transmittance = _array(drawn.rgb), _array(drawn.transmittance)
         watch.lap("raster")
@@ -103,9 +103,7 @@ class OnCard:
         for group in self._groups.values():
             group.values.grad = None
         by_rgb = torch.from_numpy(d_rgb).to(self._device)
-        torch.autograd.backward(
-            [drawn.rgb, drawn.transmittance], [by_rgb, torch.from_numpy(-d_alpha).to(self._device)]
-        )
+        torch.autograd.backward([drawn.rgb, drawn.transmittance], [by_rgb, torch.from_numpy(-d_alpha).to(self._device)])
         found = drawn.statistics()
         rows = slice(None) if self._rows is None else self._rows
         self._sums[rows, :2] += found[:, :2]

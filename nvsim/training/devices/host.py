@@ -57,7 +57,9 @@ class OnHost:
     def __len__(self) -> int:
         return len(self.sums)
 
-    def draw(self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch) -> tuple[Float32, Float32]:
+    def draw(
+        self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch
+    ) -> tuple[Float32, Float32]:
         k, shown = camera.intrinsics, self.gaussians
         self._tint = NO_TINT
         if self._networks is not None and self._colours is not None:

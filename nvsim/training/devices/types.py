@@ -51,7 +51,9 @@ class Held(Protocol):
 
     def __len__(self) -> int: ...
 
-    def draw(self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch) -> tuple[Float32, Float32]:
+    def draw(
+        self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch
+    ) -> tuple[Float32, Float32]:
         """Colour (H, W, 3) and transmittance (H, W) as the embedding that was last looked at makes them."""
         ...
 
