@@ -48,10 +48,10 @@ def measure(
 
     def forward() -> None:
         with torch.no_grad():
-            rasterize(*tensors, camera, antialiased=antialiased)
+            rasterize(*tensors, camera=camera, antialiased=antialiased)
 
     def both() -> None:
-        rasterize(*tensors, camera, antialiased=antialiased).rgb.backward(towards)
+        rasterize(*tensors, camera=camera, antialiased=antialiased).rgb.backward(towards)
         for tensor in tensors:
             tensor.grad = None
 

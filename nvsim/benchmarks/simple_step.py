@@ -38,7 +38,7 @@ def measure(
 
     def step() -> None:
         at = next(turns)
-        drawn = rasterize(*(tensors[name] for name in RATES), cameras[at])
+        drawn = rasterize(*(tensors[name] for name in RATES), camera=cameras[at])
         loss = 0.8 * (drawn.rgb - photos[at]).abs().mean() + 0.2 * (1 - _ssim(drawn.rgb, photos[at], window))
         loss.backward()
         adam.step()

@@ -56,8 +56,8 @@ def rasterize(
     quats: torch.Tensor,  # (N, 4) w x y z, of any length
     opacity_logits: torch.Tensor,  # (N,)
     sh: torch.Tensor,  # (N, K, 3) coefficients of the colour, K = (degree + 1)^2
-    camera: Camera,
     *,
+    camera: Camera,
     antialiased: bool = True,
     sh_degree: int | None = None,
 ) -> Drawn:

@@ -120,7 +120,7 @@ def gradients(room: Gaussians, camera: Any, antialiased: bool, device: str) -> d
     theirs = [torch.tensor(a, requires_grad=True, device=device) for a in arrays]
     statistics = autograd.Statistics.zeros(len(room))
     rgb, alpha = autograd.rasterize(*ours, camera, antialiased=antialiased, statistics=statistics)
-    drawn = gsplat_gradient.rasterize(*theirs, camera, antialiased=antialiased)
+    drawn = gsplat_gradient.rasterize(*theirs, camera=camera, antialiased=antialiased)
     draw = torch.Generator().manual_seed(0)
     by_rgb, by_alpha = torch.randn(rgb.shape, generator=draw), torch.randn(alpha.shape, generator=draw)
     torch.autograd.backward([rgb, alpha], [by_rgb, by_alpha])

@@ -36,7 +36,7 @@ class Arguments:
     """Models as large as the paper's: 30,000 steps, images of full size, a million Gaussians in a submap, networks of
     full size. Needs a CUDA card to end within the day."""
     device: Device = "auto"
-    """Where the Gaussians are trained: on a CUDA card by gsplat, on the CPU, or auto for the card where there is one."""
+    """Where Gaussians are trained: on a CUDA card by gsplat, on the CPU, or auto for the card where there is one."""
     paper: bool = False
     """The paper's model and the paper's map: the presets splatfacto-i of training and paper of the map."""
     normal_source: NormalSource = "criteria"

@@ -42,8 +42,9 @@ def furnished(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> 
 def _moving(renderer: OpenGLRenderer, model: SubmapModel, camera: Camera, seconds: float) -> dict[str, float]:
     k = camera.intrinsics
     context = renderer.context
-    color = context.renderbuffer((k.width, k.height), 4)
-    picture = context.framebuffer([color])
+    with context:
+        color = context.renderbuffer((k.width, k.height), 4)
+        picture = context.framebuffer([color])
     drawn = new = 0
     before: Camera | None = None
     pose = camera.camera_to_world

@@ -91,7 +91,9 @@ class OnCard:
                 tensors = {name: tensor[self._rows] for name, tensor in tensors.items()}
             tensors["sh"] = self._colours.coefficients(tensors["sh"], tensors[FEATURES], self._networks.seen)
         watch.lap("appearance")
-        drawn = rasterize(*(tensors[name] for name in FIELDS), camera, antialiased=antialiased, sh_degree=sh_degree)
+        drawn = rasterize(
+            *(tensors[name] for name in FIELDS), camera=camera, antialiased=antialiased, sh_degree=sh_degree
+        )
         self._drawn = drawn
         rgb, transmittance = _array(drawn.rgb), _array(drawn.transmittance)
         watch.lap("raster")
