@@ -5,7 +5,9 @@ Both answer the same contract (nvsim.render.types). Torch and gsplat are importe
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
+import sys
 from functools import cache
 from typing import Literal
 
@@ -31,6 +33,10 @@ def missing_for_gsplat() -> str | None:
     """What keeps gsplat from running here, as the end of a sentence; None when nothing does."""
     if importlib.util.find_spec("gsplat") is None:
         return "gsplat is not installed (`pip install nvsim[gpu]`)"
+    try:
+        ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
+    except OSError:  # found out without torch, which takes seconds to import
+        return "there is no CUDA driver"
     import torch
 
     if not torch.cuda.is_available():
