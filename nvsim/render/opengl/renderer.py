@@ -60,7 +60,7 @@ class OpenGLRenderer:
 
     @property
     def context(self) -> moderngl.Context:
-        """What it draws with, for whoever makes a framebuffer to draw into."""
+        """Its OpenGL context: framebuffers to draw into are made in it."""
         return self._context
 
     @property

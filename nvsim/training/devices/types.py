@@ -79,7 +79,7 @@ class Held(Protocol):
         ...
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """The inverse of `state`, whichever device that was on."""
+        """The inverse of `state`, that of another device too."""
         ...
 
     def figures(self) -> dict[str, int]:
