@@ -58,8 +58,7 @@ def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, roun
     zeros, statistics_of = np.zeros((height, width), np.float32), np.zeros((len(g), 3), np.float32)
     workspace = RenderBuffers()
     through = [zeros]
-    turning = [Camera(size, _turned(camera, k * TURN)) for k in range(rounds + 1)]
-    frames = iter(turning)
+    frames = iter(turning(camera, rounds + 1))
 
     def draw(geometry: bool) -> None:
         through[0] = workspace.draw(height, width, geometry)[1]
@@ -124,6 +123,11 @@ def _lanes(
             low, high = pixel_rows(splats[order[k]], top)
             rows += high - low
     return rows * TILE
+
+
+def turning(camera: Camera, count: int) -> list[Camera]:
+    """`count` cameras, each turned by TURN about the vertical from the one before."""
+    return [Camera(camera.intrinsics, _turned(camera, k * TURN)) for k in range(count)]
 
 
 def _pose(turn: float) -> NDArray[np.float64]:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import statistics
 import time
+from dataclasses import replace
+from typing import Any
 
 import numba
 import numpy as np
 import torch
 
+from nvsim.benchmarks import simple_step
+from nvsim.benchmarks.card import name_of
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.background.floor_paint import first_paint
-from nvsim.training.config import TrainingConfig
+from nvsim.training.config import Device, preset
+from nvsim.training.devices import choice
 from nvsim.training.fit import STEP_PARTS, Fit
 from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gaussians
 from nvsim.training.views import TrainingView
@@ -39,16 +44,25 @@ def measure(
     steps: int = 48,
     warm_up: int = 24,
     seed: int = 0,
-) -> dict[str, float]:
+    device: Device = "cpu",
+    preset_name: str = "nvsim",
+) -> dict[str, Any]:
     """Medians over `steps` steps after `warm_up` ones, which also compile the kernels, each from another camera.
 
     step_ms             a whole step, milliseconds
     <part>_ms           of it, see `fit.PARTS`
     forward_ms          project + sort + raster
     ratio               step / (forward + raster_backward): what training costs over drawing and its way back
-    intersections, visible, gaussians, width, height, sh_degree, threads
+    intersections, visible, gaussians, width, height, sh_degree, threads, device
+
+    On a card project and sort are within raster, raster_backward ends when it is asked for, not when it is done, and
+    what it still takes is in the parts that follow; besides there are card_memory_mib, the most that tensors took
+    there, and simple_step_ms of `simple_step.measure`. Raises InputError where the device is missing.
     """
-    config = TrainingConfig(gaussian_cap=gaussians, sh_degree=sh_degree)
+    config = replace(preset(preset_name), gaussian_cap=gaussians, sh_degree=sh_degree, device=device)
+    place = choice.card(device)
+    if place == "cuda":
+        torch.cuda.reset_peak_memory_stats()
     views, floor = across(width, height), FloorSurface.flat(0.0)
     torch_threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -64,16 +78,22 @@ def measure(
             if step > warm_up:
                 laps["step"].append(1e3 * (time.perf_counter() - started))
                 for name in STEP_PARTS:
-                    laps[name].append(fit.parts[name])
+                    laps[name].append(fit.parts.get(name, 0.0))
     finally:
         torch.set_num_threads(torch_threads)
     figures = {f"{name}_ms": statistics.median(values) for name, values in laps.items()}
     figures["forward_ms"] = figures["project_ms"] + figures["sort_ms"] + figures["raster_ms"]
     figures["ratio"] = figures["step_ms"] / (figures["forward_ms"] + figures["raster_backward_ms"])
+    if place is not None:
+        start = synthetic_gaussians(gaussians, sh_degree, seed)
+        figures |= simple_step.measure(start, [v.camera for v in views], [v.image for v in views], place)
+    if place == "cuda":
+        figures["card_memory_mib"] = torch.cuda.max_memory_allocated() / (1 << 20)
     return {
         **{name: round(value, 3) for name, value in figures.items()},
-        "intersections": fit.workspace.intersections,
-        "visible": fit.workspace.visible,
+        **fit.held.figures(),
+        "preset": preset_name,
+        "device": "cpu" if place is None else name_of(place),
         "gaussians": gaussians,
         "width": width,
         "height": height,

@@ -5,7 +5,9 @@ Both answer the same contract (nvsim.render.types). Torch and gsplat are importe
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
+import sys
 from functools import cache
 from typing import Literal
 
@@ -18,7 +20,7 @@ def chosen(backend: Backend) -> Literal["numba", "gsplat"]:
     """What "auto" means here, and the others as they are. Raises InputError when gsplat is asked for and cannot run."""
     if backend == "numba":
         return "numba"
-    missing = _missing_for_gsplat()
+    missing = missing_for_gsplat()
     if backend == "auto":
         return "gsplat" if missing is None else "numba"
     if missing is not None:
@@ -27,9 +29,14 @@ def chosen(backend: Backend) -> Literal["numba", "gsplat"]:
 
 
 @cache
-def _missing_for_gsplat() -> str | None:
+def missing_for_gsplat() -> str | None:
+    """What keeps gsplat from running here, as the end of a sentence; None when nothing does."""
     if importlib.util.find_spec("gsplat") is None:
         return "gsplat is not installed (`pip install nvsim[gpu]`)"
+    try:
+        ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
+    except OSError:  # found out without torch, which takes seconds to import
+        return "there is no CUDA driver"
     import torch
 
     if not torch.cuda.is_available():

@@ -56,6 +56,20 @@ def mark_in_view(
             seen[g] = u > -wide and u < size[0] + wide and v > -high and v < size[1] + high
 
 
+def in_view(means: torch.Tensor, log_scales: torch.Tensor, camera: Camera) -> torch.Tensor:
+    """(N,) bool as `mark_in_view` finds it, for tensors (N, 3) and (N, 3) on any device."""
+    k = camera.intrinsics
+    rotation = torch.tensor(camera.rotation, dtype=torch.float32, device=means.device)
+    eye = torch.tensor(camera.position, dtype=torch.float32, device=means.device)
+    x, y, depth = ((means - eye) @ rotation).unbind(1)
+    steepest = max(max(k.cx, k.width - k.cx) / k.fx, max(k.cy, k.height - k.cy) / k.fy)
+    stretch = (1 + 1.7 * steepest**2) ** 0.5
+    reach = float(_REACH) * stretch * log_scales.amax(dim=1).clamp(max=10).exp() / depth
+    u, v = x / depth * k.fx + k.cx, y / depth * k.fy + k.cy
+    wide, high = reach * k.fx + float(_FILTER), reach * k.fy + float(_FILTER)
+    return (depth > 0.04) & (u > -wide) & (u < k.width + wide) & (v > -high) & (v < k.height + high)
+
+
 class LinearColours:
     """Offset of SH coefficient 0 by W(embedding) features. Features and Gaussians' own coefficients both learn."""
 
@@ -85,6 +99,12 @@ class LinearColours:
         """The Gaussians as `camera` sees them, and how they are tinted."""
         self._matrix = self._parameters.linear("matrix", embedding).view(self._shape)
         return gaussians, (features, np.ascontiguousarray(self._matrix.detach().numpy()))
+
+    def coefficients(self, sh: torch.Tensor, features: torch.Tensor, embedding: torch.Tensor) -> torch.Tensor:
+        """(V, K, 3) of Gaussians with their own coefficients `sh` (V, K, 3) and `features` (V, F), on their device;
+        differentiable in all three."""
+        matrix = self._parameters.linear("matrix", embedding).view(self._shape).to(features.device)
+        return torch.cat([sh[:, :1] + (features @ matrix.T)[:, None], sh[:, 1:]], dim=1)
 
     def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
         """From the gradient by the tint's matrix (3, F) that the last `shown` gave; that of the features is there."""
@@ -135,12 +155,16 @@ class NetworkColours:
         gaussians.sh[self._rows] = self._sh.detach().numpy().reshape(len(self._rows), -1, 3)
         return gaussians, NO_TINT
 
+    def coefficients(self, sh: torch.Tensor, features: torch.Tensor, embedding: torch.Tensor) -> torch.Tensor:
+        """As of `LinearColours`; `sh` says no more than the shape."""
+        return self.evaluate(embedding.to(features.device), features).view(sh.shape)
+
     def evaluate(self, embedding: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
         """(V, 3 K) coefficients of `features` (V, F)."""
         p, e = self._parameters, self._size
-        first = p.tensors["colour.0.weight"]
+        first = p.on(features, "colour.0.weight")
         # What the embedding adds to the first layer is the same for every Gaussian.
-        shared = torch.mv(first[:, :e], embedding) + p.tensors["colour.0.bias"]
+        shared = torch.mv(first[:, :e], embedding) + p.on(features, "colour.0.bias")
         h = torch.relu(torch.addmm(shared, features, first[:, e:].T))
         for i in range(1, self._depth):
             h = torch.relu(p.linear(f"colour.{i}", h))

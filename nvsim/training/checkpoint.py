@@ -89,9 +89,10 @@ def fingerprint(
     seed: int,
 ) -> str:
     """A hash of all that a training is made from: data, configuration and seed. How often it is saved is not part of
-    it, nor the number of threads, which changes no more than the order of sums."""
+    it, nor the number of threads and the device, which change no more than the rounding of sums."""
     digest = hashlib.blake2b(digest_size=16)
     settings = dataclasses.asdict(dataclasses.replace(config, threads=0, checkpoint_seconds=0.0))
+    del settings["device"]
     digest.update(json.dumps([FORMAT, settings, seed, floor.origin, floor.spacing], sort_keys=True).encode())
     arrays: list[NDArray[Any]] = [floor.heights]
     if cloud is not None:

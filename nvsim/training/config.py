@@ -8,6 +8,8 @@ from typing import Literal
 from nvsim.errors import InputError
 from nvsim.training.strategies.config import AdaptiveConfig, DensifyConfig
 
+Device = Literal["auto", "cpu", "cuda"]
+
 
 @dataclass(frozen=True)
 class LossConfig:
@@ -168,6 +170,9 @@ class TrainingConfig:
     appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
     densify: DensifyConfig = field(default_factory=DensifyConfig)
     robust: RobustConfig = field(default_factory=RobustConfig)
+    device: Device = "auto"
+    """Where the Gaussians are trained: on a CUDA card by gsplat, on the CPU, or auto for the card where there is one. A
+    run that began on one goes on on the other."""
     threads: int = 0
     """Threads of the kernels; 0 means all cores. Runs are repeatable for one count."""
     checkpoint_seconds: float = 15.0
@@ -210,8 +215,11 @@ def _splatfacto() -> TrainingConfig:
     Changed, because what takes Adam a number of steps takes it as many in a run that is twenty times shorter:
     - the cap, and a refinement every 100 steps as there, so that these are fewer;
     - no opacity reset (`densify.adaptive.reset` 0.1 is theirs): its dimmed Gaussians need some 150 steps to recover;
-    - the means move at our rate; theirs is 8e-4 to 8e-6 m (Splatfacto-W: 8e-5 to 8e-7 m).
-    In 1200 steps that is worth 0.5 dB to this preset and 4.5 dB to splatfacto-i.
+    - the means move at our rate; theirs is 8e-4 to 8e-6 m (Splatfacto-W: 8e-5 to 8e-7 m);
+    - seeds are half opaque, theirs 0.1, which is where they cull: half of the seeds were gone after the first
+      refinement, and a background explained the walls that they left open;
+    - scales move at our rate, twice theirs.
+    `at_paper_scale` takes all of this back. What each is worth: resources/docs/method.md, "The baselines".
     """
     return TrainingConfig(
         name="3dgs",
@@ -221,7 +229,7 @@ def _splatfacto() -> TrainingConfig:
         seed_detail=0.0,
         seed_flatness=1.0,
         seed_size=1.0,
-        seed_opacity=0.1,
+        seed_opacity=0.5,
         sh_degree=3,
         sh_interval=1 / 30,
         background=False,
@@ -230,7 +238,7 @@ def _splatfacto() -> TrainingConfig:
         appearance=AppearanceConfig(kind="none"),
         antialiased=False,
         loss=LossConfig(suppression=0.0, floor=0.0, fill=0.0),
-        rate=RateConfig(log_scales=5e-3, opacity_logits=5e-2),
+        rate=RateConfig(opacity_logits=5e-2),
         densify=DensifyConfig(
             strategy="adaptive",
             start=0.017,
@@ -246,8 +254,12 @@ def _splatfacto() -> TrainingConfig:
 def _splatfacto_w() -> TrainingConfig:
     """Splatfacto-W's rules (splatfactow_config.py and _model.py) by shares of its 55,000 steps, lengths times UNIT.
 
-    Changed: as above, and nothing is exempt from the robust mask, as there is no sky indoors. Its alpha loss is a mean
-    over the image here. The embedding and the colour network have the sizes of its light model, made for any data.
+    Changed: as above, and there is no robust mask: theirs begins at step 6000, when what is still wrong is a transient.
+    In a run that is over before, the worst pixels of an image are walls that are not learned yet. Where it is on,
+    nothing is exempt from it, as there is no sky indoors, and it takes a pixel out of L1 too, not of SSIM alone. A view
+    that was not trained on takes the embedding of the nearest image: the mean is one that the networks never saw. Their
+    alpha loss is a mean over the image here. The embedding and the colour network have the sizes of their light model,
+    made for any data.
     """
     base = _splatfacto()
     return replace(
@@ -259,15 +271,14 @@ def _splatfacto_w() -> TrainingConfig:
         random_background=False,
         antialiased=True,
         loss=replace(base.loss, alpha=0.15),
-        rate=RateConfig(log_scales=5e-3, network_end=1e-4, features=2e-2, features_end=1e-3),
-        appearance=AppearanceConfig("index", kind="network", features=32, background_interval=0.018),
+        rate=RateConfig(network_end=1e-4, features=2e-2, features_end=1e-3),
+        appearance=AppearanceConfig("index", "nearest", kind="network", features=32, background_interval=0.018),
         densify=replace(
             base.densify,
             start=0.018,
             stop=0.36,
             adaptive=AdaptiveConfig(small=0.01 * UNIT, screen_stop=0.27, reset=0.0),
         ),
-        robust=RobustConfig(kind="quantile", start=0.11),
     )
 
 
@@ -281,6 +292,36 @@ def _splatfacto_i() -> TrainingConfig:
         seed_height=0.04,
         appearance=replace(base.appearance, embedding="position"),
         loss=LossConfig(suppression=1.0, floor=1.0, fill=0.0),
+    )
+
+
+FULL_SIZE = 16_384
+"""Pixels that no side of an image exceeds: images are never enlarged, so that it means their own size."""
+
+
+def at_paper_scale(config: TrainingConfig) -> TrainingConfig:
+    """A preset's configuration as large as the paper's models, which asks for a card: 30,000 steps, images of full
+    size, a million Gaussians in a submap, embedding and networks of the full Splatfacto-W, and by a network also what
+    is coloured by the linear form made for CPUs. With as many steps as the originals, `splatfacto-i`, `splatfacto-w`
+    and `3dgs` get back the rules of theirs that short runs cannot afford, see `_splatfacto`."""
+    look, kind = config.appearance, config.appearance.kind
+    look = replace(look, size=48, background_layers=3, background_width=128)
+    if kind != "none":
+        look = replace(look, kind="network", features=72, layers=3, width=256)
+    config = replace(
+        config, steps=30_000, image_size=FULL_SIZE, gaussian_cap=1_000_000, appearance=look, checkpoint_seconds=120.0
+    )
+    if config.name == "nvsim":
+        return config
+    light = config.name == "3dgs"
+    start, end = (1.6e-4, 1.6e-6) if light else (1.6e-5, 1.6e-7)
+    adaptive = replace(config.densify.adaptive, reset=0.1 if light else 2500 / 55_000)
+    return replace(
+        config,
+        seed_opacity=0.1,
+        rate=replace(config.rate, means=start * UNIT, means_end=end * UNIT, log_scales=5e-3),
+        densify=replace(config.densify, adaptive=adaptive),
+        robust=RobustConfig(kind="none") if light else RobustConfig(kind="quantile", start=0.2, renewal=0.2),
     )
 
 
@@ -300,7 +341,7 @@ def preset(name: str) -> TrainingConfig:
     "nvsim"         the default: the paper's method with floor texture, fill, and the linear form of its colours
     "splatfacto-i"  the paper: floor suppression and background floor loss, colours by camera position; no texture, no
                     fill
-    "splatfacto-w"  its base: background and colours by image, robust mask, alpha loss; the floor is as everything else
+    "splatfacto-w"  its base: background and colours by image, alpha loss; the floor is as everything else
     "3dgs"          Splatfacto, Gaussians only: no floor terms, no background, no robust mask
 
     Raises InputError for another name.

@@ -1,7 +1,5 @@
-"""One model in the making: draw a view, take the loss, send its gradient back, move every parameter.
-
-The rasteriser's kernels are driven by hand instead of through torch's tape: only the networks need one, and
-a step costs what its kernels cost.
+"""One model in the making: draw a view, take the loss, send its gradient back, move every parameter. Where the
+Gaussians are and who draws them, the CPU or a card, is the matter of `nvsim.training.devices`.
 """
 
 from __future__ import annotations
@@ -11,17 +9,20 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
-from nvsim.render.workspace import LOCK, NO_TINT, RenderBuffers, Tint
+from nvsim.render.workspace import LOCK
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
-from nvsim.training.config import RateConfig, TrainingConfig
+from nvsim.training.config import TrainingConfig
+from nvsim.training.devices.held import held_on
+from nvsim.training.devices.types import FEATURES
 from nvsim.training.exposure import Exposure
 from nvsim.training.loss.alpha import alpha_loss
 from nvsim.training.loss.floor_aware import LossValues
@@ -35,9 +36,6 @@ from nvsim.training.views import TrainingView
 Float32 = NDArray[np.float32]
 TEXTURE_STEPS = 4
 """Steps whose gradients the texture gathers before it moves: a view touches few of its many texels."""
-FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
-FEATURES = "features"
-"""The group of what the networks colour Gaussians from, a row per Gaussian as in those of FIELDS."""
 
 
 STEP_PARTS = (
@@ -56,15 +54,9 @@ STEP_PARTS = (
 """What a step is made of, in order."""
 
 
-def rates_of(name: str, rate: RateConfig, sh_count: int) -> Float32 | float:
-    """The learning rate of a group of Gaussian parameters, per column where columns differ."""
-    if name == "sh":
-        return np.array([rate.sh_dc] * 3 + [rate.sh_rest] * (3 * sh_count - 3), np.float32)
-    return float(getattr(rate, name))
-
-
 class Fit:
-    """Parameters, their moments and what densification counts. `parts` are the milliseconds of the last step."""
+    """Parameters, their moments and what densification counts. `held` has those of the Gaussians; `groups` are the
+    others, which stay on the CPU; `parts` are the milliseconds of the last step."""
 
     def __init__(
         self,
@@ -78,37 +70,31 @@ class Fit:
         self.config, self.floor = config, floor
         self.exposure = Exposure(views, config.rate.exposure) if config.exposure else None
         self.networks, self.texture = networks, texture
-        self.sums = np.zeros((len(gaussians), 3), np.float32)
         self.parts: dict[str, float] = {}
-        sh_count = gaussians.sh.shape[1]
-        self.groups = {
-            name: Group.of(getattr(gaussians, name), rates_of(name, config.rate, sh_count)) for name in FIELDS
-        }
-        self.per_gaussian: tuple[str, ...] = FIELDS
-        self._painter = self._colours = None
-        if networks is not None:
-            self.groups |= networks.groups()
-            self._painter, self._colours = networks.background, networks.colours
-        if networks is not None and networks.colours is not None:
-            self.groups[FEATURES] = Group.of(networks.colours.first_features(gaussians), config.rate.features)
-            self.per_gaussian = (*FIELDS, FEATURES)
+        self.held = held_on(gaussians, networks, config)
+        self.groups: dict[str, Group] = {} if networks is None else networks.groups()
+        self._painter = None if networks is None else networks.background
         if texture is not None:
             self.groups["texture"] = Group.of(texture.values, config.rate.texture, texture.gradient)
-        self.workspace = RenderBuffers()
         self._canvases: dict[tuple[int, int], ViewBuffers] = {}
         self._heights, self._grid = pack_floor(floor)
         self._share = 0.0
-        self._tint = NO_TINT
         self._watch = Stopwatch()
 
     @property
     def gaussians(self) -> Gaussians:
-        """The live arrays."""
-        return Gaussians(*(self.groups[name].values for name in FIELDS))
+        """Arrays that may be changed in place until the next step."""
+        return self.held.gaussians
 
     @property
     def gradients(self) -> Gaussians:
-        return Gaussians(*(self.groups[name].gradient for name in FIELDS))
+        """Likewise."""
+        return self.held.gradients
+
+    @property
+    def sums(self) -> Float32:
+        """(N, 3) as `strategies.types.Model` says."""
+        return self.held.sums
 
     def canvas(self, width: int, height: int) -> ViewBuffers:
         key = (width, height)
@@ -136,25 +122,11 @@ class Fit:
 
     def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
         """Colour of the Gaussians (H, W, 3) and transmittance (H, W) of the view last looked at."""
-        k = camera.intrinsics
-        shown, self._tint = self._shown(camera)
-        self._watch.lap("appearance")
-        self.workspace.project(shown, camera, self.config.antialiased, sh_degree, tint=self._tint)
-        self._watch.lap("project")
-        self.workspace.bin()
-        self._watch.lap("sort")
-        rgb, transmittance, _, _ = self.workspace.draw(k.height, k.width, False)
-        self._watch.lap("raster")
-        return rgb, transmittance
-
-    def _shown(self, camera: Camera) -> tuple[Gaussians, Tint]:
-        if self.networks is None or self._colours is None:
-            return self.gaussians, NO_TINT
-        return self._colours.shown(self.gaussians, self.groups[FEATURES].values, self.networks.seen, camera)
+        return self.held.draw(camera, sh_degree, self.config.antialiased, self._watch)
 
     def composite(self, camera: Camera) -> tuple[Float32, Float32]:
         """The image (H, W, 3), not clamped, and alpha (H, W)."""
-        with LOCK:
+        with LOCK, torch.no_grad():
             self.look(camera)
             rgb, transmittance = self.draw(camera)
             background = self.paint(camera, transmittance)
@@ -190,15 +162,7 @@ class Fit:
             if self.exposure is not None:
                 self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background)
             watch.lap("loss")
-            self.workspace.draw_gradient(transmittance, loss.d_rgb, loss.d_alpha, canvas.no_depth)
-            watch.lap("raster_backward")
-            tint = self._tint
-            d_features = tint[0] if len(tint[0]) == 0 else self.groups[FEATURES].gradient
-            d_matrix = self.workspace.project_gradient(self.gaussians, self.gradients, self.sums, tint, d_features)
-            watch.lap("project_backward")
-            if self._colours is not None:
-                self._colours.collect(self.groups["sh"].gradient, d_matrix, self.groups[FEATURES].gradient)
-            watch.lap("appearance_backward")
+            self.held.differentiate(transmittance, loss.d_rgb, loss.d_alpha, watch)
             if self.networks is not None and self._painter is not None:
                 self.networks.backdrop_gradient(evaluate_gradient(camera, loss.d_background, canvas.rows))
             if self.networks is not None:
@@ -221,9 +185,8 @@ class Fit:
             "texture": rate.texture_end / rate.texture,
         }
         with LOCK:
+            self.held.step(step, {name: factor**share for name, factor in decay.items()})
             for name, group in self.groups.items():
-                if name == "sh" and self._colours is not None and not self._colours.own:
-                    continue  # they are what the colour network made last
                 if name != "texture":
                     group.step(step, decay.get(name, 1.0) ** share)
                 elif step % TEXTURE_STEPS == 0:
@@ -233,24 +196,15 @@ class Fit:
 
     def refine(self, refinement: Refinement) -> None:
         """Replaces the Gaussians; the survivors keep their moments, the new ones start with none."""
-        for name in self.per_gaussian:
-            group = self.groups[name]
-            born = group.values[refinement.parents] if name == FEATURES else getattr(refinement.born, name)
-            fresh = np.zeros_like(born)
-            values = np.concatenate([group.values[refinement.kept], born])
-            group.first = np.concatenate([group.first[refinement.kept], fresh])
-            group.second = np.concatenate([group.second[refinement.kept], fresh])
-            group.values, group.gradient = values, np.empty_like(values)
-        self.sums = np.zeros((refinement.count, 3), np.float32)
+        self.held.refine(refinement)
 
     def forget(self, name: str) -> None:
-        """Clears both moments of a group."""
-        self.groups[name].first[:] = 0
-        self.groups[name].second[:] = 0
+        """Clears both moments of a group of the Gaussians."""
+        self.held.forget(name)
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Everything that a step changes, by name."""
-        arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums, "share": np.array(self._share)}
+        arrays: dict[str, NDArray[np.generic]] = {"share": np.array(self._share), **self.held.state()}
         for name, group in self.groups.items():
             arrays[f"{name}.values"] = group.values
             arrays[f"{name}.first"], arrays[f"{name}.second"] = group.first, group.second
@@ -260,28 +214,24 @@ class Fit:
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
         """The inverse of `state`, in a fit of the same configuration and views."""
-        self.sums = np.ascontiguousarray(arrays["sums"], np.float32)
+        self.held.restore(arrays)
         self._share = float(arrays["share"])
         if self.exposure is not None:
             self.exposure.restore(arrays)
         if self.texture is not None:
             self.texture.gradient[:] = arrays["texture.gradient"]
         for name, group in self.groups.items():
-            values = np.ascontiguousarray(arrays[f"{name}.values"], np.float32)
-            if name in self.per_gaussian:
-                group.values, group.gradient = values, np.empty_like(values)
-            else:
-                group.values[:] = values  # networks and texture look into these arrays
+            group.values[:] = arrays[f"{name}.values"]  # networks and texture look into these arrays
             group.first = np.ascontiguousarray(arrays[f"{name}.first"], np.float32)
             group.second = np.ascontiguousarray(arrays[f"{name}.second"], np.float32)
 
     def model(self, info: dict[str, object]) -> SubmapModel:
         """A copy of what has been learned."""
-        gaussians = Gaussians(*(self.groups[name].values.copy() for name in FIELDS))
+        g = self.held.gaussians
+        gaussians = Gaussians(*(a.copy() for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
         background = appearance = None
         if self.networks is not None:
             background = self.networks.exported_background()
-            features = self.groups[FEATURES].values if FEATURES in self.groups else None
-            gaussians, appearance = self.networks.exported_colours(gaussians, features)
+            gaussians, appearance = self.networks.exported_colours(gaussians, self.held.features)
         texture = None if self.texture is None else self.texture.exported()
         return SubmapModel(gaussians, background, texture, self.floor, self.config.antialiased, info, appearance)

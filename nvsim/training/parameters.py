@@ -41,8 +41,12 @@ class Parameters:
                 at = end
 
     def linear(self, name: str, x: torch.Tensor) -> torch.Tensor:
-        """(..., out) of `x` (..., in)."""
-        return torch.nn.functional.linear(x, self.tensors[f"{name}.weight"], self.tensors[f"{name}.bias"])
+        """(..., out) of `x` (..., in), on the device of `x`; the gradients come back to `gradient` from there."""
+        return torch.nn.functional.linear(x, self.on(x, f"{name}.weight"), self.on(x, f"{name}.bias"))
+
+    def on(self, x: torch.Tensor, name: str) -> torch.Tensor:
+        """A tensor on the device of `x`."""
+        return self.tensors[name].to(x.device)
 
     def exported(self) -> dict[str, Float32]:
         """Copies without torch."""

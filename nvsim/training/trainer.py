@@ -138,7 +138,7 @@ class _Run:
         progress = found.progress
         with reading(path, "a checkpoint of this training", "delete it to train from the start"):
             of_gaussians = {"fit/sums"}
-            of_gaussians |= {f"fit/{n}.{p}" for n in self.fit.per_gaussian for p in ("values", "first", "second")}
+            of_gaussians |= {f"fit/{n}.{p}" for n in self.fit.held.names for p in ("values", "first", "second")}
             files.check_shapes(files.gather(self._parts), found.arrays, of_gaussians)
             files.spread(self._parts, found.arrays)
             self._rng.bit_generator.state = progress["random"]
@@ -206,7 +206,7 @@ class _Run:
 
     def _report(self, values: LossValues, rate: float) -> None:
         c, step = self._config, self._step
-        count = len(self.fit.sums)
+        count = len(self.fit.held)
         self._listen(Progress(STAGE, step, c.steps, f"{self._figures['psnr']:.1f} dB, {count} Gaussians"))
         figures = {**self._figures, "gaussians": float(count), "steps_per_second": rate}
         for name, value in figures.items():

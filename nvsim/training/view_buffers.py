@@ -16,14 +16,13 @@ Float32 = NDArray[np.float32]
 
 @dataclass(eq=False)
 class ViewBuffers:
-    """background (3, H, W); hits (3, H, W) of `floor_rays.meet_floor`; rows (H, 9, 3), scratch of `backdrop`; no_depth
-    (H, W) zeros; inlier (H, W), what a robust mask leaves; nowhere (H, W), a floor mask of nothing."""
+    """background (3, H, W); hits (3, H, W) of `floor_rays.meet_floor`; rows (H, 9, 3), scratch of `backdrop`; inlier
+    (H, W), what a robust mask leaves; nowhere (H, W), a floor mask of nothing."""
 
     loss: FloorAwareLoss
     background: Float32
     hits: Float32
     rows: Float32
-    no_depth: Float32
     inlier: NDArray[np.bool_]
     nowhere: NDArray[np.bool_]
 
@@ -34,7 +33,6 @@ class ViewBuffers:
             np.zeros((3, height, width), np.float32),
             np.empty((3, height, width), np.float32),
             np.empty((height, ROW, 3), np.float32),
-            np.zeros((height, width), np.float32),
             np.ones((height, width), np.bool_),
             np.zeros((height, width), np.bool_),
         )

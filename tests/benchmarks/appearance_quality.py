@@ -49,8 +49,9 @@ def main() -> None:
     inside = ((capture.cloud.points > low) & (capture.cloud.points < high)).all(axis=1)
     cloud = Cloud(capture.cloud.points[inside], capture.cloud.colors[inside])
     held_out = members[::8]
-    views = {i: view_of(arguments.data, capture, i) for i in members}
-    novel = novel_views(arguments.data, capture, members)
+    protocol = house_walk.Arguments(data=arguments.data)
+    views = {i: view_of(protocol, capture, i) for i in members}
+    novel = novel_views(protocol, capture, members)
     floor = FloorSurface.flat(0.0)
     for gain in arguments.gains:
         lit = {i: replace(v, image=lighted(v.image, v.camera.position, gain)) for i, v in views.items()}
@@ -83,7 +84,7 @@ def configured(arguments: Arguments, kind: str) -> TrainingConfig:
         base,
         steps=arguments.steps,
         gaussian_cap=arguments.cap,
-        image_size=house_walk.WIDTH,
+        image_size=320,
         appearance=appearance,
         rate=rate,
     )

@@ -90,6 +90,7 @@ def test_the_benchmark_compares_both_on_everything_that_a_model_has(opengl: None
     assert figures["psnr_db"] > 50 and figures["renderer"] and figures["size"] == [161, 119]
     parts = sum(figures[f"{part}_ms"] for part in ("project", "sort", "upload", "draw"))
     assert parts == pytest.approx(figures["frame_ms"], rel=0.3)
+    assert 0 < figures["new_fps"] <= figures["fps"]
 
 
 def test_what_windows_want_is_the_same_picture_with_blue_first(renderer: OpenGLRenderer) -> None:

@@ -1,18 +1,17 @@
 """The contract of the backends, and what the gsplat backend hands over.
 
-Where gsplat is installed without a CUDA card (it is in no extra but `gpu`), its rasterisation is stood in for by its
-own torch reference of projection and harmonics, composited plainly: that checks everything but its kernels.
+Without a CUDA card gsplat's rasterisation is stood in for, see `gsplat_reference`: that checks everything but its
+kernels.
 """
 
 from __future__ import annotations
 
 import gc
-import importlib.util
-import inspect
 
 import numpy as np
 import pytest
 import torch
+from gsplat_reference import INSTALLED, stand_in
 from test_render_forward import ALL, CAMERAS, expected, psnr, scene
 
 from nvsim.errors import InputError
@@ -20,46 +19,8 @@ from nvsim.render import backends
 from nvsim.render.gaussians import render_gaussians
 from nvsim.splats.types import Gaussians
 
-INSTALLED = importlib.util.find_spec("gsplat") is not None
 needs_gsplat = pytest.mark.skipif(not INSTALLED, reason="gsplat is not installed")
 needs_cuda = pytest.mark.skipif(not (INSTALLED and torch.cuda.is_available()), reason="no gsplat or no CUDA card")
-
-
-def standing_in(**given):
-    """gsplat.rasterization on the CPU, one camera."""
-    from gsplat.cuda import _torch_impl as impl
-
-    width, height = given["width"], given["height"]
-    covariances, _ = impl._quat_scale_to_covar_preci(given["quats"], given["scales"], compute_preci=False)
-    radii, centres, depths, conics, compensations = impl._fully_fused_projection(
-        given["means"],
-        covariances,
-        given["viewmats"],
-        given["Ks"],
-        width,
-        height,
-        eps2d=given["eps2d"],
-        near_plane=given["near_plane"],
-        far_plane=given["far_plane"],
-        calc_compensations=given["rasterize_mode"] == "antialiased",
-    )
-    opacities = given["opacities"] if compensations is None else given["opacities"] * compensations[0]
-    colors = given["colors"]
-    if given["render_mode"] == "RGB+D":
-        colors = torch.cat([colors, depths[0, :, None]], dim=1)
-    order = torch.argsort(depths[0])
-    order = order[(radii[0] > 0).all(dim=1)[order]]
-    x, y = torch.meshgrid(torch.arange(width) + 0.5, torch.arange(height) + 0.5, indexing="xy")
-    through = torch.ones(height, width)
-    image = torch.zeros(height, width, colors.shape[1])
-    for i in order:
-        dx, dy = x - centres[0, i, 0], y - centres[0, i, 1]
-        a, b, c = conics[0, i]
-        alpha = (opacities[i] * torch.exp(-0.5 * (a * dx * dx + c * dy * dy) - b * dx * dy)).clamp(max=0.999)
-        weight = torch.where(alpha < 1 / 255, 0.0, alpha) * through
-        image += weight[..., None] * colors[i]
-        through = through - weight
-    return image[None], (1 - through)[None, ..., None], {}
 
 
 @pytest.fixture(params=["numba", pytest.param("stand-in", marks=needs_gsplat), pytest.param("cuda", marks=needs_cuda)])
@@ -68,19 +29,9 @@ def render(request, monkeypatch):
         return lambda *a: render_gaussians(*a, backend="numba")
     if request.param == "cuda":
         return lambda *a: render_gaussians(*a, backend="gsplat")
-    import gsplat
-    from gsplat.cuda import _torch_impl as impl
-
     from nvsim.render import gsplat_backend
 
-    signature = inspect.signature(gsplat.rasterization)
-
-    def rasterization(**given):
-        signature.bind(**given)
-        return standing_in(**given)
-
-    monkeypatch.setattr(gsplat, "rasterization", rasterization)
-    monkeypatch.setattr(gsplat, "spherical_harmonics", impl._spherical_harmonics)
+    stand_in(monkeypatch)
 
     def on_cpu(gaussians, camera, channels=frozenset({"rgb", "alpha"}), antialiased=True):
         return gsplat_backend.render_over(gaussians, camera, channels, antialiased, device="cpu")[0]
@@ -142,11 +93,11 @@ def test_every_backend_draws_nothing_of_nothing(render):
 
 
 def test_without_a_card_auto_is_the_cpu_and_gsplat_is_refused(monkeypatch):
-    monkeypatch.setattr(backends, "_missing_for_gsplat", lambda: "PyTorch sees no CUDA card")
+    monkeypatch.setattr(backends, "missing_for_gsplat", lambda: "PyTorch sees no CUDA card")
     assert backends.chosen("auto") == backends.chosen("numba") == "numba"
     with pytest.raises(InputError, match="no CUDA card.*numba"):
         render_gaussians(Gaussians.empty(), CAMERAS["centred"], backend="gsplat")
-    monkeypatch.setattr(backends, "_missing_for_gsplat", lambda: None)
+    monkeypatch.setattr(backends, "missing_for_gsplat", lambda: None)
     assert backends.chosen("auto") == "gsplat"
 
 

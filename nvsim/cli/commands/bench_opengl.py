@@ -1,4 +1,5 @@
-"""Milliseconds of an OpenGL frame and its parts, beside the kernels, on a splat file or a project."""
+"""Milliseconds of an OpenGL frame and its parts, and frames a second, beside the kernels, on a splat file or a
+project."""
 
 from __future__ import annotations
 
@@ -21,12 +22,12 @@ class Arguments:
     project: Path | None = None
     """A project with trained models, seen from the middle of its walk, in place of a file. With neither, a hall made
     in memory."""
-    size: str = "640x480"
-    """Width and height in pixels."""
+    size: tuple[str, ...] = ("640x480",)
+    """Width and height in pixels; several are measured one after another."""
     rounds: int = 15
     """Medians are over so many frames."""
     json: bool = False
-    """Print one JSON object."""
+    """Print one JSON object; of several sizes a list of them."""
 
 
 def run(arguments: Arguments) -> int:
@@ -40,10 +41,9 @@ def run(arguments: Arguments) -> int:
     from nvsim.render.opengl.benchmark import furnished, measure
     from nvsim.splats.formats.choice import read_splats
 
-    width, height = _size(arguments.size)
+    sizes = [_size(text) for text in arguments.size]
     if arguments.rounds < 1:
         raise InputError(f"A median over {arguments.rounds} rounds is none; give --rounds 1 or more.")
-    intrinsics = Intrinsics.from_fov(width, height, math.radians(_FIELD))
     heading, elevation = math.atan2(_AHEAD[0], _AHEAD[1]), math.atan2(_AHEAD[2], math.hypot(*_AHEAD[:2]))
     pose = look(np.array(_EYE), heading, elevation)
     if arguments.scene is not None and arguments.project is not None:
@@ -60,7 +60,14 @@ def run(arguments: Arguments) -> int:
         model = furnished(gaussians, antialiased is not False)
     else:
         model, _ = furnished_hall()
-    show.figures(measure(model, Camera(intrinsics, pose), arguments.rounds), arguments.json, "an OpenGL frame")
+    found = []
+    for width, height in sizes:
+        camera = Camera(Intrinsics.from_fov(width, height, math.radians(_FIELD)), pose)
+        found.append(measure(model, camera, arguments.rounds))
+        if not arguments.json or len(sizes) == 1:
+            show.figures(found[-1], arguments.json, f"an OpenGL frame of {width}x{height}")
+    if arguments.json and len(sizes) > 1:
+        print(show.as_json(found), flush=True)
     return 0
 
 

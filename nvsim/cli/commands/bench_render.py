@@ -1,4 +1,4 @@
-"""Milliseconds of a view of many Gaussians, part by part, forward and backward, with the kernels of the CPU."""
+"""Milliseconds of a view of many Gaussians, part by part, forward and backward, by the CPU's kernels or on a card."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 
 from nvsim.cli import show
 from nvsim.errors import InputError
+from nvsim.training.config import Device
+from nvsim.training.devices.choice import card
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,8 @@ class Arguments:
     """Medians are over so many."""
     classic: bool = False
     """Draw without opacity compensation."""
+    device: Device = "auto"
+    """Who draws: gsplat on a CUDA card, the kernels of the CPU, or auto for the card where there is one."""
     json: bool = False
     """Print one JSON object."""
 
@@ -38,6 +42,12 @@ def run(arguments: Arguments) -> int:
     if a.rounds < 1 or a.gaussians < 1:
         raise InputError("A measurement needs at least one round and one Gaussian.")
     gaussians = random_room(a.gaussians) if a.scene is None else read_splats(a.scene)[0]
-    figures = measure(gaussians, inside_view(int(width), int(height)), not a.classic, a.rounds)
+    camera, place = inside_view(int(width), int(height)), card(a.device)
+    if place is None:
+        figures = measure(gaussians, camera, not a.classic, a.rounds)
+    else:
+        from nvsim.benchmarks.render_card import measure as measure_card
+
+        figures = measure_card(gaussians, camera, not a.classic, a.rounds, place)
     show.figures(figures, a.json, "a view")
     return 0

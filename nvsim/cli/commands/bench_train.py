@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from nvsim.cli import show
 from nvsim.errors import InputError
+from nvsim.training.config import Device, Preset
 
 
 @dataclass(frozen=True)
@@ -16,6 +17,11 @@ class Arguments:
     """Pixels of an image, WIDTHxHEIGHT."""
     sh_degree: int = 3
     """Degree of their spherical harmonics, 0 to 3."""
+    preset: Preset = "nvsim"
+    """Whose losses and colours; Gaussians and their harmonics are as many as said above."""
+    device: Device = "auto"
+    """Where the Gaussians are: on a CUDA card, beside a plain step of gsplat and torch, on the CPU, or auto for the
+    card where there is one."""
     json: bool = False
     """Print one JSON object."""
 
@@ -29,6 +35,7 @@ def run(arguments: Arguments) -> int:
         raise InputError(f"--size {arguments.size} is no image size; say it as 640x480.") from error
     if min(width, height, arguments.gaussians) < 1 or not 0 <= arguments.sh_degree <= 3:
         raise InputError("--gaussians and both sides of --size have to be positive, and --sh-degree 0 to 3.")
-    figures = measure(arguments.gaussians, width, height, arguments.sh_degree)
+    a = arguments
+    figures = measure(a.gaussians, width, height, a.sh_degree, device=a.device, preset_name=a.preset)
     show.figures(figures, arguments.json, "a training step")
     return 0

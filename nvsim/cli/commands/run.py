@@ -18,7 +18,8 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NormalSource
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
-from nvsim.training.config import Preset, preset
+from nvsim.training.config import Device, Preset, at_paper_scale, preset
+from nvsim.training.devices.choice import card
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,11 @@ class Arguments:
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
     preset: Preset = "nvsim"
     """What the flags of training start from."""
+    paper_scale: bool = False
+    """Models as large as the paper's: 30,000 steps, images of full size, a million Gaussians in a submap, networks of
+    full size. Needs a CUDA card to end within the day."""
+    device: Device = "auto"
+    """Where Gaussians are trained: on a CUDA card by gsplat, on the CPU, or auto for the card where there is one."""
     paper: bool = False
     """The paper's model and the paper's map: the presets splatfacto-i of training and paper of the map."""
     normal_source: NormalSource = "criteria"
@@ -45,12 +51,17 @@ class Arguments:
 def defaults(argv: list[str]) -> Arguments:
     paper = "--paper" in argv
     name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
-    config = RunConfig(train=preset(name), map=papers() if paper else MappingConfig())
+    train = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
+    config = RunConfig(train=train, map=papers() if paper else MappingConfig())
     return Arguments(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:
     config = replace(arguments.config, map=asked(arguments.config.map, arguments.normal_source))
+    if arguments.device != "auto":
+        config = replace(config, train=replace(config.train, device=arguments.device))
+    if arguments.cluster.executor == "local":
+        card(config.train.device)  # refused before anything is imported
     cluster = arguments.cluster
     with (
         opened(cluster) as executor,

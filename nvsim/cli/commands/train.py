@@ -13,7 +13,7 @@ from nvsim.cli.session import working
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
 from nvsim.project.stages import trained
-from nvsim.training.config import Preset, TrainingConfig, preset
+from nvsim.training.config import Preset, TrainingConfig, at_paper_scale, preset
 
 
 @dataclass(frozen=True)
@@ -24,13 +24,17 @@ class Arguments(ProjectArguments):
     """How many submaps to train at a time, each with its share of the cores; 0 decides by cores and free memory."""
     preset: Preset = "nvsim"
     """What the other flags start from: our defaults, the paper's, or those of one of its baselines."""
+    paper_scale: bool = False
+    """As large as the paper's models: 30,000 steps, images of full size, a million Gaussians in a submap, networks of
+    full size. Needs a CUDA card to end within the day."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[TrainingConfig] = field(default_factory=TrainingConfig)
 
 
 def defaults(argv: list[str]) -> Arguments:
     name = given(argv, "--preset", "nvsim")
-    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), config=preset(name))
+    config = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
+    return Arguments(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
 
 def run(arguments: Arguments) -> int:

@@ -33,6 +33,7 @@ from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.project.work import StageName, lacks
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
+from nvsim.training.devices.choice import card
 
 __all__ = ["STAGE", "run", "train_key", "training_views"]
 STAGE: StageName = "train"
@@ -63,6 +64,7 @@ def run(
         raise InputError(f"there is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
     if at_once < 0:
         raise InputError(f"--at-once {at_once} makes no sense; say how many submaps are trained at a time, or 0.")
+    on_card = executor is None and card(config.device) is not None
     chosen = [s for s in submaps if not only or s.index in only]
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
@@ -98,8 +100,9 @@ def run(
         run.afar(executor, [s.index for s in chosen], left, at_once, storage, listen)
     elif left:
         cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
-        tasks = training_pool.plan([s.index for s in chosen], cores, at_once or cores)
-        together = min(at_once or cores, _fitting(project, left, config))
+        most = at_once or (1 if on_card else cores)  # a card is not shared unless that is asked for
+        tasks = training_pool.plan([s.index for s in chosen], cores, most)
+        together = min(most, _fitting(project, left, config))
         run.here(executor, [t for t in tasks if t.submap in {s.index for s in left}], together)
 
 
@@ -181,16 +184,19 @@ class _Run:
 
 
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
-    """What the model of a submap depends on: neither the number of threads nor how often it is saved."""
+    """What the model of a submap depends on: neither device nor the number of threads nor how often it is saved."""
     corrected = corrections_key(project, training_frames(project, submap.index))
     depth = depth_in_use(project)
     seen = [depth.key] if depth else []  # without depth the key is that of before there was a depth stage
     return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected, *seen)
 
 
-def _same(config: TrainingConfig) -> TrainingConfig:
+def _same(config: TrainingConfig) -> dict[str, object]:
     default = TrainingConfig()
-    return dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
+    same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
+    values = dataclasses.asdict(same)
+    del values["device"]
+    return {TrainingConfig.__name__: values}
 
 
 def _finish(project: Project, index: int, config: TrainingConfig, found: Trained, listen: Listener) -> None:

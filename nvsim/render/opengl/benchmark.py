@@ -17,6 +17,9 @@ from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
 _SIZES = {"embed.0": (32, 27), "trunk.0": (64, 32), "base": (3, 64), "rest": (72, 64)}
 _TEXELS = (0.4, 0.1, 0.03)  # metres, of the levels of the floor texture
 _PARTS = ("project", "sort", "upload", "draw", "frame")
+MOVING_SECONDS = 2.0
+TURN = 0.01
+"""Radians that the moving camera turns from frame to frame."""
 
 
 def furnished(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> SubmapModel:
@@ -36,6 +39,36 @@ def furnished(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> 
     return SubmapModel(gaussians, Background(weights), texture, floor, antialiased)
 
 
+def _moving(renderer: OpenGLRenderer, model: SubmapModel, camera: Camera, seconds: float) -> dict[str, float]:
+    k = camera.intrinsics
+    context = renderer.context
+    with context:
+        color = context.renderbuffer((k.width, k.height), 4)
+        picture = context.framebuffer([color])
+    drawn = new = 0
+    before: Camera | None = None
+    pose = camera.camera_to_world
+    c, s = np.cos(TURN), np.sin(TURN)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    try:
+        with context:
+            started = time.perf_counter()
+            while (passed := time.perf_counter() - started) < seconds:
+                pose = pose.copy()
+                pose[:3, :3] = turn @ pose[:3, :3]
+                shown = renderer.draw(model, Camera(k, pose), picture)
+                context.finish()
+                drawn += 1
+                new += shown is not before
+                before = shown
+            renderer.settle()
+    finally:
+        with context:
+            picture.release()
+            color.release()
+    return {"fps": round(drawn / passed, 1), "new_fps": round(new / passed, 1)}
+
+
 def measure(model: SubmapModel, camera: Camera, rounds: int = 15) -> dict[str, Any]:
     """Medians over `rounds` frames of both renderers in turns, each prepared anew and read back as 8-bit colours.
 
@@ -43,6 +76,8 @@ def measure(model: SubmapModel, camera: Camera, rounds: int = 15) -> dict[str, A
                   and draw_ms: both passes and reading the picture back
     cpu_frame_ms  the same frame by the kernels
     psnr_db       between the two pictures; 58.9 is what rounding to 8 bits leaves
+    fps, new_fps  frames a second into a buffer that stays on the card, as in a window, while the camera turns; and how
+                  many of them show another camera than the one before: the next is prepared beside the drawing
     renderer      what the driver calls itself
 
     Raises InputError where there is no OpenGL 3.3.
@@ -63,9 +98,11 @@ def measure(model: SubmapModel, camera: Camera, rounds: int = 15) -> dict[str, A
             render_model(model, camera, channels, backend="numba")
             times["cpu_frame"].append(1e3 * (time.perf_counter() - begin))
         name = renderer.name
+        moving = _moving(renderer, model, camera, MOVING_SECONDS)
     k = camera.intrinsics
     return {
         **{f"{part}_ms": round(float(np.median(values)), 2) for part, values in times.items()},
+        **moving,
         "psnr_db": round(float(-10 * np.log10(np.mean(error**2))), 2),
         "backend": "opengl",
         "renderer": name,

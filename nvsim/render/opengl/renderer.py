@@ -59,6 +59,11 @@ class OpenGLRenderer:
         return self._name
 
     @property
+    def context(self) -> moderngl.Context:
+        """Its OpenGL context: framebuffers to draw into are made in it."""
+        return self._context
+
+    @property
     def milliseconds(self) -> dict[str, float]:
         """The parts of the last frame: "project", "sort", "upload"; and "frame", all of the last `render`."""
         return dict(self._milliseconds)

@@ -1,0 +1,87 @@
+"""What a view of many Gaussians costs on a card by gsplat, and how near it comes to the kernels' image."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from nvsim.benchmarks.card import milliseconds, name_of
+from nvsim.benchmarks.render import turning
+from nvsim.geometry.camera import Camera
+from nvsim.render import gsplat_backend
+from nvsim.render.gaussians import render_gaussians
+from nvsim.render.gsplat_gradient import rasterize
+from nvsim.splats.types import Gaussians
+
+CHANNELS = frozenset({"rgb", "alpha", "depth", "normal"})
+_FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
+
+
+def measure(
+    gaussians: Gaussians, camera: Camera, antialiased: bool = True, rounds: int = 15, device: str = "cuda"
+) -> dict[str, Any]:
+    """Medians over `rounds`, milliseconds:
+
+    upload_ms         the Gaussians to the card
+    frame_ms, fps     a whole call for colour and alpha from a camera that turns, the images back in numpy
+    geometry_ms       the same with depth and normals
+    forward_ms        drawing alone, nothing copied back
+    backward_ms       from the gradient of the images to that of the raw parameters
+    psnr_db           of the colours against the kernels', and alpha_psnr_db, depth_db and normal_db likewise
+    card_memory_mib   the most that tensors took on the card
+    """
+    if device == "cuda":
+        torch.cuda.reset_peak_memory_stats()
+    g, k = gaussians, camera.intrinsics
+    frames = iter(turning(camera, 2 * (rounds + 3)))
+
+    def frame(channels: frozenset[str]) -> None:
+        gsplat_backend.render_over(g, next(frames), channels, antialiased, lasting=True, device=device)
+
+    ms = {"upload_ms": milliseconds(lambda: gsplat_backend.upload(g, device), device, rounds)}
+    ms["frame_ms"] = milliseconds(lambda: frame(frozenset({"rgb", "alpha"})), device, rounds)
+    ms["geometry_ms"] = milliseconds(lambda: frame(CHANNELS), device, rounds)
+    tensors = [torch.tensor(getattr(g, name), device=device, requires_grad=True) for name in _FIELDS]
+    towards = torch.randn(k.height, k.width, 3, device=device)
+
+    def forward() -> None:
+        with torch.no_grad():
+            rasterize(*tensors, camera=camera, antialiased=antialiased)
+
+    def both() -> None:
+        rasterize(*tensors, camera=camera, antialiased=antialiased).rgb.backward(towards)
+        for tensor in tensors:
+            tensor.grad = None
+
+    ms["forward_ms"] = milliseconds(forward, device, rounds)
+    ms["backward_ms"] = milliseconds(both, device, rounds) - ms["forward_ms"]
+    figures: dict[str, Any] = {name: round(value, 3) for name, value in ms.items()}
+    figures["fps"] = round(1e3 / max(ms["frame_ms"], 1e-6), 1)
+    figures |= agreement(g, camera, antialiased, device)
+    if device == "cuda":
+        figures["card_memory_mib"] = round(torch.cuda.max_memory_allocated() / (1 << 20), 1)
+    return {
+        **figures,
+        "backend": "gsplat",
+        "device": name_of(device),
+        "gaussians": len(g),
+        "sh_degree": g.sh_degree,
+        "size": f"{k.width}x{k.height}",
+        "antialiased": antialiased,
+    }
+
+
+def agreement(gaussians: Gaussians, camera: Camera, antialiased: bool, device: str) -> dict[str, float]:
+    """Decibels between gsplat's images and the kernels'; the peak of depth is its largest value, of normals 2."""
+    ours = render_gaussians(gaussians, camera, CHANNELS, antialiased, backend="numba")
+    theirs, _ = gsplat_backend.render_over(gaussians, camera, CHANNELS, antialiased, device=device)
+    assert ours.depth is not None
+    peaks = {"rgb": 1.0, "alpha": 1.0, "depth": float(ours.depth.max()) or 1.0, "normal": 2.0}
+    names = {"rgb": "psnr_db", "alpha": "alpha_psnr_db", "depth": "depth_db", "normal": "normal_db"}
+    found = {}
+    for channel, peak in peaks.items():
+        error = float(np.mean((getattr(ours, channel) - getattr(theirs, channel)) ** 2))
+        found[names[channel]] = round(float(10 * np.log10(peak**2 / max(error, 1e-12))), 2)
+    return found

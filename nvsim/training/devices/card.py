@@ -1,0 +1,158 @@
+"""The Gaussians under training as tensors on a CUDA card, drawn by gsplat.
+
+Parameters, moments and the colour network's work are there; what goes to and fro at a step are the two images with
+their gradients, and the weights of the small networks. Strategies get copies, which go back when they are done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.render.gsplat_gradient import Drawn, rasterize
+from nvsim.splats.types import Gaussians
+from nvsim.training.appearance import in_view
+from nvsim.training.config import RateConfig
+from nvsim.training.devices.card_group import CardGroup
+from nvsim.training.devices.types import FEATURES, FIELDS, Float32, born_of, rates_of
+from nvsim.training.networks import Networks
+from nvsim.training.stopwatch import Stopwatch
+from nvsim.training.strategies.types import Refinement
+
+
+class OnCard:
+    """See `types.Held`. `device` as torch names it; "cpu" is for tests, where a reference takes gsplat's place."""
+
+    def __init__(self, gaussians: Gaussians, networks: Networks | None, rate: RateConfig, device: str) -> None:
+        self._device, self._networks = device, networks
+        self._colours = None if networks is None else networks.colours
+        sh_count = gaussians.sh.shape[1]
+        self._groups = {
+            name: CardGroup.of(getattr(gaussians, name), rates_of(name, rate, sh_count), device) for name in FIELDS
+        }
+        if self._colours is not None:
+            features = self._colours.first_features(gaussians)
+            self._groups[FEATURES] = CardGroup.of(features, rate.features, device)
+        self._sums = torch.zeros(len(gaussians), 3, device=device)
+        self._drawn: Drawn | None = None
+        self._rows: torch.Tensor | None = None  # which Gaussians the last view drew from; all where None
+        self._lent: Gaussians | None = None
+        self._lent_gradients: Gaussians | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._groups)
+
+    @property
+    def gaussians(self) -> Gaussians:
+        """Copies, which go back to the card before it next reads them."""
+        if self._lent is None:
+            self._lent = Gaussians(*(_array(self._groups[name].values) for name in FIELDS))
+        return self._lent
+
+    @property
+    def gradients(self) -> Gaussians:
+        """Likewise."""
+        if self._lent_gradients is None:
+            self._lent_gradients = Gaussians(*(_array(self._groups[name].gradient) for name in FIELDS))
+        return self._lent_gradients
+
+    @property
+    def features(self) -> Float32 | None:
+        return _array(self._groups[FEATURES].values) if FEATURES in self._groups else None
+
+    @property
+    def sums(self) -> Float32:
+        return _array(self._sums)
+
+    def __len__(self) -> int:
+        return len(self._sums)
+
+    def _take_back(self) -> None:
+        for lent, kind in ((self._lent, "values"), (self._lent_gradients, "gradient")):
+            if lent is not None:
+                for name in FIELDS:
+                    getattr(self._groups[name], kind).data.copy_(torch.from_numpy(getattr(lent, name)))
+        self._lent = self._lent_gradients = None
+
+    def draw(
+        self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch
+    ) -> tuple[Float32, Float32]:
+        self._take_back()
+        tensors = {name: group.values for name, group in self._groups.items()}
+        self._rows = None
+        if self._networks is not None and self._colours is not None:
+            if not self._colours.own:  # a network's work is worth leaving out what is not in view
+                self._rows = in_view(tensors["means"].detach(), tensors["log_scales"].detach(), camera).nonzero()[:, 0]
+                tensors = {name: tensor[self._rows] for name, tensor in tensors.items()}
+            tensors["sh"] = self._colours.coefficients(tensors["sh"], tensors[FEATURES], self._networks.seen)
+        watch.lap("appearance")
+        drawn = rasterize(
+            *(tensors[name] for name in FIELDS), camera=camera, antialiased=antialiased, sh_degree=sh_degree
+        )
+        self._drawn = drawn
+        rgb, transmittance = _array(drawn.rgb), _array(drawn.transmittance)
+        watch.lap("raster")
+        return rgb, transmittance
+
+    def differentiate(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, watch: Stopwatch) -> None:
+        drawn, self._drawn = self._drawn, None
+        assert drawn is not None
+        for group in self._groups.values():
+            group.values.grad = None
+        by_rgb = torch.from_numpy(d_rgb).to(self._device)
+        torch.autograd.backward([drawn.rgb, drawn.transmittance], [by_rgb, torch.from_numpy(-d_alpha).to(self._device)])
+        found = drawn.statistics()
+        rows = slice(None) if self._rows is None else self._rows
+        self._sums[rows, :2] += found[:, :2]
+        self._sums[rows, 2] = torch.maximum(self._sums[rows, 2], found[:, 2])
+        watch.lap("raster_backward")
+
+    def step(self, count: int, scales: Mapping[str, float]) -> None:
+        self._take_back()
+        for name, group in self._groups.items():
+            if name == "sh" and self._colours is not None and not self._colours.own:
+                continue  # the network makes them
+            group.step(count, scales.get(name, 1.0))
+
+    def refine(self, refinement: Refinement) -> None:
+        self._take_back()
+        features = self.features
+        kept = torch.from_numpy(np.ascontiguousarray(refinement.kept)).to(self._device)
+        for name, group in self._groups.items():
+            group.replace(kept, born_of(name, refinement, features))
+        self._sums = torch.zeros(refinement.count, 3, device=self._device)
+
+    def forget(self, name: str) -> None:
+        self._groups[name].first.zero_()
+        self._groups[name].second.zero_()
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        self._take_back()
+        arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums}
+        for name, group in self._groups.items():
+            for part in ("values", "first", "second"):
+                arrays[f"{name}.{part}"] = _array(getattr(group, part))
+        return arrays
+
+    def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        def read(name: str) -> torch.Tensor:
+            return torch.tensor(np.ascontiguousarray(arrays[name], np.float32), device=self._device)
+
+        self._lent = self._lent_gradients = None
+        self._sums = read("sums")
+        for name, group in self._groups.items():
+            group.values = read(f"{name}.values").requires_grad_()
+            group.first, group.second = read(f"{name}.first"), read(f"{name}.second")
+
+    def figures(self) -> dict[str, int]:
+        return {"visible": int((self._sums[:, 1] > 0).sum())}
+
+
+def _array(tensor: torch.Tensor) -> Float32:
+    """A copy that kernels take: contiguous, and never the tensor's own memory."""
+    return np.array(tensor.detach().cpu().numpy(), np.float32, order="C")

@@ -1,0 +1,20 @@
+"""The Gaussians of a training, put where its configuration wants them."""
+
+from __future__ import annotations
+
+from nvsim.splats.types import Gaussians
+from nvsim.training.config import TrainingConfig
+from nvsim.training.devices import choice
+from nvsim.training.devices.host import OnHost
+from nvsim.training.devices.types import Held
+from nvsim.training.networks import Networks
+
+
+def held_on(gaussians: Gaussians, networks: Networks | None, config: TrainingConfig) -> Held:
+    """The Gaussians where `config.device` wants them. Raises InputError as `choice.card` does."""
+    place = choice.card(config.device)
+    if place is None:
+        return OnHost(gaussians, networks, config.rate)
+    from nvsim.training.devices.card import OnCard
+
+    return OnCard(gaussians, networks, config.rate, place)
