@@ -1,5 +1,5 @@
-"""An opened file of a network, shared by the models that run it: one file that gives floor and normals runs once for an
-image, whichever of them is asked first."""
+"""An opened file of a network, shared by the models that run it: a file that gives floor and normals runs once for an
+image, and the second model that asks gets what the first one caused."""
 
 from __future__ import annotations
 
