@@ -26,6 +26,7 @@ from nvsim.mapping.ways import DETOUR, NEAR, Ways
 
 _SPARE = 0.1  # metres of room at either side that most edges have
 _NARROW = ((1.5, 0.05), (2.0, 0.025), (6.0, 0.0))  # times the straight way from which less of it is enough
+_STEP = 0.3  # metres: in a nook that has no room for one so long, one viewpoint is enough
 _LEAST = 0.025  # metres of it that one edge of a viewpoint that fills up must have
 
 
@@ -91,13 +92,13 @@ class Settling:
     def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
         """Brings back both ends of an edge of the search where the way between what stands for them is a long detour or
         none: they were needed, in a door for example; or where one viewpoint stands alone for both: a place in which
-        one can take a step at all stays one."""
+        one can take a step at all, if a short one, stays one."""
         for a, b in edges:
             if self._should_stop():
                 return
             ends = stands_for[a], stands_for[b]
             was = sum(self._ways.apart(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
-            alone = ends[0] == ends[1] and not self._ways.around(ends[0])
+            alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.apart(a, b) >= _STEP
             if not alone and self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
                 continue
             for id in (a, b):
