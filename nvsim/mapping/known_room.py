@@ -22,11 +22,23 @@ class KnownRoom:
 
     def __init__(self, walk: Walk, half_width: float) -> None:
         self._walk, self.least = walk, half_width - _CELL / 2
-        self._shut: list[tuple[NDArray[np.float64], float]] = []
+        self._shut = np.zeros((0, 4))  # x, y, z, radius, metres
 
     def shut(self, place: NDArray[np.floating], radius: float) -> None:
         """Takes the floor within `radius` metres of a place (3,) for closed."""
-        self._shut.append((np.array(place, np.float64), radius))
+        self._shut = np.vstack([self._shut, [*place, radius]])
+
+    @property
+    def shuts(self) -> int:
+        """How often something was shut."""
+        return len(self._shut)
+
+    def shut_since(self, before: int, place: NDArray[np.floating], reach: float) -> bool:
+        """Whether anything was shut within a window of `reach` metres around a place (3,), when `shuts` was `before` or
+        later."""
+        x, y, z, radius = self._shut[max(0, before) :].T
+        far = np.maximum(np.abs(x - place[0]), np.abs(y - place[1])) - radius
+        return bool(((far <= reach + _CELL) & (np.abs(z - place[2]) < _STOREY)).any())
 
     def lengths(self, start: NDArray[np.floating], ends: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """(N,) metres from one camera (3,) to others (N, 3); infinite where no way of at most `reach` metres leads."""
@@ -58,9 +70,12 @@ class KnownRoom:
     def clearance(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
         """(N,) metres around places (N, 3) to the nearest floor that nobody knows; 0 where it was shut."""
         found = self._walk.clearance_at(places)
-        for place, radius in self._shut:
-            if np.abs(places[0, :2] - place[:2]).max() < 20 and abs(places[0, 2] - place[2]) < _STOREY:
-                found[np.linalg.norm(places[:, :2] - place[:2], axis=1) < radius] = 0.0
+        if len(places) and len(self._shut):
+            x, y, z, radius = self._shut.T
+            low, high = places[:, :2].min(axis=0), places[:, :2].max(axis=0)
+            near = (x > low[0] - radius) & (x < high[0] + radius) & (y > low[1] - radius) & (y < high[1] + radius)
+            for shut in self._shut[near & (np.abs(places[0, 2] - z) < _STOREY)]:
+                found[np.hypot(places[:, 0] - shut[0], places[:, 1] - shut[1]) < shut[3]] = 0.0
         return found
 
     def is_wide(self, places: NDArray[np.floating]) -> NDArray[np.bool_]:

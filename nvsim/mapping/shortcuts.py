@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ class Shortcuts:
         self._survey, self._draft, self._ways = survey, survey.draft, ways
         self._is_open, self._join = is_open, join
         self._room = KnownRoom(survey.walk, survey.config.half_width)
+        self._known: dict[str, tuple[int, dict[str, float]]] = {}  # id -> how much was shut by then, and _lengths
 
     def make(self) -> Iterator[None]:
         """Takes one pair of viewpoints after the other that the graph leads a detour between, the nearest first."""
@@ -59,9 +60,22 @@ class Shortcuts:
             # A straight way is the shortest that can be: most pairs are settled without looking at the floor.
             far = [j for j, metres in zip(others, apart, strict=True) if along.get(ids[j], np.inf) > _most(metres)]
             if far:
-                lengths = self._room.lengths(places[i], places[far], _REACH)
-                pairs += [(round(float(metres), 3), id, ids[j]) for j, metres in zip(far, lengths, strict=True)]
+                lengths = self._lengths(id, [ids[j] for j in far])
+                pairs += [(round(metres, 3), id, other) for other, metres in lengths.items()]
         return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
+
+    def _lengths(self, id: str, others: Sequence[str]) -> dict[str, float]:
+        """id -> metres over known floor from a viewpoint to others; remembered until something near it is shut."""
+        here = np.array(self._draft.viewpoints[id].position)
+        shut, known = self._known.get(id, (-1, {}))
+        if self._room.shut_since(shut, here, _REACH):
+            known = {}
+        new = [other for other in others if other not in known]
+        if new:
+            places = np.array([self._draft.viewpoints[other].position for other in new])
+            known.update(zip(new, self._room.lengths(here, places, _REACH).tolist(), strict=True))
+        self._known[id] = self._room.shuts, known
+        return {other: known[other] for other in others}
 
     def _is_detour(self, a: str, b: str, metres: float) -> bool:
         if np.isinf(metres) or a not in self._ways or b not in self._ways:
