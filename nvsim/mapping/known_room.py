@@ -34,11 +34,10 @@ class KnownRoom:
         return len(self._shut)
 
     def shut_since(self, before: int, place: NDArray[np.floating], reach: float) -> bool:
-        """Whether anything was shut within a window of `reach` metres around a place (3,), when `shuts` was `before` or
-        later."""
-        x, y, z, radius = self._shut[max(0, before) :].T
-        far = np.maximum(np.abs(x - place[0]), np.abs(y - place[1])) - radius
-        return bool(((far <= reach + _CELL) & (np.abs(z - place[2]) < _STOREY)).any())
+        """Whether anything was shut that `lengths` from a place (3,) over at most `reach` metres depends on, since
+        `shuts` was `before`."""
+        window = np.full(2, reach + _CELL)
+        return len(self._shut_in(place[:2] - window, place[:2] + window, float(place[2]), before)) > 0
 
     def lengths(self, start: NDArray[np.floating], ends: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """(N,) metres from one camera (3,) to others (N, 3); infinite where no way of at most `reach` metres leads."""
@@ -70,13 +69,31 @@ class KnownRoom:
     def clearance(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
         """(N,) metres around places (N, 3) to the nearest floor that nobody knows; 0 where it was shut."""
         found = self._walk.clearance_at(places)
-        if len(places) and len(self._shut):
-            x, y, z, radius = self._shut.T
+        if len(places):
             low, high = places[:, :2].min(axis=0), places[:, :2].max(axis=0)
-            near = (x > low[0] - radius) & (x < high[0] + radius) & (y > low[1] - radius) & (y < high[1] + radius)
-            for shut in self._shut[near & (np.abs(places[0, 2] - z) < _STOREY)]:
-                found[np.hypot(places[:, 0] - shut[0], places[:, 1] - shut[1]) < shut[3]] = 0.0
+            for x, y, _, radius in self._shut_in(low, high, float(places[0, 2])):
+                found[np.hypot(places[:, 0] - x, places[:, 1] - y) < radius] = 0.0
         return found
+
+    def clearance_over(self, x: NDArray[np.float64], y: NDArray[np.float64], z: float) -> NDArray[np.float64]:
+        """(rows, columns) the same for every place with one of the coordinates `y` (rows,) and one of `x` (columns,),
+        ascending, at the height z."""
+        found = self._walk.clearance_over(x, y, z)
+        for at_x, at_y, _, radius in self._shut_in(np.array([x[0], y[0]]), np.array([x[-1], y[-1]]), z):
+            columns = slice(*np.searchsorted(x, [at_x - radius, at_x + radius]))
+            rows = slice(*np.searchsorted(y, [at_y - radius, at_y + radius]))
+            found[rows, columns][np.hypot(x[columns] - at_x, y[rows, None] - at_y) < radius] = 0.0
+        return found
+
+    def _shut_in(
+        self, low: NDArray[np.floating], high: NDArray[np.floating], z: float, since: int = 0
+    ) -> NDArray[np.float64]:
+        """(K, 4) what was shut that reaches into the box from `low` to `high` (2,) on the storey of a camera at z."""
+        shut = self._shut[since:]
+        x, y, at_z, radius = shut.T
+        across = (x > low[0] - radius) & (x < high[0] + radius)
+        along = (y > low[1] - radius) & (y < high[1] + radius)
+        return shut[across & along & (np.abs(at_z - z) < _STOREY)]
 
     def is_wide(self, places: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) whether the robot has room at places (N, 3)."""
@@ -91,14 +108,15 @@ class _Window:
         self._side, self._camera = 2 * half + 1, np.asarray(camera, np.float64)
         self._low = self._camera[:2] - (half + 0.5) * _CELL
         along = (np.arange(self._side) + 0.5) * _CELL
-        x, y = np.meshgrid(self._low[0] + along, self._low[1] + along)
-        places = np.stack([x, y, np.full_like(x, self._camera[2])], axis=-1)
-        self._clearance = floor.clearance(places.reshape(-1, 3)).reshape(x.shape)
+        x, y, z = self._low[0] + along, self._low[1] + along, float(self._camera[2])
+        self._clearance = floor.clearance_over(x, y, z)
         room = self._clearance >= floor.least
         room[half, half] = True
         self._node = np.full(room.shape, -1, np.int64)
         self._node[room] = np.arange(int(room.sum()))
-        self.places, self.start = places[room], int(self._node[half, half])
+        row, column = np.nonzero(room)
+        self.places = np.column_stack([x[column], y[row], np.full(len(row), z)])
+        self.start = int(self._node[half, half])
 
     def nodes_at(self, places: NDArray[np.floating]) -> NDArray[np.int64]:
         """(N,) nodes of places (N, 3) on the camera's storey, -1 where there is none."""

@@ -67,7 +67,7 @@ class Shortcuts:
     def _lengths(self, id: str, others: Sequence[str]) -> dict[str, float]:
         """id -> metres over known floor from a viewpoint to others; remembered until something near it is shut."""
         here = np.array(self._draft.viewpoints[id].position)
-        shut, known = self._known.get(id, (-1, {}))
+        shut, known = self._known.get(id, (0, {}))
         if self._room.shut_since(shut, here, _REACH):
             known = {}
         new = [other for other in others if other not in known]

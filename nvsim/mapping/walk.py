@@ -118,6 +118,17 @@ class Walk:
             found[here] = free[index[here, 0], index[here, 1]]
         return np.minimum(found, _REACH)
 
+    def clearance_over(self, x: NDArray[np.floating], y: NDArray[np.floating], z: float) -> NDArray[np.float64]:
+        """(rows, columns) the same for every place with one of the coordinates `y` (rows,) and one of `x` (columns,),
+        metres, world."""
+        free = self._free[self.storey(z)]
+        column = np.floor((x - self._low[0]) / _CELL).astype(np.int64)
+        row = np.floor((y - self._low[1]) / _CELL).astype(np.int64)
+        columns, rows = ((at >= 0) & (at < size) for at, size in ((column, free.shape[1]), (row, free.shape[0])))
+        found = np.zeros((len(y), len(x)))
+        found[np.ix_(rows, columns)] = free[np.ix_(row[rows], column[columns])]
+        return np.minimum(found, _REACH)
+
     def _clearances(self, level: float) -> NDArray[np.float64]:
         """(rows, columns) metres from the cells around the places to the nearest floor that nothing supports, on the
         storey of cameras at the height `level`."""

@@ -69,6 +69,32 @@ def test_a_way_keeps_to_the_middle_and_goes_around_what_was_shut() -> None:
     assert len(KnownRoom(floor._walk, 0.9).way(start, end, 6.0)) == 0, "too narrow for a wide robot"
 
 
+def test_a_window_tells_the_clearance_of_its_places_also_where_much_was_shut() -> None:
+    floor, _ = known(cluttered(3))
+    rng = np.random.default_rng(0)
+    places = np.column_stack([rng.uniform((-2, -2), (7, 7), (60, 2)), rng.choice([1.2, 4.5], 60)])
+    for place in places:
+        floor.shut(place, 0.3)
+    x, y = 0.6 + 0.1 * np.arange(-40, 41), 2.4 + 0.1 * np.arange(-40, 41)
+    grid = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), 1.2)], axis=-1)
+    before = KnownRoom(floor._walk, HALF_WIDTH).clearance_over(x, y, 1.2)
+    expected = floor._walk.clearance_at(grid.reshape(-1, 3)).reshape(before.shape)
+    np.testing.assert_array_equal(before, expected)
+    for place in places[places[:, 2] == 1.2]:
+        expected[np.hypot(*(grid[..., :2] - place[:2]).transpose(2, 0, 1)) < 0.3] = 0
+    np.testing.assert_array_equal(floor.clearance_over(x, y, 1.2), expected)
+    np.testing.assert_array_equal(floor.clearance(grid.reshape(-1, 3)).reshape(before.shape), expected)
+
+
+def test_what_is_shut_out_of_reach_changes_no_way() -> None:
+    floor, _ = known(room(6, 5))
+    place = np.array([0.65, 2.55, 1.2])
+    floor.shut(np.array([2.0, 2.5, 1.2]), 0.3)
+    assert floor.shut_since(0, place, 2.0) and not floor.shut_since(floor.shuts, place, 2.0)
+    assert not floor.shut_since(0, place, 0.9), "too far"
+    assert not floor.shut_since(0, place + [0, 0, 3.0], 2.0), "another storey"
+
+
 def test_no_way_leads_where_no_floor_is_known() -> None:
     floor, _ = known(room(6, 5))
     outside = np.array([[-2.0, 2.0, 1.2], [0.8, 2.0, 4.5]])
