@@ -133,12 +133,14 @@ def observe(
     surface: FloorSurface,
     cloud: Cloud | None,
     config: SupportConfig | None = None,
+    raised: NDArray[np.floating] | None = None,
 ) -> FloorSupport:
     """Floor that the masks (each (H, W) bool, of the camera at the same place in `cameras`) or the cloud support.
 
     Every mask is laid onto the floor surface: a cell is supported when it was seen as floor in at least `views` frames
     and not mostly as something else, or when points of the cloud lie there at floor height. A cell between supported
-    ones is supported. Where a dense cloud shows something standing there is no support.
+    ones is supported. Where a dense cloud shows something standing there is no support, nor around the places `raised`
+    (K, 2), where something thin stands; stairs are full of edges, and not asked about those.
     `masks` is read one by one, so it may load them as it goes. Raises ValueError when there are not as many as cameras.
     """
     import cv2
@@ -188,7 +190,7 @@ def observe(
         as_floor[window] += framed & floor
         as_other[window] += framed & ~floor
     as_floor, as_other = as_floor.reshape(-1), as_other.reshape(-1)
-    standing = blocked = np.zeros(rows * columns, bool)
+    standing, blocked = np.zeros(rows * columns, bool), np.zeros(rows * columns, bool)
     supported = (as_floor >= config.views) & (as_floor >= config.share * (as_floor + as_other))
     if near_cloud is not None and len(near_cloud):
         above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
@@ -200,6 +202,13 @@ def observe(
             high = (above > config.low + half_step) & (above < config.high)
             standing = np.bincount(index[high], minlength=rows * columns) >= config.standing
             blocked = np.bincount(index[high & (say < 1)], minlength=rows * columns) >= config.standing
+    if raised is not None:
+        off_stairs = raised[Stairs.of(surface).half_step(raised) == 0]
+        # As wide as that no row of a corridor's cells steps over it.
+        sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * config.spacing / 2
+        around = (off_stairs[:, None] + sides).reshape(-1, 2)
+        inside = ((around >= origin) & (around < origin + np.array([columns, rows]) * config.spacing)).all(axis=1)
+        standing[cell(around[inside])] = blocked[cell(around[inside])] = True
     grid = supported.reshape(rows, columns).astype(np.uint8)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     closed = (cv2.morphologyEx(grid, cv2.MORPH_CLOSE, cross) > 0) & ~standing.reshape(rows, columns)

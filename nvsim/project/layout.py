@@ -93,6 +93,11 @@ class Layout:
         return self.floor / "support.npz"
 
     @property
+    def raised(self) -> Path:
+        """Where thin things stand above the floor, if that was looked for."""
+        return self.floor / "raised.npz"
+
+    @property
     def models(self) -> Path:
         return self.root / "models"
 

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.kernel_types import Float32, Int32, Mask
+from nvsim.render.kernel_types import Float32, Int32, Int64, Mask
 from nvsim.render.packed_camera import limit, pack
 from nvsim.render.workspace import ready
 from nvsim.splats.types import Gaussians
@@ -43,7 +43,7 @@ class Nearby:
         self._scale = np.exp(widest.astype(np.float64))
         self._count = len(means)
 
-    def rows(self, camera: Camera, tiles: Mask) -> NDArray[np.int64]:
+    def rows(self, camera: Camera, tiles: Mask) -> Int64:
         """(n,) rows of the Gaussians that `tiles` (lines, columns) of the camera's image may show, ascending."""
         view = pack(camera, True)
         limit(view, tiles)
@@ -99,19 +99,22 @@ def _select(
                     marked[runs[run, k]] = True
 
 
-def uncoloured(gaussians: Gaussians, rows: NDArray[np.int64]) -> Gaussians:
+def uncoloured(gaussians: Gaussians, rows: Int64) -> Gaussians:
     """Those `rows` of them, in one grey: for views of which nobody asks the colour."""
     g, n = gaussians, len(rows)
     shapes = (n, 3), (n, 3), (n, 4), (n,), (n, 1, 3)
     taken = Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
-    arrays = (ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits))
-    _take(*arrays, rows, taken.means, taken.log_scales, taken.quats, taken.opacity_logits, taken.sh)
+    means, log_scales, quats, opacities = (ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits))
+    _take(
+        means, log_scales, quats, opacities, rows,
+        taken.means, taken.log_scales, taken.quats, taken.opacity_logits, taken.sh,
+    )  # fmt: skip
     return taken
 
 
 @njit(cache=True, nogil=True)
 def _take(
-    means: Float32, log_scales: Float32, quats: Float32, opacity_logits: Float32, rows: NDArray[np.int64],
+    means: Float32, log_scales: Float32, quats: Float32, opacity_logits: Float32, rows: Int64,
     new_means: Float32, new_log_scales: Float32, new_quats: Float32, new_opacity_logits: Float32, sh: Float32,
 ) -> None:  # fmt: skip
     """One pass over the rows: numpy's four, row by row, take several times as long."""

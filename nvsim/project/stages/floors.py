@@ -23,6 +23,7 @@ from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scan import depth_in_use, depth_maps
 from nvsim.project.stages.imported import capture_config
+from nvsim.project.stages.raised import find_raised, raised_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.stages.surfaces import floor_surfaces
 from nvsim.project.work import StageName
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 4  # of what this stage commits; raised when the same inputs give something else
-_WITH_DEPTH = 3  # the same where images have a depth
+_WITH_DEPTH = 4  # the same where images have a depth
 _WITH_STAIRS = "stairs 3"  # and where storeys lie over one another
 
 _NOTHING_STANDS = (
@@ -97,6 +98,8 @@ def run(
         segment_afar(executor, storage, project, making, config, provider.key(), listen)
     seen = depth_maps(project)
     floors = floors_seen(project)
+    if seen is not None and not stacked:  # on several storeys it would have to be told over which floor they are
+        find_raised(project, floors, listen, STAGE)
     failures = segment_capture(capture, floors.__getitem__, layout.masks, listen=listen, depth_of=seen, other_of=other)
     support_key = _support_key(project, key)
     coverage = _support(project)
@@ -182,10 +185,10 @@ def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: 
     from nvsim.perception.segment import read_mask
     from nvsim.perception.support import observe, walked
 
-    capture = project.need_capture()
-    return observe(
-        [capture.frames[i].camera for i in frames], (read_mask(project.mask_path(i)) for i in frames), floor, cloud
-    ).trodden(walked(capture.positions[frames], floor))
+    capture, masks = project.need_capture(), (read_mask(project.mask_path(i)) for i in frames)
+    cameras = [capture.frames[i].camera for i in frames]
+    found = observe(cameras, masks, floor, cloud, raised=raised_places(project))
+    return found.trodden(walked(capture.positions[frames], floor))
 
 
 def floors_key(project: Project) -> str:

@@ -1,0 +1,67 @@
+"""Thin things above the floor that the depth of images misses, found once with the floor masks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.images import read_image
+from nvsim.events import Listener, Log, Progress
+from nvsim.files.atomic import replacing
+from nvsim.files.stored_arrays import read_arrays
+from nvsim.project.project import Project
+
+if TYPE_CHECKING:
+    from nvsim.geometry.camera import Camera
+    from nvsim.geometry.floor_surface import FloorSurface
+
+_THREADS = 2
+
+
+def find_raised(project: Project, floors: dict[int, FloorSurface], listen: Listener, stage: str) -> None:
+    """Writes where they stand; what was written stays. `floors` is the surface around each frame. Raises InputError for
+    an image that cannot be read."""
+    from nvsim.perception.raised_lines import LineConfig, raised_lines, standing_places
+
+    path = project.layout.raised
+    if path.exists():
+        return
+    capture, config = project.need_capture(), LineConfig()
+    cameras: list[Camera] = []
+    heights = np.full(len(capture.frames), np.nan)
+    for i, frame in enumerate(capture.frames):
+        k = frame.intrinsics.within(config.longest_side)
+        cameras.append(frame.camera.scaled(k.width, k.height))
+        if i in floors:
+            heights[i] = floors[i].height_at(cameras[i].position[:2])
+    done = 0
+
+    def progress() -> None:
+        nonlocal done
+        done += 1
+        if done % 10 == 0:
+            listen(Progress(stage, 0, len(cameras), f"thin things, {done} of {len(cameras)} frames"))
+
+    lines = raised_lines(
+        cameras, lambda i: read_image(capture.frames[i], cameras[i].intrinsics), heights, config, _THREADS, progress
+    )
+    places = standing_places(lines, capture.positions, config)
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, places=places)
+    if len(places):
+        listen(
+            Log(f"Thin things stand above the floor along {len(places) * config.cell:.0f} m; see their edges.", stage)
+        )
+
+
+def raised_places(project: Project) -> NDArray[np.float64] | None:
+    """(K, 2) metres, world, as `find_raised` wrote them; None where it did not. Raises InputError for a damaged
+    file."""
+    path = project.layout.raised
+    if not path.exists():
+        return None
+    return np.asarray(
+        read_arrays(path, "thin things", {"places": ("f", 2)}, "run `nvsim floors --project` again")["places"]
+    )
