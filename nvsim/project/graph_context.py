@@ -3,9 +3,14 @@ evidence. The window and the command line take the same."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from nvsim.graph.findings import Context, Limits
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.project import Project
+
+if TYPE_CHECKING:
+    from nvsim.mapping.led_around import LedAround
 
 
 def context_of(project: Project, limits: Limits | None = None, occupancy: OccupancyMap | None = None) -> Context:
@@ -27,9 +32,21 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
         occupancy,
         against(thresholds),
         closed(thresholds),
+        led_around=_led_around(project),
         floor=floor_beneath(project),
         untrained=untrained(project),
     )
+
+
+def _led_around(project: Project) -> LedAround | None:
+    """None with a scan, which shows glass, and where no floor is known yet."""
+    from nvsim.mapping.led_around import LedAround
+    from nvsim.mapping.walk import Walk
+
+    capture, support = project.capture(), project.support()
+    if capture is None or support is None or (capture.cloud is not None and capture.cloud.is_dense):
+        return None
+    return LedAround(Walk(capture.positions, support.at))
 
 
 def untrained(project: Project) -> frozenset[int]:

@@ -131,12 +131,13 @@ def test_every_fix_can_be_done_by_name() -> None:
         images=frozenset("ab"),
         taken={"b": (2.0, 1.0, 1.0)},
         against=lambda graph, key: "something stands there",
+        led_around=lambda a, b: 12.0,
         one_way=frozenset({("b", "c")}),
         entries={"b": (("self", "names itself"),)},
     )
     found = check_graph(graph, context)
     assert {f.kind for f in found} >= {"id", "isolated", "island", "duplicate", "obstacle", "floor", "panorama",
-                                      "moved", "occupied", "evidence", "steep", "one_way", "self"}  # fmt: skip
+                                      "moved", "occupied", "evidence", "glass", "steep", "one_way", "self"}  # fmt: skip
     for finding in found:
         for fix in finding.fixes:
             after = operations.apply(graph, fix.operation, fix.arguments)

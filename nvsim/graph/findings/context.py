@@ -42,6 +42,8 @@ class Context:
     against     (graph, edge) -> why the stored evidence speaks against the edge, in words that end a sentence; "" when
                 it does not
     closed      (graph, pair of viewpoints without an edge) -> whether the stored evidence speaks against one
+    led_around  (x, y, z of one camera, of another) -> metres along the trajectory between them where that leads far
+                around the straight way; 0 where it does not. Asked where no scan would show a pane of glass
     visible     who sees whom by the lists of a foreign file; others are not said to be near
     floor       (x, y, near z) -> height of the floor there, metres, NaN where it is unknown
     images      ids of the viewpoints that have a panorama
@@ -55,6 +57,7 @@ class Context:
     occupancy: OccupancyMap | None = None
     against: Callable[[NavGraph, EdgeKey], str] | None = None
     closed: Callable[[NavGraph, EdgeKey], bool] | None = None
+    led_around: Callable[[tuple[float, ...], tuple[float, ...]], float] | None = None
     visible: Visible | None = None
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None

@@ -41,6 +41,14 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
         elif why := context.against(graph, key):
             review = Fix("It is right: mark it reviewed", "mark_reviewed", {"edges": [list(key)]})
             add("evidence", "warning", f"stands against the evidence: {why}", remove, review)
+    metres = 0.0 if context.led_around is None else context.led_around(a.position, b.position)
+    if metres and not graph.edges[key].reviewed:
+        far = f"{metres:.0f} m" if math.isfinite(metres) else "a long way"
+        seen = Fix("There is no glass: mark it reviewed", "mark_reviewed", {"edges": [list(key)]})
+        words = (
+            f"cuts off {far} of the trajectory, and without a scan nobody knows whether a pane of glass stands there"
+        )
+        add("glass", "warning", words, remove, seen)
     length = math.dist(a.position, b.position)
     if length > limits.long:
         split = Fix("Put a viewpoint in its middle", "split_edge", {"edge": list(key), "share": 0.5})

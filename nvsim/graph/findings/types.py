@@ -30,8 +30,8 @@ class Fix:
 @dataclass(frozen=True)
 class Finding:
     """kind        "scan", "empty", "id", "isolated", "island", "duplicate", "detour", "obstacle", "floor",
-                "panorama", "occupied", "evidence", "long", "short", "steep"; of a foreign file "moved", "one_way",
-                "self" and "length"
+                "panorama", "occupied", "evidence", "glass", "long", "short", "steep"; of a foreign file
+                "moved", "one_way", "self" and "length"
     severity    one of SEVERITIES
     message     one sentence
     viewpoints  ids concerned

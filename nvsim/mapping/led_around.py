@@ -1,0 +1,66 @@
+"""Where the trajectory leads a long way around: without a scan a pane of glass is not seen, and the corridor across it
+looks free; but nobody walked through it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.mapping.walk import Walk
+
+_LINKED = 0.8  # metres between places of the trajectory that somebody might have gone between
+_ASIDE = 0.4  # metres farther than the nearest place that another may be for a viewpoint to belong to it as well
+_NEAREST = 60  # places that are looked at
+_TIMES, _LONGER = 3.0, 4.0  # times as long, and metres longer in any case, the way along the trajectory must be
+_FAR = 30.0  # metres along the trajectory from which on it does not matter how far it is
+
+
+class LedAround:
+    """Compares straight ways with those along `walk`."""
+
+    def __init__(self, walk: Walk) -> None:
+        from scipy.sparse import coo_matrix
+        from scipy.spatial import cKDTree
+
+        self._walk = walk
+        places, self._tree = walk.places, cKDTree(walk.places[:, :2])
+        after = np.flatnonzero(walk.joined)
+        near = self._tree.query_pairs(_LINKED, output_type="ndarray")
+        near = near[walk.all_in_line(places[near[:, 0]], places[near[:, 1]])]
+        pairs = np.concatenate([np.column_stack([after, after + 1]), near])
+        # The same pair twice would count as the sum of both.
+        pairs = np.unique(pairs, axis=0)
+        metres = np.hypot(*(places[pairs[:, 0], :2] - places[pairs[:, 1], :2]).T)
+        self._steps = coo_matrix((np.maximum(metres, 1e-6), pairs.T), shape=(len(places),) * 2).tocsr()
+        self._from: dict[int, NDArray[np.float64]] = {}
+        self._beside: dict[tuple[float, ...], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+
+    def __call__(self, a: tuple[float, ...], b: tuple[float, ...]) -> float:
+        """Metres along the trajectory between two cameras (x, y, z) where that is a long way around; else 0. Infinite
+        where it does not lead from one to the other, 0 where one of them sees none of it."""
+        straight = float(np.hypot(a[0] - b[0], a[1] - b[1]))
+        (here, off), (there, beyond) = self._belongs(a), self._belongs(b)
+        if not len(here) or not len(there):
+            return 0.0
+        along = min(float((off[i] + self._metres(int(k))[there] + beyond).min()) for i, k in enumerate(here))
+        return along if along > max(_TIMES * straight, straight + _LONGER) else 0.0
+
+    def _belongs(self, camera: tuple[float, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The places (n,) in line with a camera (x, y, z) that are nearest to it, and how far they are, metres."""
+        if camera not in self._beside:
+            place = np.asarray(camera, np.float64)
+            metres, index = self._tree.query(place[:2], k=min(_NEAREST, len(self._walk.places)))
+            metres, index = np.atleast_1d(metres), np.atleast_1d(index)
+            in_line = self._walk.all_in_line(np.broadcast_to(place, (len(index), 3)), self._walk.places[index])
+            metres, index = metres[in_line], index[in_line]
+            near = metres <= metres.min(initial=np.inf) + _ASIDE
+            self._beside[camera] = index[near].astype(np.int64), metres[near]
+        return self._beside[camera]
+
+    def _metres(self, place: int) -> NDArray[np.float64]:
+        """(M,) along the trajectory from one of its places to every other; infinite from _FAR on."""
+        from scipy.sparse.csgraph import dijkstra
+
+        if place not in self._from:
+            self._from[place] = dijkstra(self._steps, directed=False, indices=place, limit=_FAR)
+        return self._from[place]

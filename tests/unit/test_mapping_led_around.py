@@ -1,0 +1,63 @@
+"""A corridor around a glass room: what nobody walked through is told apart from what is merely not walked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from columns import Columns, fill, room
+from numpy.typing import NDArray
+
+from nvsim.mapping.led_around import LedAround
+from nvsim.mapping.walk import Walk
+from nvsim.occupancy.types import OCCUPIED, OccupancyMap
+
+EYE = 1.4
+
+
+def glass_room() -> OccupancyMap:
+    """10 by 8 metres; walls around a room in its middle, whose left side is of glass: free, as photographs show it."""
+    occupancy = room(10, 8)
+    occupancy = fill(occupancy, 3.0, 2.0, 7.0, 2.1, OCCUPIED)
+    occupancy = fill(occupancy, 3.0, 5.9, 7.0, 6.0, OCCUPIED)
+    return fill(occupancy, 6.9, 2.0, 7.0, 5.0, OCCUPIED)
+
+
+def walked(*corners: tuple[float, float]) -> NDArray[np.float64]:
+    places = [np.array(corners[0])]
+    for a, b in zip(corners, corners[1:]):
+        steps = max(2, int(np.hypot(b[0] - a[0], b[1] - a[1]) / 0.3))
+        places += [np.array(a) + (np.array(b) - a) * k / steps for k in range(1, steps + 1)]
+    return np.column_stack([places, np.full(len(places), EYE)])
+
+
+@pytest.fixture(scope="module")
+def led_around() -> LedAround:
+    walk = walked((2, 1), (2, 7), (8, 7), (8, 5.5), (5, 5.5), (5, 3))
+    return LedAround(Walk(walk, Columns(glass_room()).support))
+
+
+def at(x: float, y: float) -> tuple[float, float, float]:
+    return x, y, EYE
+
+
+def test_a_way_through_the_glass_cuts_off_the_way_around(led_around: LedAround) -> None:
+    metres = led_around(at(2.2, 4.0), at(4.6, 4.0))
+    assert metres == pytest.approx(3 + 6 + 1.5 + 3 + 1.5, abs=1.5)
+    assert led_around(at(4.6, 4.0), at(2.2, 4.0)) == pytest.approx(metres)
+
+
+def test_ways_beside_the_trajectory_are_no_shortcuts(led_around: LedAround) -> None:
+    assert led_around(at(2.2, 2.0), at(1.2, 4.4)) == 0
+    assert led_around(at(8.2, 6.0), at(6.0, 5.4)) == 0, "through the door, as somebody walked"
+    assert led_around(at(4.5, 4.5), at(5.6, 3.2)) == 0
+    assert led_around(at(2.2, 4.0), at(2.2, 4.0)) == 0
+
+
+def test_who_sees_none_of_the_trajectory_is_not_judged(led_around: LedAround) -> None:
+    assert led_around(at(-3.0, 4.0), at(2.2, 4.0)) == 0
+
+
+def test_parts_that_the_trajectory_does_not_join_are_far_from_each_other() -> None:
+    apart = np.concatenate([walked((1, 1), (1, 7)), walked((9, 7), (9, 1))])
+    led_around = LedAround(Walk(apart, Columns(glass_room()).support))
+    assert led_around(at(1.4, 1.0), at(8.6, 1.0)) == np.inf
