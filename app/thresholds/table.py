@@ -56,7 +56,7 @@ def thresholds() -> tuple[Threshold, ...]:
 
 FIXED = (
     *("tau_dist", "merge_radius", "checked_merges", "start", "starts", "isolated", "cover_distance", "max_viewpoints"),
-    *("standing", "lattice_offset", "jitter", "settle", "reach", "stretch", "view_size", "second_opinion"),
+    *("standing", "lattice_offset", "jitter", "settle", "reach", "stretch", "around", "view_size", "second_opinion"),
     *("views", "panorama_width", "normals_model"),
 )
 """What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""

@@ -35,6 +35,7 @@ Decision = Literal[
     "return",
     "spare",
     "served",
+    "around",
 ]
 
 
@@ -121,7 +122,8 @@ class Evidence:
     decision    under the thresholds it was built with: "open", or the first criterion that failed: "alpha", "normal",
                 "network-normal", "depth", "slice", "unknown", "disputed" (one of two submap models calls it open),
                 "distance", "limit", "merge", "return" (the corridor back); or why a free corridor got no edge:
-                "spare" (another way is hardly longer), "served" (others stand near its end)
+                "spare" (another way is hardly longer), "served" (others stand near its end), "around" (the trajectory
+                leads far around, which without a scan may have its reason in a pane of glass)
     stale       whether the viewpoint, or the one it leads to, stands elsewhere since this was measured
     reach       (rows, cells) uint8, share of the way to the cell's floor that the rendered depth reaches * 255, where
                 what passes every Gaussian reaches it; 0 where a cell lies outside the image. None: not measured

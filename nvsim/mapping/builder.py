@@ -21,6 +21,7 @@ from nvsim.mapping.covered import Covered
 from nvsim.mapping.edit_carryover import keep_edits
 from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
+from nvsim.mapping.led_around import LedAround
 from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.search import Search
 from nvsim.mapping.settling import Settling
@@ -66,6 +67,7 @@ def build_map(
     start: NDArray[np.floating] | None = None,
     previous: NavGraph | None = None,
     remembered: NavGraph | None = None,
+    sees_glass: bool = True,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = _never,
     keep: Callable[[NavGraph], None] | None = None,
@@ -75,8 +77,9 @@ def build_map(
 
     `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
     `previous`, and of what an earlier build had `remembered`, is decided again instead of being rendered, and what a
-    user added to `previous` is kept. `keep` is given what was measured so far every few seconds, as a graph of evidence
-    alone: a build that was cut off takes it as `remembered` and ends like one that was not.
+    user added to `previous` is kept. Unless the cloud `sees_glass`, as a scan does, edges that cut off a long way of
+    the trajectory go (`config.around`). `keep` is given what was measured so far every few seconds, as a graph of
+    evidence alone: a build that was cut off takes it as `remembered` and ends like one that was not.
 
     Raises InputError when the trajectory is empty or nobody can stand anywhere on it.
     Source: paper, section III-D, Algorithm 1.
@@ -108,6 +111,9 @@ def build_map(
     draft, searched = search.draft, time.monotonic()
     if config.settle and not should_stop():
         Settling(survey, should_stop, explorer.settling).run()
+    led_around = 0
+    if config.around and not sees_glass:
+        led_around = _cut_led_around(draft, LedAround(walk, config.around), survey)
     if not draft.viewpoints and not should_stop():
         raise NowhereToStand(nowhere_to_stand(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
@@ -136,6 +142,7 @@ def build_map(
         "viewpoints_per_s": round(measurements.rendered_viewpoints / max(seconds, 1e-9), 3),
         "decisions": dict(sorted(words.items())),
         "walk_uncovered": len(uncovered),
+        "led_around": led_around,
         "isolated_removed": len(isolated),
         "limited": search.limited,
         "stopped": should_stop(),
@@ -145,6 +152,20 @@ def build_map(
     if sentence and not should_stop():
         listen(Warning(sentence, STAGE))
     return BuildResult(graph, report, measured())
+
+
+def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) -> int:
+    """How many edges went. Last of all, so that nothing else depends on it: where viewpoints stand, and which of them
+    are joined."""
+    found = 0
+    for a, b in list(draft.edges()):
+        ends = draft.viewpoints[a], draft.viewpoints[b]
+        if led_around(ends[0].position, ends[1].position):
+            draft.cut(a, b)
+            found += 1
+            for here, there in (ends, ends[::-1]):
+                survey.leave_out(here, there, "around")
+    return found
 
 
 def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Listener) -> None:
@@ -163,6 +184,12 @@ def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Lis
     if report["decisions"].get("disputed"):
         count = report["decisions"]["disputed"]
         listen(Log(f"{count} corridors have no edge because two submap models disagree about them.", STAGE))
+    if report["led_around"]:
+        text = (
+            f"{report['led_around']} edges were left out because the trajectory leads far around: without a scan "
+            "nobody knows whether a pane of glass stands there (--around 0 keeps them)."
+        )
+        listen(Log(text, STAGE))
     if report["components"] > 1:
         sizes = ", ".join(map(str, report["component_sizes"]))
         text = f"The graph has {report['components']} parts that do not reach each other ({sizes} viewpoints)."

@@ -90,6 +90,9 @@ class MappingConfig:
     """Settling: metres of the longest edge."""
     stretch: float = 1.2
     """Settling: two viewpoints with a free way are joined unless the graph's way is at most this many times as long."""
+    around: float = 3.0
+    """Without a scan: no edge where the trajectory leads this many times as far around, and 4 m farther at least, for
+    photographs alone do not show glass; 0 keeps it."""
     view_size: int = 192
     """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
     views: Literal["pitched", "panorama"] = "pitched"
@@ -123,6 +126,7 @@ class MappingConfig:
         if self.criteria == MappingConfig.criteria:
             del values["criteria"]
         del values["normals_model"]  # the stage knows which one that is
+        del values["around"]  # the stage knows whether there is a scan
         del values["second_opinion"]  # the stage knows whether there is another submap to ask
         return {MappingConfig.__name__: values}
 
@@ -154,5 +158,6 @@ class MappingConfig:
             jitter=0.0,
             settle=False,
             second_opinion=False,
+            around=0.0,
             views="panorama",
         )

@@ -125,12 +125,17 @@ DECISIONS: Mapping[Decision, Words] = {
     "served": Words(
         "served", "other viewpoints stand near its end", "lower the distance within which viewpoints are one"
     ),
+    "around": Words(
+        "walked around",
+        "the trajectory leads far around, and photographs alone do not show a pane of glass",
+        "walk there while photographing, or add the edge by hand where it is free",
+    ),
 }
 """Why no edge came of a corridor: the criteria's decisions, then those of the search."""
 
 
-SPARED: frozenset[Decision] = frozenset({"spare", "served"})
-"""Of these: the corridor is free, and settling left the edge out."""
+SPARED: frozenset[Decision] = frozenset({"spare", "served", "around"})
+"""Of these: the corridor is free, and the edge was left out all the same."""
 
 
 def lacking(evidence: Evidence, config: MappingConfig) -> tuple[str, ...]:

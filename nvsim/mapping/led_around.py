@@ -11,18 +11,18 @@ from nvsim.mapping.walk import Walk
 _LINKED = 0.8  # metres between places of the trajectory that somebody might have gone between
 _ASIDE = 0.4  # metres farther than the nearest place that another may be for a viewpoint to belong to it as well
 _NEAREST = 60  # places that are looked at
-_TIMES, _LONGER = 3.0, 4.0  # times as long, and metres longer in any case, the way along the trajectory must be
+_LONGER = 4.0  # metres longer, in any case, the way along the trajectory must be
 _FAR = 30.0  # metres along the trajectory from which on it does not matter how far it is
 
 
 class LedAround:
-    """Compares straight ways with those along `walk`."""
+    """Compares straight ways with those along `walk`: one is led around where the latter is `times` as long."""
 
-    def __init__(self, walk: Walk) -> None:
+    def __init__(self, walk: Walk, times: float = 3.0) -> None:
         from scipy.sparse import coo_matrix
         from scipy.spatial import cKDTree
 
-        self._walk = walk
+        self._walk, self._times = walk, times
         places, self._tree = walk.places, cKDTree(walk.places[:, :2])
         after = np.flatnonzero(walk.joined)
         near = self._tree.query_pairs(_LINKED, output_type="ndarray")
@@ -32,7 +32,7 @@ class LedAround:
         pairs = np.unique(pairs, axis=0)
         metres = np.hypot(*(places[pairs[:, 0], :2] - places[pairs[:, 1], :2]).T)
         self._steps = coo_matrix((np.maximum(metres, 1e-6), pairs.T), shape=(len(places),) * 2).tocsr()
-        self._from: dict[int, NDArray[np.float64]] = {}
+        self._from: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._beside: dict[tuple[float, ...], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
 
     def __call__(self, a: tuple[float, ...], b: tuple[float, ...]) -> float:
@@ -42,8 +42,8 @@ class LedAround:
         (here, off), (there, beyond) = self._belongs(a), self._belongs(b)
         if not len(here) or not len(there):
             return 0.0
-        along = min(float((off[i] + self._metres(int(k))[there] + beyond).min()) for i, k in enumerate(here))
-        return along if along > max(_TIMES * straight, straight + _LONGER) else 0.0
+        along = min(float((off[i] + self._metres(int(k), there) + beyond).min()) for i, k in enumerate(here))
+        return along if along > max(self._times * straight, straight + _LONGER) else 0.0
 
     def _belongs(self, camera: tuple[float, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The places (n,) in line with a camera (x, y, z) that are nearest to it, and how far they are, metres."""
@@ -57,10 +57,14 @@ class LedAround:
             self._beside[camera] = index[near].astype(np.int64), metres[near]
         return self._beside[camera]
 
-    def _metres(self, place: int) -> NDArray[np.float64]:
-        """(M,) along the trajectory from one of its places to every other; infinite from _FAR on."""
+    def _metres(self, place: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(n,) along the trajectory from one of its places to others (n,); infinite from _FAR on."""
         from scipy.sparse.csgraph import dijkstra
 
         if place not in self._from:
-            self._from[place] = dijkstra(self._steps, directed=False, indices=place, limit=_FAR)
-        return self._from[place]
+            metres = dijkstra(self._steps, directed=False, indices=place, limit=_FAR)
+            near = np.flatnonzero(np.isfinite(metres))
+            self._from[place] = near, metres[near]
+        near, metres = self._from[place]
+        at = np.minimum(np.searchsorted(near, others), len(near) - 1)
+        return np.where(near[at] == others, metres[at], np.inf)

@@ -75,7 +75,7 @@ class Search:
             back = OPEN if not self._config.both_ways else self._survey.way(viewpoint, other)
             if not stands or back != OPEN:
                 self.draft.cut(viewpoint.id, id)
-                self._survey.withdraw(id, viewpoint)
+                self._survey.leave_out(self.draft.viewpoints[id], viewpoint, "return")
         if self.draft.joined(viewpoint.id):
             return True
         self.draft.remove(viewpoint.id)
@@ -129,7 +129,7 @@ class Search:
         if decision != OPEN:
             return decision
         if self._config.both_ways and other.id in self.expanded and self._survey.way(other, viewpoint) != OPEN:
-            self._survey.withdraw(viewpoint.id, other)
+            self._survey.leave_out(viewpoint, other, "return")
             return "return"
         step = self.draft.step_towards(viewpoint, other) is not None
         self.draft.join(viewpoint.id, other.id, "step" if step else "merge")

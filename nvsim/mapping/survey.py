@@ -104,12 +104,12 @@ class Survey:
         """Whether enough floor is known along the corridor from one place to another, which needs no rendering."""
         return self._measurements.knows_floor(a, b)
 
-    def withdraw(self, id: str, other: Viewpoint) -> None:
-        """Says in the open evidence from `id` to a viewpoint that the corridor back did not pass."""
-        for evidence in list(self.draft.evidence[id].values()):
+    def leave_out(self, viewpoint: Viewpoint, other: Viewpoint, why: Decision) -> None:
+        """Says in the open evidence from one viewpoint to another why there is no edge."""
+        for evidence in list(self.draft.evidence[viewpoint.id].values()):
             leads = evidence.joins == other.id or apart(other, evidence.target) < SAME
             if leads and evidence.decision == OPEN:
-                self.keep(replace(evidence, decision="return"))
+                self.keep(replace(evidence, decision=why))
 
     def keep(self, evidence: Evidence) -> None:
         """Evidence in place of what was known of the same direction."""

@@ -83,6 +83,7 @@ def run(
         start=start,
         previous=previous,
         remembered=remembered,
+        sees_glass=is_scanned(capture),
         listen=listen,
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
@@ -132,8 +133,15 @@ def map_key(project: Project, config: MappingConfig) -> str:
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
     asked = ["second opinion"] if config.second_opinion and len(trained) > 1 else []
+    if config.around and not is_scanned(project.need_capture()):
+        asked.append(f"around {config.around}")
     network = [found] if (found := network_of(config)) else []
     return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *network, *corrected)
+
+
+def is_scanned(capture: Capture) -> bool:
+    """Whether a dense scan comes with the images, which mostly tells of glass as well."""
+    return capture.cloud is not None and capture.cloud.is_dense
 
 
 def scan_name(project: Project) -> str:
