@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from columns import Columns, fill, room
+from columns import Columns, fill, flat_floor, room
 from numpy.typing import NDArray
 
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.builder import build_map
+from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.led_around import LedAround
 from nvsim.mapping.walk import Walk
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
@@ -30,10 +33,12 @@ def walked(*corners: tuple[float, float]) -> NDArray[np.float64]:
     return np.column_stack([places, np.full(len(places), EYE)])
 
 
+WALK = walked((2, 1), (2, 7), (8, 7), (8, 5.5), (5, 5.5), (5, 3))
+
+
 @pytest.fixture(scope="module")
 def led_around() -> LedAround:
-    walk = walked((2, 1), (2, 7), (8, 7), (8, 5.5), (5, 5.5), (5, 3))
-    return LedAround(Walk(walk, Columns(glass_room()).support))
+    return LedAround(Walk(WALK, Columns(glass_room()).support))
 
 
 def at(x: float, y: float) -> tuple[float, float, float]:
@@ -61,3 +66,31 @@ def test_parts_that_the_trajectory_does_not_join_are_far_from_each_other() -> No
     apart = np.concatenate([walked((1, 1), (1, 7)), walked((9, 7), (9, 1))])
     led_around = LedAround(Walk(apart, Columns(glass_room()).support))
     assert led_around(at(1.4, 1.0), at(8.6, 1.0)) == np.inf
+
+
+def through_the_glass(graph: NavGraph) -> list[float]:
+    """Metres from the pane to the nearer end of every edge through it."""
+    ends = np.array([[graph.viewpoints[id].position[:2] for id in key] for key in graph.edges])
+    across = (ends[:, 0, 0] - 3.0) * (ends[:, 1, 0] - 3.0) < 0
+    across &= (ends[..., 1] > 2.1).all(axis=1) & (ends[..., 1] < 5.9).all(axis=1)
+    return sorted(np.abs(ends[across, :, 0] - 3.0).min(axis=1).tolist())
+
+
+def test_without_a_scan_most_edges_through_the_glass_are_left_out() -> None:
+    world, config = Columns(glass_room()), MappingConfig(view_size=96)
+
+    def built(sees_glass: bool, config: MappingConfig = config) -> NavGraph:
+        return build_map(
+            world, WALK, flat_floor, world.support, config, scan="test", sees_glass=sees_glass
+        ).graph  # fmt: skip
+
+    scanned, blind = built(True), built(False)
+    left = through_the_glass(blind)
+    assert len(left) <= len(through_the_glass(scanned)) / 2
+    assert all(metres < 1.0 for metres in left), "who stands right beside it may belong to the other side"
+    gone = scanned.edges.keys() - blind.edges.keys()
+    assert blind.edges.keys() <= scanned.edges.keys()
+    around = [e for e in blind.evidence.values() if e.decision == "around"]
+    assert len(around) >= len(gone) > 0, "of every one, but what viewpoints had that lost all edges"
+    kept = built(False, MappingConfig(view_size=96, around=0.0))
+    assert kept.edges.keys() == scanned.edges.keys()
