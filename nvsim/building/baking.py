@@ -23,6 +23,7 @@ from nvsim.building.solids import BOTTOM, TOP, Box, Paint
 LEVELS = 6
 FloorPainter = Callable[[Plan, float, np.random.Generator], tuple[Image, NDArray[np.float32]]]
 FacePainter = Callable[[Paint, tuple[float, float], float, float, float, np.random.Generator], Image]
+CeilingPainter = Callable[[Plan, float, np.random.Generator], Image]
 _FLOOR_TEXEL, _WALL_TEXEL, _FINE_TEXEL, _CEILING_TEXEL, _LIGHT_TEXEL = 0.01, 0.015, 0.0125, 0.04, 0.1
 _LARGE = 1500.0  # square metres
 _AMBIENT = 0.8
@@ -58,11 +59,19 @@ def lamp_places(storey: Storey) -> NDArray[np.float64]:
     return np.array(places)
 
 
+def white_ceiling(plan: Plan, texel: float, rng: np.random.Generator) -> Image:
+    """(rows, columns, 3) float32, 0 to 1: how bright a ceiling of `plan` is painted, `texel` metres a texel."""
+    rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
+    return np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)
+
+
 class Painters(NamedTuple):
-    """Who decides how floors and faces of boxes look, see `flooring.paint_floor` and `painting.paint_face`."""
+    """Who decides how floors, faces of boxes and ceilings look, see `flooring.paint_floor`, `painting.paint_face` and
+    `white_ceiling`."""
 
     floor: FloorPainter = paint_floor
     face: FacePainter = paint_face
+    ceiling: CeilingPainter = white_ceiling
 
 
 def bake(
@@ -79,8 +88,6 @@ def bake(
     light = _light(places, solids, np.concatenate(lamps))
     ground = 6 * len(boxes)
     gain = np.float32(0.92 / float(np.mean(light[ground])))
-    extent = storeys[0].plan.extent
-    rows, columns = round(extent.y1 / _CEILING_TEXEL), round(extent.x1 / _CEILING_TEXEL)
 
     def lit(albedo: Image, surface: int, boost: float = 1.0) -> Image:
         shade = _exposed(light[surface] * np.float32(gain * boost))
@@ -91,7 +98,7 @@ def bake(
     for k, storey in enumerate(storeys):
         floor, gloss = painters.floor(storey.plan, texel, rng)
         # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
-        ceiling = lit(np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32), ground + 2 * k + 1, 1.45)
+        ceiling = lit(painters.ceiling(storey.plan, _CEILING_TEXEL, rng), ground + 2 * k + 1, 1.45)
         for x, y, _ in lamps[k]:
             r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
             ceiling[r0:r1, c0:c1] = 0.97

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.cloud_truth import labels_of
 from nvsim.evaluation.truth import true_mask, truth_folder
@@ -54,12 +55,14 @@ class FrameTruth:
         return read_mask(self._file("floor", frame.name), width, height), np.ones((height, width), bool)
 
     def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:
-        """(H, W, 3) float32 unit, world, towards the camera; zero where unknown. Raises InputError."""
+        """(H, W, 3) float32 unit, world, towards the camera; zero where unknown: of a scan also where it has another
+        colour than the frame. Raises InputError."""
         import cv2
 
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
-            return self.labels.of(frame.camera.scaled(width, height), self._floors[index])[1]
+            camera = frame.camera.scaled(width, height)
+            return self.labels.of(camera, self._floors[index], read_image(frame, camera.intrinsics))[1]
         path = self._file("normals", frame.name)
         again = "a map of normals is a PNG of (n + 1) * 127.5, black where unknown"
         stored = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]

@@ -1,5 +1,6 @@
 """What a cloud says of an image for certain: floor, no floor, and which way surfaces face. Where it is thin, at
-silhouettes, and at heights between floor and what stands there, it says nothing."""
+silhouettes, and at heights between floor and what stands there, it says nothing; nor where the image has another colour
+than it, and so shows something that it lacks: a chair, a pane, a leg."""
 
 from __future__ import annotations
 
@@ -24,6 +25,7 @@ _FLAT = 0.3  # how thick a neighbourhood on a surface is, as a share of how wide
 _COVER = 0.75  # half-width of a point's square, in distances to its fourth neighbour
 _LOOSE = 2.5  # times as far from their neighbours as usual: such points are noise
 _BEHIND = 0.03  # share of the inverse depth: seen between the points of something nearer
+_LIGHTER, _TINGED = 30, 25  # CIELAB: an image that differs by more, beyond its exposure, shows something else
 _CHUNK = 50_000
 _Shape = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
 
@@ -56,9 +58,12 @@ class CloudLabels:
         loose = apart > _LOOSE * np.median(apart)
         return np.where(loose, 0, _COVER * apart).astype(np.float32), normals, flat & ~loose
 
-    def of(self, camera: Camera, surface: FloorSurface) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def of(
+        self, camera: Camera, surface: FloorSurface, image: NDArray[np.uint8] | None = None
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """(H, W) uint8 FLOOR, OTHER or UNKNOWN, and (H, W, 3) float32 unit normals in the world, towards the camera,
-        zero where unknown, of a camera's image; found at half its size. `surface` is the floor there."""
+        zero where unknown, of a camera's image; found at half its size. `surface` is the floor there. With the `image`
+        (H, W, 3) uint8 RGB, and a cloud that has colours, pixels of another colour are unknown too."""
         k = camera.intrinsics
         small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
         radii, normals, flat = self._shape
@@ -69,18 +74,38 @@ class CloudLabels:
         _, index = self._tree.query(places, workers=1)
         facing = normals[index] * -np.sign(np.sum(normals[index] * rays, axis=1, keepdims=True))
         height = places[:, 2] - surface.height_at(places[:, :2])
+        alike = np.ones(len(rows), bool)
+        if image is not None and self.cloud.colors is not None:
+            alike = _alike(image, depth.shape, rows, columns, self.cloud.colors[index])
         said = np.full(len(rows), UNKNOWN, np.uint8)
         said[(np.abs(height) > _STANDING) & (radii[index] > 0)] = OTHER
         said[(np.abs(height) < _LEVEL) & (facing[:, 2] > 0.8)] = FLOOR
         floor = np.full(depth.shape, UNKNOWN, np.uint8)
-        floor[rows, columns] = said
+        floor[rows, columns] = np.where(alike, said, UNKNOWN)
         found = np.zeros((*depth.shape, 3), np.float32)
-        found[rows, columns] = np.where(flat[index][:, None], facing, 0)
+        found[rows, columns] = np.where((flat[index] & alike)[:, None], facing, 0)
         size = k.width, k.height
         return (
             np.asarray(cv2.resize(floor, size, interpolation=cv2.INTER_NEAREST), np.uint8),
             np.asarray(cv2.resize(found, size, interpolation=cv2.INTER_NEAREST), np.float32),
         )
+
+
+def _alike(
+    image: NDArray[np.uint8], shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[np.intp],
+    colors: NDArray[np.uint8],
+) -> NDArray[np.bool_]:  # fmt: skip
+    """(N,) bool, which of N pixels of an image brought to `shape` have the colour of the points (N, 3) seen there; both
+    may be exposed otherwise."""
+    small = cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
+    seen, known = (
+        cv2.cvtColor(c.reshape(1, -1, 3).astype(np.float32) / 255, cv2.COLOR_RGB2LAB)[0]
+        for c in (small[rows, columns], colors)
+    )
+    off = seen - known
+    if len(off):
+        off[:, 0] -= np.median(off[:, 0])
+    return np.asarray((np.abs(off[:, 0]) < _LIGHTER) & (np.hypot(off[:, 1], off[:, 2]) < _TINGED))
 
 
 def _behind(depth: NDArray[np.float32]) -> NDArray[np.bool_]:

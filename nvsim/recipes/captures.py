@@ -63,7 +63,7 @@ def _cut(k: Intrinsics) -> Intrinsics:
 
 
 def _example(image: NDArray[np.uint8], camera: Camera, labels: CloudLabels, surface: FloorSurface) -> Iterator[Example]:
-    floor, normals = labels.of(camera, surface)
+    floor, normals = labels.of(camera, surface, image)
     if (floor != UNKNOWN).mean() >= _LEAST:
         yield Example(image, floor, normals, camera)
 

@@ -19,7 +19,7 @@ from nvsim.building.solids import Box, Paint
 from nvsim.building.truth import floor_mask, normals
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.recipes.examples import SIZE, Example
-from nvsim.recipes.patterns import colour, paint_anew, paint_floor
+from nvsim.recipes.patterns import colour, paint_anew, paint_ceiling, paint_floor, paint_pale
 
 FIRST_SEED = 1000
 """Buildings of lower seeds are never learnt from: demos and tests use them."""
@@ -30,7 +30,8 @@ def interior(number: int, count: int, upright: bool) -> list[Example]:
     """`count` views of the building of a number, all `upright` or none; deterministic."""
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([31, number])))
     scene = _scene(number, rng)
-    textures = bake(scene.storeys, list(scene.boxes), scene.solids, rng, Painters(paint_floor, paint_anew))
+    painters = Painters(paint_floor, paint_pale if rng.random() < 0.35 else paint_anew, paint_ceiling)
+    textures = bake(scene.storeys, list(scene.boxes), scene.solids, rng, painters)
     found: list[Example] = []
     for camera in _cameras(scene, rng, upright):
         people, clothes = _crowd(scene, camera, rng)
@@ -56,17 +57,18 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
             boxes += _clutter(rect.grown(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
             if style != "bare" and rng.random() < 0.5:
                 boxes += _along_a_wall(rect.grown(-0.05), rng)
+            boxes += _under_the_ceiling(rect, rng)
     return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
 
 
 def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[Box]:
-    """Boxes on the floor, tables of all heights, poles, shelves in the air, steps: `density` a square metre."""
+    """Boxes on the floor, tables of all heights, poles, shelves in the air, steps, chairs: `density` a square metre."""
     if rect.x1 - rect.x0 < 0.8 or rect.y1 - rect.y0 < 0.8:
         return
     for _ in range(int(rng.poisson(rect.area * density * 0.6))):
-        kind = int(rng.integers(6))
+        kind = int(rng.integers(7))
         w, d = rng.uniform(0.1, 1.3, 2)
-        h = rng.uniform(0.05, 1.0) if kind < 5 else rng.uniform(1.2, 2.4)
+        h = rng.uniform(1.2, 2.4) if kind == 5 else rng.uniform(0.05, 1.0)
         if kind == 4:
             w, d, h = rng.uniform(0.02, 0.12), rng.uniform(0.02, 0.12), rng.uniform(0.3, 2.5)
         w, d = min(w, 0.45 * (rect.x1 - rect.x0)), min(d, 0.45 * (rect.y1 - rect.y0))
@@ -78,10 +80,27 @@ def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[B
             yield _box((x, y, h), (x + w, y + d, h + t), paint)
             for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
                 yield _box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h), paint)
+        elif kind == 6:
+            yield from _chair(x, y, paint, rng)
         elif kind == 5:
             yield _box((x, y, h - rng.uniform(0.03, 0.5)), (x + w, y + d, min(h, HEIGHT - 0.05)), paint)
         else:
             yield _box((x, y, 0), (x + w, y + d, h), paint)
+
+
+def _chair(x: float, y: float, paint: Paint, rng: np.random.Generator) -> Iterator[Box]:
+    """A seat on legs or on a block, with a back at any of its sides."""
+    w, seat = rng.uniform(0.38, 0.6), rng.uniform(0.35, 0.5)
+    thick, back = rng.uniform(0.03, 0.15), rng.uniform(0.3, 0.6)
+    leg, slim = rng.uniform(0.02, 0.05), rng.uniform(0.03, 0.12)
+    yield _box((x, y, seat - thick), (x + w, y + w, seat), paint)
+    near = float(rng.choice([0.0, w - slim]))
+    lean = (near, 0.0, slim, w) if rng.random() < 0.5 else (0.0, near, w, slim)
+    yield _box((x + lean[0], y + lean[1], seat), (x + lean[0] + lean[2], y + lean[1] + lean[3], seat + back), paint)
+    dark = Paint("plain", (0.12, 0.12, 0.12)) if rng.random() < 0.5 else paint
+    for lx in (0, w - leg):
+        for ly in (0, w - leg):
+            yield _box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, seat - thick), dark)
 
 
 def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
@@ -103,13 +122,40 @@ def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
         x0, x1, y0, y1 = (near, off, begin, begin + length) if turned else (begin, begin + length, near, off)
         return _box((rect.x0 + x0, rect.y0 + y0, low), (rect.x0 + x1, rect.y0 + y1, high), paint)
 
-    front = Paint(str(rng.choice(("drawers", "wood", "plain") if kind == 0 else ("cloth", "plain"))), _tone(rng))
+    dull = rng.uniform(0.03, 0.15)
+    tone = _tone(rng) if rng.random() < 0.7 else (dull, dull, dull)
+    front = Paint(str(rng.choice(("drawers", "wood", "plain") if kind == 0 else ("cloth", "plain"))), tone)
     yield box(0, depth, 0, height, front)
     if kind == 0:
         top = Paint(str(rng.choice(["wood", "stone", "plain"])), _tone(rng))
         yield box(0, depth + rng.uniform(0, 0.04), height, height + 0.04, top)
+        if rng.random() < 0.5:  # what hangs above a kitchen, and the panel between
+            low = height + rng.uniform(0.4, 0.6)
+            yield box(0, 0.35, low, low + rng.uniform(0.4, 0.8), front)
+            yield box(0, 0.01, height + 0.04, low, Paint("plain", _tone(rng)))
     elif kind == 1:
         yield box(0, rng.uniform(0.12, 0.3), height, height + rng.uniform(0.3, 0.5), front)
+
+
+def _under_the_ceiling(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
+    """Beams from wall to wall, or a part of the ceiling that hangs lower, or nothing."""
+    if rng.random() < 0.55 or min(rect.x1 - rect.x0, rect.y1 - rect.y0) < 0.8:
+        return
+    turned = bool(rng.random() < 0.5)
+    across = (rect.y1 - rect.y0) if turned else (rect.x1 - rect.x0)
+    drop, pale = rng.uniform(0.08, 0.45), rng.uniform(0.3, 0.95)
+    paint = Paint("plain", (pale, pale, pale)) if rng.random() < 0.7 else Paint("wood", _tone(rng))
+    if rng.random() < 0.6:  # beams
+        width, step = rng.uniform(0.08, 0.4), rng.uniform(0.8, 3.0)
+        spans = [(a, a + width) for a in np.arange(rng.uniform(0, step), across - width, step)]
+    else:
+        begin = rng.uniform(0, 0.6) * across
+        spans = [(begin, min(across, begin + rng.uniform(0.4, 1.0) * across))]
+    for a, b in spans:
+        x0, x1, y0, y1 = (rect.x0, rect.x1, rect.y0 + a, rect.y0 + b) if turned else (
+            rect.x0 + a, rect.x0 + b, rect.y0, rect.y1,
+        )  # fmt: skip
+        yield _box((x0, y0, HEIGHT - drop), (x1, y1, HEIGHT), paint)
 
 
 def _box(low: tuple[float, float, float], high: tuple[float, float, float], paint: Paint) -> Box:

@@ -136,8 +136,8 @@ class InteriorNetwork(nn.Module):
 def loss(
     found: tuple[Tensor, Tensor], floor: Tensor, normals: Tensor, known: Tensor
 ) -> tuple[Tensor, dict[str, float]]:
-    """What is wrong with an answer, and its parts: cross entropy and Dice of the floor, and of the normals 1 - cosine
-    and half of the angle (radians).
+    """What is wrong with an answer, and its parts: cross entropy and Dice of the floor, and of the normals the angle
+    (radians), which a surface that is wholly wrong does not rule as it would its cosine.
 
     floor    (N, H, W) float, 1 floor
     normals  (N, 3, H, W), zero where unknown
@@ -153,8 +153,7 @@ def loss(
     there = normals.square().sum(1) > 0.25
     cosine = (functional.normalize(directions, dim=1) * normals).sum(1)
     count = there.sum().clamp(min=1)
-    apart = ((1 - cosine) * there).sum() / count
     angle = (torch.acos(cosine.clamp(-0.9999, 0.9999)) * there).sum() / count
-    total = entropy + 0.5 * dice + apart + 0.5 * angle
+    total = entropy + 0.5 * dice + angle
     parts = {"floor": entropy, "dice": dice, "degrees": torch.rad2deg(angle)}
     return total, {name: float(part.detach()) for name, part in parts.items()}

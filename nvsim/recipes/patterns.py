@@ -55,6 +55,25 @@ def paint_floor(plan: Plan, texel: float, rng: Rng) -> tuple[Image, NDArray[np.f
     return np.clip(image, 0.02, 0.97), gloss
 
 
+def paint_ceiling(plan: Plan, texel: float, rng: Rng) -> Image:
+    """As `nvsim.building.baking.white_ceiling`: from white to dark, in some storeys as a surface of any kind, in some
+    rooms otherwise than next door."""
+    rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
+    image = _overhead(rows, columns, texel, rng)
+    for room in plan.rooms if rng.random() < 0.4 else ():
+        for rect in room.rects:
+            r0, r1, c0, c1 = _texels(rect, texel)
+            image[r0:r1, c0:c1] = _overhead(r1 - r0, c1 - c0, texel, rng)
+    return np.clip(image, 0.03, 0.97)
+
+
+def _overhead(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    if rng.random() < 0.2:
+        return pattern(rows, columns, texel, rng)
+    tone = rng.uniform(0.25, 0.9) * (1 + rng.normal(0, 0.02, 3))
+    return _flat(rows, columns, tone)
+
+
 def paint_anew(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
     """As `nvsim.building.painting.paint_face`: in half of all cases that, in other colours."""
     if rng.random() < 0.5:
@@ -64,6 +83,15 @@ def paint_anew(paint: Paint, at: tuple[float, float], width: float, height: floa
         return np.clip(image, 0.02, 0.97).astype(np.float32)
     rows, columns = max(2, round(height / texel)), max(2, round(width / texel))
     return pattern(rows, columns, texel, rng)
+
+
+def paint_pale(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
+    """As `nvsim.building.painting.paint_face`, nearly white or grey, as walls and cupboards of many homes are: what is
+    left to see is light and edges."""
+    image = paint_face(paint, at, width, height, texel, rng)
+    grey = image.mean(axis=2, keepdims=True)
+    calm = grey.mean() + rng.uniform(0.1, 0.6) * (grey - grey.mean()) + rng.uniform(0, 0.3) * (image - grey)
+    return np.clip(calm * (rng.uniform(0.4, 0.9) / max(0.1, float(grey.mean()))), 0.02, 0.97).astype(np.float32)
 
 
 def _texels(rect: Rect, texel: float) -> tuple[int, int, int, int]:

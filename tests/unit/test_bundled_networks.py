@@ -108,7 +108,7 @@ def test_the_measurement_says_what_an_image_costs() -> None:
 def test_one_file_for_both_roles_runs_once_for_an_image(building: tuple[Scene, Seen]) -> None:
     looks, faces = (bundled_model(role).description for role in ("semantic", "normals"))  # type: ignore[union-attr,arg-type]
     assert looks is not None and faces is not None
-    faces = replace(faces, files=looks.files)  # the file of floor gives normals as well
+    faces = replace(faces, files=looks.files, images=looks.images)  # the file of floor gives normals as well
     camera, image, _ = building[1][0]
     alone = SemanticNetwork(Chain(looks, FOLDER, "cpu")).floor_probability(image, camera)
     alone_normals = NormalsNetwork(Chain(faces, FOLDER, "cpu")).normals(image, camera)

@@ -10,18 +10,22 @@ import pytest
 import torch
 
 from nvsim.building.config import BuildingConfig
+from nvsim.building.painting import paint_face
+from nvsim.building.plan import HEIGHT, Rect
 from nvsim.building.rendering import render
 from nvsim.building.scan import scan
 from nvsim.building.scene import make_scene, textures_of
+from nvsim.building.solids import Paint
 from nvsim.building.truth import floor_mask, normals
+from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
-from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.networks.installed import model_at
 from nvsim.perception.cloud_labels import FLOOR, OTHER, UNKNOWN, CloudLabels
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
-from nvsim.recipes import batches
+from nvsim.recipes import batches, interiors, patterns
 from nvsim.recipes.batches import batch
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
@@ -126,6 +130,28 @@ def test_the_command_makes_examples_trains_and_goes_on(tmp_path: Path) -> None:
     assert main(["models", "train", str(tmp_path / "n"), "--start", str(tmp_path / "examples")]) == 2
 
 
+def test_what_hangs_from_a_ceiling_begins_there_and_stays_in_its_room() -> None:
+    room, hung = Rect(1.0, 2.0, 6.0, 5.0), []
+    for seed in range(40):
+        hung += list(interiors._under_the_ceiling(room, np.random.default_rng(seed)))
+    lo, hi = (np.array([getattr(box, end) for box in hung]) for end in ("lo", "hi"))
+    assert len(hung) > 20 and (hi[:, 2] == HEIGHT).all() and (lo[:, 2] > HEIGHT - 0.5).all()
+    assert (lo[:, :2] >= (room.x0, room.y0)).all() and (hi[:, :2] <= (room.x1 + 1e-9, room.y1 + 1e-9)).all()
+    assert (hi > lo).all()
+
+
+def test_ceilings_are_of_all_brightness_and_pale_faces_have_little_colour() -> None:
+    scene = make_scene(BuildingConfig(size="small"))
+    paint, rng = Paint("drawers", (0.5, 0.3, 0.1)), np.random.default_rng(0)
+    plans = [patterns.paint_ceiling(scene.plan, 0.2, rng).mean() for _ in range(20)]
+    assert min(plans) < 0.45 and max(plans) > 0.7
+    faces = [paint_face(paint, (0.0, 0.0), 1.0, 1.0, 0.05, rng)]
+    faces += [patterns.paint_pale(paint, (0.0, 0.0), 1.0, 1.0, 0.05, rng) for _ in range(10)]
+    tones = [face.mean(axis=(0, 1)) for face in faces]
+    colourful, *pale = (float(np.ptp(tone) / tone.mean()) for tone in tones)
+    assert max(pale) < 0.5 * colourful and np.ptp([tone.mean() for tone in tones[1:]]) > 0.2
+
+
 def test_what_a_cloud_says_for_certain_is_true() -> None:
     scene = make_scene(BuildingConfig(seed=5, size="small", people=False))
     textures = textures_of(scene)
@@ -146,3 +172,19 @@ def test_what_a_cloud_says_for_certain_is_true() -> None:
         angles.append(np.degrees(np.arccos(np.clip((found * true).sum(axis=-1)[there], -1, 1))))
     assert right / called > 0.975
     assert np.median(np.concatenate(angles)) < 4
+
+
+def test_a_cloud_says_nothing_of_what_has_another_colour_than_it() -> None:
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-3, 3, (40_000, 2)), np.zeros(40_000)]).astype(np.float32)
+    brown = np.full((len(points), 3), (150, 110, 70), np.uint8)
+    labels = CloudLabels(Cloud(points, brown, "lidar"))
+    camera = Camera(Intrinsics.from_fov(160, 120, 1.2), look(np.array([0.0, 0.0, 1.5]), 0.0, np.radians(-60)))
+    image = np.full((120, 160, 3), (105, 77, 49), np.uint8)  # the same floor, darker exposed
+    image[40:80, 60:100] = 20  # a seat, which the cloud lacks
+    blind, seen = (labels.of(camera, FloorSurface.flat(0.0), shown) for shown in (None, image))
+    assert (blind[0][44:76, 64:96] == FLOOR).mean() > 0.95
+    assert (seen[0][44:76, 64:96] == UNKNOWN).all() and not seen[1][44:76, 64:96].any()
+    beside = np.ones((120, 160), bool)
+    beside[36:84, 56:104] = False
+    assert np.array_equal(seen[0][beside], blind[0][beside]) and np.array_equal(seen[1][beside], blind[1][beside])
