@@ -50,7 +50,8 @@ def run_map(project: Path, kill_after: float | None = None, memory: float | None
     found["peak_gib"] = usage.ru_maxrss / 2**20
     if status not in (0, signal.SIGKILL):
         raise SystemExit(f"{' '.join(argv)} failed with {status}")
-    return found | (last["results"] if last["event"] == "done" else {"viewpoints": last.get("total", 0)})
+    # Of one that had nothing left to do there is no event.
+    return found | (last["results"] if last.get("event") == "done" else {"viewpoints": last.get("total", 0)})
 
 
 def measure(folder: Path, columns: int, rows: int, kills: int, seed: int, memory: float | None) -> dict[str, Any]:
@@ -79,7 +80,7 @@ def measure(folder: Path, columns: int, rows: int, kills: int, seed: int, memory
         fell.append(cut["viewpoints"])
     if kills:
         last = run_map(twin, memory=memory)
-        again = last["rendered_viewpoints"]
+        again = last.get("rendered_viewpoints", 0)
         with Project.open(clean) as a, Project.open(twin) as b:
             figures["same_graph"] = same_graph(a.need_graph(), b.need_graph())
         figures |= {"killed_at_viewpoints": fell, "last_run_s": round(last["wall_s"], 1), "last_run_rendered": again}
