@@ -21,12 +21,15 @@ _BESIDE = math.radians(60.0)  # between two headings; corridors farther apart sh
 
 def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
     """(graph, pair of viewpoints) -> whether the way between them is closed under `config`: where it was measured, by
-    that; else by the cells of other corridors from either end, where floor that none of them covers speaks for nothing.
-    False where nothing is known. Stale evidence says nothing."""
+    that, or by where the trajectory leads; else by the cells of other corridors from either end, where floor that none
+    of them covers speaks for nothing. False where nothing is known. Stale evidence says nothing."""
 
     def is_closed(graph: NavGraph, key: EdgeKey) -> bool:
         laid = (laid_over(graph, here, there) for here, there in (key, key[::-1]))
-        told = evidence_along(graph, key) or [found[0] for found in laid if found is not None]
+        along = evidence_along(graph, key)
+        if any(e.decision == "around" for e in along):
+            return True  # by what no evidence holds
+        told = along or [found[0] for found in laid if found is not None]
         return any(decide(e, config) != OPEN for e in told if not lacking(e, config))
 
     return is_closed

@@ -7,10 +7,13 @@ import pytest
 from columns import Columns, fill, flat_floor, room
 from numpy.typing import NDArray
 
+from nvsim.graph.proposals import propose_edges
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.edge_doubts import margin
 from nvsim.mapping.led_around import LedAround
+from nvsim.mapping.unmeasured import closed
 from nvsim.mapping.walk import Walk
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
@@ -92,5 +95,9 @@ def test_without_a_scan_most_edges_through_the_glass_are_left_out() -> None:
     assert blind.edges.keys() <= scanned.edges.keys()
     around = [e for e in blind.evidence.values() if e.decision == "around"]
     assert len(around) >= len(gone) > 0, "of every one, but what viewpoints had that lost all edges"
+    asked, proposed = closed(config), {p.edge: p.words for p in propose_edges(blind, margin=margin(config))}
+    apart = [key for key in gone if all(id in blind.viewpoints for id in key)]
+    assert apart and all(asked(blind, key) for key in apart), "nobody is told to join what stands so near"
+    assert all("glass" in proposed[key] for key in apart if key in proposed)
     kept = built(False, MappingConfig(view_size=96, around=0.0))
     assert kept.edges.keys() == scanned.edges.keys()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.graph.components import components
 from nvsim.graph.edits.change import key_of
 from nvsim.graph.edits.edges import Visible
-from nvsim.graph.quantities import Margin
+from nvsim.graph.quantities import Margin, evidence_along
 from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
@@ -22,6 +22,7 @@ _LEVEL = 0.5  # metres between the floors of two viewpoints: the map knows one f
 _FAR = 20.0  # metres: ways beyond are all the same
 _SURE = 0.3  # margin of evidence that leaves no doubt
 _MAP_ALONE = 0.6  # confidence where only the map speaks; the least of evidence is below
+_GLASS = 0.5  # times as sure, where the trajectory leads far around and no scan shows why
 _LISTED = 0.3  # what sees another need not be able to walk there
 
 
@@ -116,7 +117,9 @@ def _confidence(
                 found[key] = (_MAP_ALONE, "the map shows the way between them free")
         elif slack > 0 and not is_blocked:
             sure = 0.5 + 0.3 * min(1.0, slack / _SURE) + (0.2 if is_clear else 0.0)
-            found[key] = (sure, "the corridor between them passes" + (" and the map agrees" if is_clear else ""))
+            glass = any(e.decision == "around" for e in evidence_along(graph, key))
+            words = "the corridor between them passes" + (" and the map agrees" if is_clear else "")
+            found[key] = (_GLASS * sure, f"{words}, unless a pane of glass stands there") if glass else (sure, words)
     return found
 
 
