@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.carried import places_between
 from nvsim.mapping.floor_pixels import Eye
 
 CLIMB = 0.3  # metres: a corridor whose floor differs by more from where it begins climbs, maybe to another storey
@@ -26,13 +27,7 @@ class Trodden:
         from scipy.spatial import cKDTree
 
         self._tells = not scanned
-        walk = np.asarray(positions, np.float64).reshape(-1, 3)
-        way = np.diff(walk, axis=0)
-        length = np.linalg.norm(way, axis=1)
-        count = np.where(length > JUMP, 1, np.maximum(1, np.ceil(length / _BETWEEN))).astype(np.int64)
-        leg = np.repeat(np.arange(len(way)), count)
-        share = (np.arange(len(leg)) - (np.cumsum(count) - count)[leg]) / count[leg]
-        self._places = np.concatenate([walk[leg] + share[:, None] * way[leg], walk[-1:]])
+        self._places = places_between(np.reshape(positions, (-1, 3)), _BETWEEN, JUMP)
         self._tree = cKDTree(self._places[:, :2])
 
     def at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.carried import places_between
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.stairs import Stairs
@@ -109,12 +110,7 @@ def _fill_discs(cells: Mask, centres: NDArray[np.floating], reach: float) -> Non
 def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[np.float64]:
     """(K, 2) the places of a walk over positions (N, 2) that it passed in a step, from supported floor to supported
     floor, though they are not supported."""
-    way = np.diff(positions, axis=0)
-    length = np.linalg.norm(way, axis=1)
-    count = np.where(length > _STRIDE, 1, np.maximum(1, np.ceil(length / _APART))).astype(np.int64)
-    leg = np.repeat(np.arange(len(way)), count)
-    share = (np.arange(len(leg)) - (np.cumsum(count) - count)[leg]) / count[leg]
-    places = np.concatenate([positions[leg] + share[:, None] * way[leg], positions[-1:]])
+    places = places_between(positions, _APART, _STRIDE)
     far = np.linalg.norm(np.diff(places, axis=0), axis=1)
     known = support.at(places)
     found = np.zeros(len(places), bool)
@@ -124,7 +120,7 @@ def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[
         gaps = far[start:end]
         if known[end] and gaps.sum() <= _STEP and gaps.max() <= _STRIDE:
             found[start + 1 : end] = True
-    return np.asarray(places[found], np.float64)
+    return places[found]
 
 
 @dataclass(frozen=True)
