@@ -154,9 +154,11 @@ def choose(
         return FloorProvider("fused", looks)
     if not looks and of_images():
         looks = _models(config, ("semantic",), True)
-    if not looks:
-        return FloorProvider("geometry", {}, "no network of looks is installed")
     cloud = scan()
+    if not looks:
+        measured = cloud is not None and cloud.is_dense
+        because = "beside a scan that measured as good" if measured else "no network of looks is installed"
+        return FloorProvider("geometry", {}, because)
     if cloud is not None and cloud.is_dense:
         return FloorProvider("fused", looks, "a scan or depth shows what stands on the floor")
     models = _models(config, ROLES)

@@ -178,7 +178,7 @@ def test_auto_takes_the_bundled_network_for_images_alone_and_leaves_it_out_besid
     auto = FloorsConfig()
     of_images = choose(auto, dense, lambda: True)
     assert of_images.how == "fused" and of_images.models["semantic"].name == "bundled-floor"
-    assert choose(auto, dense).how == "geometry", "a scan of its own"
+    assert choose(auto, dense).words == "by geometry (beside a scan that measured as good)"
     assert choose(FloorsConfig(semantic="geometry"), dense, lambda: True).how == "geometry"
     assert choose(FloorsConfig("fused"), dense).summary == {"provider": "fused", "semantic": "bundled-floor"}
     named = choose(FloorsConfig("hybrid", semantic="bundled", normals="bundled"), dense)
