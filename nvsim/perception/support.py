@@ -34,7 +34,7 @@ class FloorSupport:
     origin   (x, y) metres of the lower corner of cell [0, 0]
     spacing  metres per cell
     blocked  (rows, columns) bool, where the depth of images shows something that stands; None where that is not known
-    thin     (rows, columns) bool, where something thin was found to stand, whatever else is known; None likewise
+    thin     (rows, columns) bool, where something thin stands, which no walk over it takes away; None likewise
     """
 
     cells: Mask
