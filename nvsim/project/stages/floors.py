@@ -59,7 +59,7 @@ def run(
     the images."""
     config = config or FloorsConfig()
     how = capture_config(project)
-    provider = choose(config, project.scan, lambda: depth_maps(project) is not None)
+    provider = choose(config, project.scan)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)
