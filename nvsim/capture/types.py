@@ -161,3 +161,8 @@ class Capture:
     def positions(self) -> NDArray[np.float64]:
         """(N, 3) camera positions, metres, aligned frame, in frame order."""
         return np.array([f.camera_to_world[:3, 3] for f in self.frames]).reshape(-1, 3)
+
+    @property
+    def is_scanned(self) -> bool:
+        """Whether a dense scan comes with the images: it tells what stands, mostly glass as well."""
+        return self.cloud is not None and self.cloud.is_dense

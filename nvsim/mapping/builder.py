@@ -33,6 +33,7 @@ from nvsim.mapping.walk import Walk
 STAGE = "map"
 _TRIES = 3  # places on either side of a gap in the trajectory that a joining start is tried at
 _FEW = 3  # viewpoints; with fewer, the floor beside the trajectory is tried too,
+_A_DOZEN = 12  # viewpoints; with fewer, the trajectory is covered more closely
 _BESIDE = 0.5  # metres, at places so far apart
 _HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the trajectory
 _KEEPING = 5.0  # seconds between two savings of what was measured,
@@ -67,7 +68,7 @@ def build_map(
     start: NDArray[np.floating] | None = None,
     previous: NavGraph | None = None,
     remembered: NavGraph | None = None,
-    sees_glass: bool = True,
+    scanned: bool = True,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = _never,
     keep: Callable[[NavGraph], None] | None = None,
@@ -77,9 +78,10 @@ def build_map(
 
     `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
     `previous`, and of what an earlier build had `remembered`, is decided again instead of being rendered, and what a
-    user added to `previous` is kept. Unless the cloud `sees_glass`, as a scan does, edges that cut off a long way of
-    the trajectory go (`config.around`). `keep` is given what was measured so far every few seconds, as a graph of
-    evidence alone: a build that was cut off takes it as `remembered` and ends like one that was not.
+    user added to `previous` is kept. Unless the building was `scanned`, what somebody walked through is free whatever
+    the models show, and edges that cut off a long way of the trajectory go (`config.around`). `keep` is given what was
+    measured so far every few seconds, as a graph of evidence alone: a build that was cut off takes it as `remembered`
+    and ends like one that was not.
 
     Raises InputError when the trajectory is empty or nobody can stand anywhere on it.
     Source: paper, section III-D, Algorithm 1.
@@ -89,7 +91,7 @@ def build_map(
     started = time.monotonic()
     known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
-    measurements = Measurements(source, floor_at, support, config, lattice, known, Trodden(trajectory).at)
+    measurements = Measurements(source, floor_at, support, config, lattice, known, Trodden(trajectory, scanned))
     walk = Walk(trajectory, support)
     survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
     search = Search(survey)
@@ -108,11 +110,13 @@ def build_map(
         explorer.cover()
         explorer.bridge()
         explorer.beside()
+        if not scanned:
+            explorer.cover_closely()
     draft, searched = search.draft, time.monotonic()
     if config.settle and not should_stop():
         Settling(survey, should_stop, explorer.settling).run()
     led_around = 0
-    if config.around and not sees_glass:
+    if config.around and not scanned:
         led_around = _cut_led_around(draft, LedAround(walk, config.around), survey)
     if not draft.viewpoints and not should_stop():
         raise NowhereToStand(nowhere_to_stand(search.refusals, config))
@@ -214,6 +218,7 @@ class _Explorer:
         self._search, self._walk, self._config = search, walk, config
         self._listen, self._should_stop = listen, should_stop
         self._tried: set[int] = set()
+        self._reach = config.cover_distance
         self._covered = Covered(walk.places, search.draft, config.cover_distance, self.is_covered)
         self._said = ""
         self._keep, self._kept, self._pause = keep, time.monotonic(), _KEEPING
@@ -256,12 +261,21 @@ class _Explorer:
                 return
             self.begin(place)
 
+    def cover_closely(self) -> None:
+        """Where all this gave few viewpoints, starts at every place that none is nearer to than viewpoints merge: those
+        of a room or two are seldom too many."""
+        if len(self._search.draft.viewpoints) < _A_DOZEN and self._config.merge_radius < self._reach:
+            usual, self._reach = self._reach, self._config.merge_radius
+            self.cover()
+            self.bridge()
+            self._reach = usual
+
     def is_covered(self, place: NDArray[np.floating]) -> bool:
         return self._coverer(place) is not None
 
     def _coverer(self, place: NDArray[np.floating]) -> str | None:
         """The nearest viewpoint in line with a place of the trajectory."""
-        for viewpoint in self._search.draft.near(place, self._config.cover_distance):
+        for viewpoint in self._search.draft.near(place, self._reach):
             if self._walk.in_line(np.array(viewpoint.position), place):
                 return viewpoint.id
         return None

@@ -1,11 +1,12 @@
-"""What speaks for the floor of a stair besides a view of it: a view from below shows the last steps edge-on, and few
-cameras see a stair at all, but somebody carried one over it."""
+"""What speaks for floor besides a view of it, for that of a stair above all: a view from below shows the last steps
+edge-on, and few cameras see a stair at all, but somebody carried one over it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.carried import places_between
 from nvsim.mapping.floor_pixels import Eye
 
 CLIMB = 0.3  # metres: a corridor whose floor differs by more from where it begins climbs, maybe to another storey
@@ -19,17 +20,14 @@ JUMP = 1.5  # metres between cameras beyond which nobody walked straight from on
 class Trodden:
     """Knows where somebody carried the camera."""
 
-    def __init__(self, positions: NDArray[np.floating]) -> None:
-        """Of a trajectory with camera `positions` (N, 3), metres, z up, in the order in which they were taken."""
+    def __init__(self, positions: NDArray[np.floating], scanned: bool = True) -> None:
+        """Of a trajectory with camera `positions` (N, 3), metres, z up, in the order in which they were taken. Where
+        nothing was `scanned`, models of images alone have something in the air where nothing is, in doors for example:
+        the trajectory tells that it is not there."""
         from scipy.spatial import cKDTree
 
-        walk = np.asarray(positions, np.float64).reshape(-1, 3)
-        way = np.diff(walk, axis=0)
-        length = np.linalg.norm(way, axis=1)
-        count = np.where(length > JUMP, 1, np.maximum(1, np.ceil(length / _BETWEEN))).astype(np.int64)
-        leg = np.repeat(np.arange(len(way)), count)
-        share = (np.arange(len(leg)) - (np.cumsum(count) - count)[leg]) / count[leg]
-        self._places = np.concatenate([walk[leg] + share[:, None] * way[leg], walk[-1:]])
+        self._tells = not scanned
+        self._places = places_between(np.reshape(positions, (-1, 3)), _BETWEEN, JUMP)
         self._tree = cKDTree(self._places[:, :2])
 
     def at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -40,6 +38,14 @@ class Trodden:
             over = self._places[near, 2] - flat[i, 2]
             found[i] = bool(((over > _CARRIED[0]) & (over < _CARRIED[1])).any())
         return found.reshape(points.shape[:-1])
+
+    def surely_at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(...) the same off stairs and nearer to the camera, where images alone tell what stands; elsewhere False."""
+        if not self._tells:
+            return np.zeros(points.shape[:-1], bool)
+        metres, nearest = self._tree.query(points[..., :2])
+        over = self._places[nearest, 2] - points[..., 2]
+        return np.asarray((metres < _BODY) & (over > _CARRIED[0]) & (over < _CARRIED[1]))
 
 
 def out_of_sight(eye: Eye, ground: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -13,10 +13,17 @@ _ASIDE = 0.4  # metres farther than the nearest place that another may be for a 
 _NEAREST = 60  # places that are looked at
 _LONGER = 4.0  # metres longer, in any case, the way along the trajectory must be
 _FAR = 30.0  # metres along the trajectory from which on it does not matter how far it is
+_BODY = 0.45  # metres from the trajectory within which no pane stands: somebody walked there
+_BETWEEN = 2.5  # metres from a place to the parts of the trajectory that it may lie between, at most
+_SPACING = 0.2  # metres between the places of an edge that are looked at
+
+Camera = tuple[float, ...]
 
 
 class LedAround:
-    """Compares straight ways with those along `walk`: one is led around where the latter is `times` as long."""
+    """Compares straight ways with those along `walk`: one is led around where the latter is `times` as long. A pane may
+    stand anywhere between two parts of the walk that are led around, so what lies between them away from both counts as
+    led around as well."""
 
     def __init__(self, walk: Walk, times: float = 3.0) -> None:
         from scipy.sparse import coo_matrix
@@ -33,29 +40,52 @@ class LedAround:
         metres = np.hypot(*(places[pairs[:, 0], :2] - places[pairs[:, 1], :2]).T)
         self._steps = coo_matrix((np.maximum(metres, 1e-6), pairs.T), shape=(len(places),) * 2).tocsr()
         self._from: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
-        self._beside: dict[tuple[float, ...], tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+        self._seen: dict[Camera, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
 
-    def __call__(self, a: tuple[float, ...], b: tuple[float, ...]) -> float:
-        """Metres along the trajectory between two cameras (x, y, z) where that is a long way around; else 0. Infinite
-        where it does not lead from one to the other, 0 where one of them sees none of it."""
-        straight = float(np.hypot(a[0] - b[0], a[1] - b[1]))
+    def __call__(self, a: Camera, b: Camera) -> float:
+        """Metres along the trajectory between two cameras (x, y, z), or between what the way from one to the other lies
+        between, where that is a long way around; else 0. Infinite where it does not lead from one to the other, 0 where
+        one of them sees none of it."""
+        ends = np.array([a, b], np.float64)
+        straight = float(np.hypot(*(ends[0] - ends[1])[:2]))
         (here, off), (there, beyond) = self._belongs(a), self._belongs(b)
         if not len(here) or not len(there):
             return 0.0
         along = min(float((off[i] + self._metres(int(k), there) + beyond).min()) for i, k in enumerate(here))
-        return along if along > max(self._times * straight, straight + _LONGER) else 0.0
+        if along > self._far(straight):
+            return along
+        count = max(2, int(np.ceil(straight / _SPACING)) + 1)
+        return max(self._between(place) for place in ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
 
-    def _belongs(self, camera: tuple[float, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _far(self, straight: float) -> float:
+        return max(self._times * straight, straight + _LONGER)
+
+    def _between(self, place: NDArray[np.float64]) -> float:
+        """Metres along the trajectory between two parts of it, the nearest to a place (3,) and another in line with it,
+        where that is a long way around and the place is near to neither; else 0."""
+        index, metres = self._in_line(tuple(place.tolist()))
+        index, metres = index[metres <= _BETWEEN], metres[metres <= _BETWEEN]
+        if not len(index) or metres[0] <= _BODY:
+            return 0.0
+        along = self._metres(int(index[0]), index)
+        around = along[[m > self._far(s) for m, s in zip(along, metres + metres[0], strict=True)]]
+        return float(around.min(initial=np.inf)) if len(around) else 0.0
+
+    def _belongs(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The places (n,) in line with a camera (x, y, z) that are nearest to it, and how far they are, metres."""
-        if camera not in self._beside:
+        index, metres = self._in_line(camera)
+        near = metres <= metres.min(initial=np.inf) + _ASIDE
+        return index[near], metres[near]
+
+    def _in_line(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The places (n,) in line with a camera (x, y, z), the nearest first, and how far they are, metres."""
+        if camera not in self._seen:
             place = np.asarray(camera, np.float64)
             metres, index = self._tree.query(place[:2], k=min(_NEAREST, len(self._walk.places)))
             metres, index = np.atleast_1d(metres), np.atleast_1d(index)
             in_line = self._walk.all_in_line(np.broadcast_to(place, (len(index), 3)), self._walk.places[index])
-            metres, index = metres[in_line], index[in_line]
-            near = metres <= metres.min(initial=np.inf) + _ASIDE
-            self._beside[camera] = index[near].astype(np.int64), metres[near]
-        return self._beside[camera]
+            self._seen[camera] = index[in_line].astype(np.int64), metres[in_line]
+        return self._seen[camera]
 
     def _metres(self, place: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
         """(n,) along the trajectory from one of its places to others (n,); infinite from _FAR on."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
-from nvsim.mapping.climbing import CLIMB, out_of_sight
+from nvsim.mapping.climbing import CLIMB, Trodden, out_of_sight
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, nothing_stands, view_of
 from nvsim.mapping.criteria import OPEN, answers, decide
@@ -41,9 +41,10 @@ class Measurements:
         config: MappingConfig,
         lattice: Lattice,
         remembered: Iterable[Evidence] = (),
-        trodden: SupportAt | None = None,
+        trodden: Trodden | None = None,
     ) -> None:
-        """`trodden` says where somebody carried the camera: beside a stair, which few views show, that counts."""
+        """`trodden` says where somebody carried the camera: beside a stair, which few views show, that counts, and
+        everywhere where images alone tell what stands."""
         self._source, self._floor_at, self._support, self._config = source, floor_at, support, config
         self._lattice, self._trodden = lattice, trodden
         self._steps: dict[tuple[str, int], Evidence] = {}
@@ -186,13 +187,15 @@ class Measurements:
         return joined(found[0], found[1], self._strange(found[1].submap, viewpoint, corridor))
 
     def _free(self, view: FloorView, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_] | None:
-        """(rows, cells) the floor by a stair that needs no view: that which the corridor back shows better, where it is
-        asked for, and that which somebody walked over, where known floor is. None off stairs."""
-        if not self._by_stair(viewpoint, corridor):
-            return None
+        """(rows, cells) the floor that needs no view: that which somebody walked over, where known floor is asked for,
+        and by a stair that which the corridor back shows better. None where there is none."""
+        trodden = self._trodden if self._config.support > 0 else None
         ground = corridor.ground(self._floor_at)
+        if not self._by_stair(viewpoint, corridor):
+            found = None if trodden is None else trodden.surely_at(ground)
+            return found if found is not None and found.any() else None
         free = out_of_sight(view.camera, ground) if self._config.both_ways else np.zeros(ground.shape[:2], bool)
-        return free | self._trodden(ground) if self._trodden is not None and self._config.support > 0 else free
+        return free if trodden is None else free | trodden.at(ground)
 
     def _strange(self, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_]:
         """(rows, cells) the floor whose nearest frame a submap was not trained on, so that its opinion is none."""

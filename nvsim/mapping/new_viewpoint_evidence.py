@@ -11,6 +11,7 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import Evidence, NavGraph
+from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt, SupportAt
 from nvsim.mapping.criteria import OPEN, decide
@@ -45,7 +46,7 @@ def measure_new_viewpoints(
     support: SupportAt,
     config: MappingConfig,
     *,
-    trodden: SupportAt | None = None,
+    trodden: Trodden | None = None,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> NewViewpointEvidence:

@@ -12,9 +12,10 @@ from nvsim.perception.roles import Float32, FloorMask, Image, SemanticFloor
 
 @dataclass(frozen=True)
 class FusedFloor:
-    """A FloorSegmenter. Beside a scan the network only adds floor that nothing hides: what it takes for no floor stays,
-    because it misses floor more often than a scan misses what stands on it. The depth of images misses more, and draws
-    thin things thick: there a sure network is believed where the image's own depth says nothing else."""
+    """A FloorSegmenter. Beside a scan the network adds floor that nothing hides, and what the points of things overhang
+    by a pixel; what it takes for no floor stays but where it is all but certain, because it misses floor more often
+    than a scan misses what stands on it. The depth of images misses more, and draws thin things thick: there a sure
+    network is believed where the image's own depth says nothing else."""
 
     floor: GeometricFloor
     semantic: SemanticFloor

@@ -42,6 +42,9 @@ class GeometricConfig:
     before        and one that is nearer by more than this share something before it
     glimpses      views from which the floor's looks are learnt, at most
     filled        probability by a network from which on what nothing hides and nothing confirms is floor,
+    edge          pixels beside floor that things are drawn too large by: there,
+    filled_edge   beside a scan, what is hidden is floor from this probability on,
+    never         and below this one nothing is: people, whom no scan has, and the foot of panes
     filled_thin   and the same where the cloud is of images: bare floor has few points there;
     filled_behind  there also what something hides: thin things are drawn too thick, a table where its floor is seen,
     doubted       and below which what nothing hides is none: near walls have holes there
@@ -60,6 +63,9 @@ class GeometricConfig:
     before: float = 0.05
     glimpses: int = 160
     filled: float = 0.9
+    edge: float = 1.2
+    filled_edge: float = 0.5
+    never: float = 0.0002
     filled_thin: float = 0.5
     filled_behind: float = 0.8
     doubted: float = 0.05
@@ -135,7 +141,8 @@ class GeometricFloor:
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; where the image's own `depth` along
         the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows, and
         what looks like the floor there, though nothing confirms it, is doubtful. Where a network says how much the
-        image `looks` like floor, (H, W), 0 to 1, it fills what nothing hides and nothing confirms."""
+        image `looks` like floor, (H, W), 0 to 1, it fills what nothing hides and nothing confirms, and decides at the
+        edges of what stands before floor."""
         import cv2
 
         seen = self.project(camera)
@@ -151,7 +158,9 @@ class GeometricFloor:
         if looks is not None and self.knows_floor:
             small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
             if depth is None:
-                floor |= seen.unsure & (small > self.config.filled)
+                floor = floor & (small > self.config.never) | (seen.unsure & (small > self.config.filled))
+                beside = cv2.distanceTransform((~floor).astype(np.uint8), cv2.DIST_L2, 3) < self.config.edge
+                floor |= seen.hidden & beside & (small > self.config.filled_edge)
             else:
                 floor &= level | (small > self.config.doubted)
                 floor |= seen.unsure & ~before & (small > self.config.filled_thin)

@@ -15,6 +15,7 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.carried import places_between
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.stairs import Stairs
@@ -22,6 +23,9 @@ from nvsim.perception.stairs import Stairs
 Mask = NDArray[np.bool_]
 _USUAL = 0.25  # metres by which heights of the same sort differ
 _MANY = 0.25  # of the most that share a height
+_STEP = 0.5  # metres that are crossed in a step
+_STRIDE = 1.0  # metres between two positions, beyond which nobody knows how the camera got from one to the other
+_APART = 0.05  # metres between places of the walk that are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +34,14 @@ class FloorSupport:
     origin   (x, y) metres of the lower corner of cell [0, 0]
     spacing  metres per cell
     blocked  (rows, columns) bool, where the depth of images shows something that stands; None where that is not known
+    thin     (rows, columns) bool, where something thin stands, which no walk over it takes away; None likewise
     """
 
     cells: Mask
     origin: tuple[float, float]
     spacing: float
     blocked: Mask | None = None
+    thin: Mask | None = None
 
     def at(self, xy: NDArray[np.floating]) -> Mask:
         """Whether world points (..., 2) are supported, (...) bool; False outside the grid. Of points (..., 3) z counts
@@ -55,8 +61,9 @@ class FloorSupport:
 
     def trodden(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
         """The same with the floor under the trajectory: somebody carried the camera over the ground within `radius`
-        metres of its positions (N, 2 or 3), though it may never have looked down there; not what stands there: a hand
-        reaches over a table."""
+        metres of its positions (N, 2 or 3), in the order of the walk, though it may never have looked down there; not
+        what stands there: a hand reaches over a table. Only where what stands would be crossed in a step, as a door is
+        that a wall was continued across, nothing stands."""
         low = np.minimum(self.origin, positions[:, :2].min(axis=0) - radius - self.spacing)
         offset = np.ceil((np.array(self.origin) - low) / self.spacing).astype(int)
         origin = np.array(self.origin) - offset * self.spacing
@@ -66,18 +73,17 @@ class FloorSupport:
         )
         top = np.ceil((positions[:, :2].max(axis=0) + radius - origin) / self.spacing).astype(int) + 1
         cells = np.zeros((max(rows + offset[1], top[1]), max(columns + offset[0], top[0])), bool)
-        cells[offset[1] : offset[1] + rows, offset[0] : offset[0] + columns] = self.cells
-        y, x = np.ogrid[: cells.shape[0], : cells.shape[1]]
-        centres = (positions[:, :2] - origin) / self.spacing - 0.5
-        reach = radius / self.spacing
-        for column, row in np.unique(np.round(centres, 1), axis=0):
-            r0, r1 = max(0, int(row - reach)), int(row + reach) + 2
-            c0, c1 = max(0, int(column - reach)), int(column + reach) + 2
-            disc = (y[r0:r1] - row) ** 2 + (x[:, c0:c1] - column) ** 2 <= reach**2
-            cells[r0:r1, c0:c1] |= disc
+        here = np.s_[offset[1] : offset[1] + rows, offset[0] : offset[0] + columns]
+        cells[here] = self.cells
+        corner = (float(origin[0]), float(origin[1]))
+        _fill_discs(cells, (positions[:, :2] - origin) / self.spacing - 0.5, radius / self.spacing)
         if self.blocked is not None:
-            cells[offset[1] : offset[1] + rows, offset[0] : offset[0] + columns] &= self.cells | ~self.blocked
-        return FloorSupport(cells, (float(origin[0]), float(origin[1])), self.spacing)
+            cells[here] &= self.cells | ~self.blocked
+            through = _crossed(positions[:, :2], FloorSupport(cells, corner, self.spacing))
+            _fill_discs(cells, (through - origin) / self.spacing - 0.5, radius / self.spacing)
+        if self.thin is not None:
+            cells[here] &= ~self.thin
+        return FloorSupport(cells, corner, self.spacing)
 
     @staticmethod
     def load(path: Path) -> FloorSupport:
@@ -92,6 +98,31 @@ class FloorSupport:
         return FloorSupport(cells, (float(origin[0]), float(origin[1])), spacing)
 
 
+def _fill_discs(cells: Mask, centres: NDArray[np.floating], reach: float) -> None:
+    """Sets the cells within `reach` of centres (N, 2): column and row, as `reach` in cells."""
+    y, x = np.ogrid[: cells.shape[0], : cells.shape[1]]
+    for column, row in np.unique(np.round(centres, 1), axis=0):
+        r0, r1 = max(0, int(row - reach)), int(row + reach) + 2
+        c0, c1 = max(0, int(column - reach)), int(column + reach) + 2
+        cells[r0:r1, c0:c1] |= (y[r0:r1] - row) ** 2 + (x[:, c0:c1] - column) ** 2 <= reach**2
+
+
+def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[np.float64]:
+    """(K, 2) the places of a walk over positions (N, 2) that it passed in a step, from supported floor to supported
+    floor, though they are not supported."""
+    places = places_between(positions, _APART, _STRIDE)
+    far = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    known = support.at(places)
+    found = np.zeros(len(places), bool)
+    starts = np.flatnonzero(known[:-1] & ~known[1:])
+    for start in starts:
+        end = start + 1 + int(np.argmax(known[start + 1 :]))
+        gaps = far[start:end]
+        if known[end] and gaps.sum() <= _STEP and gaps.max() <= _STRIDE:
+            found[start + 1 : end] = True
+    return places[found]
+
+
 @dataclass(frozen=True)
 class SupportConfig:
     """Lengths in metres.
@@ -100,7 +131,9 @@ class SupportConfig:
     distance   a mask speaks only for floor this close to its camera: further away a pixel covers too much of it
     tolerance  a cloud point this close to the floor height supports it; on stairs it may be half a step farther off
     guesses    as so many points do that the depth of images gave: it puts single ones where there is no floor
-    low, high  cloud points between these heights above the floor stand in a robot's way
+    low, high  cloud points between these heights above the floor stand in a robot's way;
+    guessed    so much higher than `low` they begin where the depth of images gave them: a wall that it continues across
+               the foot of an open door is seen through by no image there, as near to the floor as it is
     standing   this many of them in a cell take its support away, whatever the masks say: floor is seen through glass
     views      a cell that masks alone support was seen as floor at least this often,
     share      and in this share of the frames that look its way: others may look at something before it
@@ -112,6 +145,7 @@ class SupportConfig:
     guesses: int = 7
     low: float = 0.10
     high: float = 1.5
+    guessed: float = 0.015
     standing: int = 3
     views: int = 2
     share: float = 0.3
@@ -190,7 +224,7 @@ def observe(
         as_floor[window] += framed & floor
         as_other[window] += framed & ~floor
     as_floor, as_other = as_floor.reshape(-1), as_other.reshape(-1)
-    standing, blocked = np.zeros(rows * columns, bool), np.zeros(rows * columns, bool)
+    standing, blocked, thin = (np.zeros(rows * columns, bool) for _ in range(3))
     supported = (as_floor >= config.views) & (as_floor >= config.share * (as_floor + as_other))
     if near_cloud is not None and len(near_cloud):
         above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
@@ -199,7 +233,8 @@ def observe(
         level = np.abs(above) <= config.tolerance + half_step
         supported |= np.bincount(index[level], say[level], minlength=rows * columns) > 1 - 1e-9
         if cloud is not None and cloud.is_dense:
-            high = (above > config.low + half_step) & (above < config.high)
+            low_end = config.low + half_step + np.where(say < 1, config.guessed, 0.0)
+            high = (above > low_end) & (above < config.high)
             standing = np.bincount(index[high], minlength=rows * columns) >= config.standing
             blocked = np.bincount(index[high & (say < 1)], minlength=rows * columns) >= config.standing
     if raised is not None:
@@ -208,8 +243,9 @@ def observe(
         sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * config.spacing / 2
         around = (off_stairs[:, None] + sides).reshape(-1, 2)
         inside = ((around >= origin) & (around < origin + np.array([columns, rows]) * config.spacing)).all(axis=1)
-        standing[cell(around[inside])] = blocked[cell(around[inside])] = True
+        standing[cell(around[inside])] = thin[cell(around[inside])] = True
     grid = supported.reshape(rows, columns).astype(np.uint8)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     closed = (cv2.morphologyEx(grid, cv2.MORPH_CLOSE, cross) > 0) & ~standing.reshape(rows, columns)
-    return FloorSupport(closed, (float(origin[0]), float(origin[1])), config.spacing, blocked.reshape(rows, columns))
+    corner, shape = (float(origin[0]), float(origin[1])), (rows, columns)
+    return FloorSupport(closed, corner, config.spacing, blocked.reshape(shape), thin.reshape(shape))

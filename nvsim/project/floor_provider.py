@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ROLES: tuple[Role, ...] = ("semantic", "normals", "prompted")
 GEOMETRY, AUTO = "geometry", "auto"
-_VERSION = 2  # of fused and hybrid; raised when the same inputs give something else
+_VERSION = 3  # of fused and hybrid; raised when the same inputs give something else
 _PLAYED_BY_GEOMETRY: dict[Role, str] = {
     "semantic": "the floor's known looks", "normals": "the cloud", "prompted": "growing over the normals",
 }  # fmt: skip
@@ -126,12 +126,9 @@ class Hybrid:
         )  # fmt: skip
 
 
-def choose(
-    config: FloorsConfig, scan: Callable[[], Cloud | None], of_images: Callable[[], bool] = lambda: False
-) -> FloorProvider:
+def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvider:
     """Who finds the floor of a capture; `scan` gives its scan, or the cloud of its images, and is asked where it
-    matters, as is `of_images`, whether it is that. There `auto` takes the network that comes with NVSim, where no other
-    is installed; beside a scan geometry alone measured as good.
+    matters. Beside either `auto` takes the network that comes with NVSim, where no other is installed.
 
     Raises InputError for a role's name that is not installed, and for one that the named provider does not ask.
     """
@@ -152,12 +149,13 @@ def choose(
         if not looks:
             raise InputError("No network of looks is installed to be fused with geometry; `nvsim models` lists some.")
         return FloorProvider("fused", looks)
-    if not looks and of_images():
+    cloud = scan()
+    dense = cloud is not None and cloud.is_dense
+    if not looks and dense:
         looks = _models(config, ("semantic",), True)
     if not looks:
         return FloorProvider("geometry", {}, "no network of looks is installed")
-    cloud = scan()
-    if cloud is not None and cloud.is_dense:
+    if dense:
         return FloorProvider("fused", looks, "a scan or depth shows what stands on the floor")
     models = _models(config, ROLES)
     if "normals" not in models:

@@ -44,7 +44,7 @@ def _led_around(project: Project) -> LedAround | None:
     from nvsim.mapping.walk import Walk
 
     capture, support = project.capture(), project.support()
-    if capture is None or support is None or (capture.cloud is not None and capture.cloud.is_dense):
+    if capture is None or support is None or capture.is_scanned:
         return None
     return LedAround(Walk(capture.positions, support.at))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from nvsim.capture.sweeps import Sweep
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
+from nvsim.geometry.carried import places_between
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.occupancy.heights import Heights
@@ -20,6 +21,7 @@ from nvsim.occupancy.provenance import Provenance
 from nvsim.occupancy.ray_grid import RayGrid
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 from nvsim.perception.floor_height import estimate_floor
+from nvsim.perception.support import walked as carried_as_usual
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.makers import makers_of
 from nvsim.project.occupancy_sources import STAGE, Rays
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 _APART = 0.3  # metres between the places from which a cloud is taken to be seen
 _LEVELS = 400_000  # points of sweeps that the height of the floor is looked for in
+_STRIDE = 1.0  # metres between two cameras, beyond which nobody knows how one got from one to the other
 _HIGHEST = 3.0  # metres over the floor: nothing that stands higher hides floor from a camera
 
 
@@ -56,6 +59,7 @@ def build_occupancy(
     heights: Heights | None = None,
     *,
     reach: float | None = None,
+    walked: float = 0.0,
     camera_height: float | None = None,
     listen: Listener = silent,
 ) -> Built:
@@ -64,12 +68,15 @@ def build_occupancy(
     resolution     metres per cell
     heights        over the local floor, between which things are in the way
     reach          metres after which rays end, in place of that of `rays`
+    walked         metres to either side of the trajectory that are free, whatever rays say
     camera_height  metres over the floor, where nothing that is measured shows it
 
     Raises InputError where the map would be larger than the memory, and where no ray passes between the heights.
     """
     heights = heights or Heights()
     reach = rays.reach if reach is None else reach
+    if not 0 <= walked <= 1:
+        raise InputError(f"Nobody is {2 * walked:g} m wide; give --walked a number of metres from 0 to 1.")
     if not 0 < reach <= 1000:
         raise InputError(f"Rays cannot end after {reach:g} m; give --reach a number of metres above 0.")
     floor = _floor(capture, project, rays, camera_height)
@@ -94,10 +101,26 @@ def build_occupancy(
             "give other heights with --from-height and --to-height."
         )
     note = rays.note
+    if walked:
+        occupancy, cells = _with_walk(occupancy, capture, floor, walked)
+        area = cells * resolution**2
+        note += f" Free for the {walked:g} m to either side of the trajectory, whatever rays say: {area:.1f} m² of it."
     if rays.cloud is not None:
         note += f" {100 * unseen / len(rays.cloud):.0f} % of the points are seen from none of them and free nothing."
     provenance = Provenance(rays.source, note, heights.from_height, heights.to_height, makers_of(capture, project))
     return Built(occupancy, provenance, grid.steps, unseen)
+
+
+def _with_walk(
+    occupancy: OccupancyMap, capture: Capture, floor: FloorSurface, radius: float
+) -> tuple[OccupancyMap, int]:
+    """The map with the cells within `radius` metres of where the camera was carried free, and how many were not."""
+    from scipy.spatial import cKDTree
+
+    walk = carried_as_usual(capture.positions, floor)[:, :2]
+    metres, _ = cKDTree(places_between(walk, radius / 2, _STRIDE)).query(occupancy.centres())
+    new = (metres <= radius) & (occupancy.cells != FREE)
+    return replace(occupancy, cells=np.where(new, FREE, occupancy.cells)), int(new.sum())
 
 
 def _sweeps(rays: Rays, floor: FloorSurface) -> Iterator[Sweep]:

@@ -241,3 +241,19 @@ def test_progress_never_goes_back_and_is_full_only_at_the_end() -> None:
     assert done == sorted(done) and done[0] < done[-1] == steps[-1].total and done.count(done[-1]) == 1
     assert steps[-1].detail == f"{len(result.graph.viewpoints)} viewpoints" and result.report["starts"] >= 2
     assert any("of the walk left" in e.detail for e in steps) and any("arranging" in e.detail for e in steps)
+
+
+def test_without_a_scan_a_small_room_is_covered_more_closely() -> None:
+    occupancy = room(5, 4)
+    turn = np.linspace(0, 2 * np.pi, 40)
+    around = np.column_stack([2.5 + 1.9 * np.cos(turn), 2 + 1.4 * np.sin(turn), np.full(40, 1.4)])
+    world = Columns(occupancy)
+
+    def farthest(scanned: bool) -> tuple[NavGraph, float]:
+        graph = build_map(world, around, flat_floor, world.support, SMALL, scan="t", scanned=scanned).graph
+        there = np.array([place(graph, id) for id in graph.viewpoints])
+        return graph, float(np.linalg.norm(around[:, None, :2] - there, axis=2).min(axis=1).max())
+
+    (usual, far), (closely, near) = farthest(True), farthest(False)
+    assert near < far and len(closely.viewpoints) > len(usual.viewpoints)
+    assert_valid(closely, occupancy)

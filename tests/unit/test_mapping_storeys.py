@@ -186,7 +186,7 @@ def test_a_model_has_an_opinion_on_the_part_of_a_corridor_that_it_was_trained_on
 
 def test_what_somebody_walked_over_is_floor_by_a_stair_and_nowhere_else() -> None:
     config = MappingConfig()
-    trodden = Trodden(walk()).at
+    trodden = Trodden(walk())
     measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), trodden)
     low, high = viewpoint("a", 3.2, 0.5, 0.72), viewpoint("b", 4.8, 0.5, 1.68)
     for corridor in (measurements.between(low, high), measurements.between(high, low)):
@@ -213,9 +213,25 @@ def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walke
     assert Trodden(path[:1]).at(np.array([0.1, 0.0, 0.0]))
 
 
+def test_without_a_scan_nothing_stands_where_somebody_walked() -> None:
+    places = np.random.default_rng(0).uniform((2.5, -0.5, -0.5), (5.5, 1.5, 2.0), (500, 3))
+    told, silent = Trodden(walk(), scanned=False), Trodden(walk())
+    assert not silent.surely_at(places).any() and silent.at(places).any()
+    found = told.surely_at(places)
+    assert found.any() and (told.at(places) | ~found).all(), "nor where it would not beside a stair"
+    config = MappingConfig()
+    room = viewpoint("c", 1.4, 0.5, 0), viewpoint("d", 0.4, 0.5, 0)
+    assert told.surely_at(np.array([[1.0, 0.5, 0.0]])).all()
+    alphas = [
+        Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), trodden).between(*room).alpha
+        for trodden in (told, silent)
+    ]
+    assert (alphas[0][:6, 5:13] == 0).all() and (alphas[1] == 255).all()
+
+
 def test_new_viewpoints_by_a_stair_are_measured_as_the_builder_measures_them() -> None:
     ends = {"a": viewpoint("a", 3.2, 0.5, 0.72), "b": viewpoint("b", 4.8, 0.5, 1.68)}
     graph, config = NavGraph("stair", ends), MappingConfig(second_opinion=False)
     place = Walls(), FLOOR.height_at, SUPPORT.at, config
-    assert measure_new_viewpoints(graph, ["b"], *place, trodden=Trodden(walk()).at).proposed == (("a", "b"),)
+    assert measure_new_viewpoints(graph, ["b"], *place, trodden=Trodden(walk())).proposed == (("a", "b"),)
     assert measure_new_viewpoints(graph, ["b"], *place).proposed == ()

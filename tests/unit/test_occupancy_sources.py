@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -103,6 +104,29 @@ def test_what_is_stepped_over_or_walked_under_is_free(tmp_path: Path) -> None:
     over = build_occupancy(capture, None, rays, heights=Heights(1.0, 1.5))
     assert (over.occupancy.at(on_the_box) == FREE).all()
     assert (build_occupancy(capture, None, rays).occupancy.at(on_the_box) != FREE).all()
+
+
+def test_where_somebody_walked_is_free_whatever_rays_say(tmp_path: Path) -> None:
+    capture = read(write_kapture(tmp_path, poses(12)))
+    rays = find_rays(capture, None)
+    across = [np.array([x, -0.2, 1.31]) for x in np.arange(0.0, 1.9, 0.3)]  # over the box
+
+    def at(position: np.ndarray) -> np.ndarray:
+        pose = np.eye(4)
+        pose[:3, 3] = position
+        return pose
+
+    frames = [replace(frame, camera_to_world=at(place)) for frame, place in zip(capture.frames, across)]
+    through = replace(capture, frames=tuple(frames), cloud=None)
+    free, rays_alone = (build_occupancy(through, None, rays, walked=walked).occupancy for walked in (0.2, 0.0))
+    on_the_box = np.array([0.9, -0.2])
+    assert free.at(on_the_box) == FREE and rays_alone.at(on_the_box) != FREE
+    new = free.cells != rays_alone.cells
+    beside = np.abs(free.centres()[new][:, 1] + 0.2)
+    assert beside.max() < 0.21 and (free.cells[new] == FREE).all()
+    assert "0.2 m to either side" in build_occupancy(through, None, rays, walked=0.2).provenance.note
+    with pytest.raises(InputError, match="--walked"):
+        build_occupancy(through, None, rays, walked=2.0)
 
 
 def test_several_captures_bring_their_scans_and_depth_images(tmp_path: Path) -> None:

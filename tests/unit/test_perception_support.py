@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.perception.stacked_support import StackedSupport, is_stacked
-from nvsim.perception.support import FloorSupport, walked
+from nvsim.perception.support import FloorSupport, observe, walked
 
 
 def test_the_walk_supports_the_ground_around_it_also_outside_the_old_grid():
@@ -46,6 +48,45 @@ def test_what_the_depth_of_images_shows_standing_under_a_camera_is_no_floor():
     known[9, 9] = True  # floor that was seen stays
     after = FloorSupport(known, (0.0, 0.0), 0.1, blocked).trodden(np.array([[0.5, 0.5, 1.4]]), radius=0.3)
     assert after.at(np.array([0.5, 0.35])) and not after.at(np.array([0.5, 0.65])) and after.at(np.array([0.95, 0.95]))
+
+
+def crossed(standing: slice, walk: np.ndarray, thin: slice | None = None) -> FloorSupport:
+    """Floor of 4 by 2 metres that the depth of images shows something on, after a walk."""
+    known, blocked, bar = (np.zeros((20, 40), bool) for _ in range(3))
+    blocked[:, standing] = True
+    if thin is not None:
+        bar[:, thin] = True
+    known[:] = ~blocked & ~bar
+    return FloorSupport(known, (0.0, 0.0), 0.1, blocked, bar).trodden(walk)
+
+
+def test_who_walked_through_what_images_show_across_a_door_walked_over_floor():
+    walk = np.column_stack([np.arange(0.25, 3.9, 0.3), np.full(13, 1.05), np.full(13, 1.4)])
+    door = np.array([2.05, 1.05]), np.array([2.05, 1.35]), np.array([2.05, 0.2])
+    assert [bool(crossed(slice(20, 23), walk).at(place)) for place in door] == [True, True, False], "an open door"
+    assert not crossed(slice(20, 28), walk).at(door[0]), "a table is longer than a step: a hand reached over it"
+    assert not crossed(slice(20, 40), walk).at(door[0]), "who did not come out of it did not walk through it"
+    assert not crossed(slice(20, 20), walk, slice(20, 22)).at(door[0]), "a bar is stepped over"
+    far = walk[[0, -1]]
+    assert not crossed(slice(20, 23), far).at(door[0]), "nobody knows how the camera got from one to the other"
+
+
+def test_a_wall_that_images_continue_across_the_foot_of_a_door_is_no_wall():
+    x, y = np.meshgrid(np.arange(0.01, 2, 0.02), np.arange(0.01, 1, 0.02))
+    floor = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    across = np.arange(0.01, 1, 0.02)
+
+    def strip(z: float) -> np.ndarray:
+        return np.column_stack([np.full(len(across), 1.02), across, np.full(len(across), z)])
+
+    camera = Camera(Intrinsics(64, 48, 40.0, 40.0, 32.0, 24.0), look(np.array([0.2, 0.5, 1.4]), 90.0, -60.0))
+    for z, kind, open_ in ((0.11, "guessed", True), (0.13, "guessed", False), (0.11, "measured", False)):
+        points = np.concatenate([floor, *[strip(z)] * 3]).astype(np.float32)
+        normals = np.tile(np.float32([0, 0, 1]), (len(points), 1)) if kind == "guessed" else None
+        cloud = Cloud(points, None, "scan", normals)
+        assert cloud.is_guessed.any() == (kind == "guessed")
+        known = observe([camera], [np.zeros((48, 64), bool)], FloorSurface.flat(0.0), cloud)
+        assert bool(known.at(np.array([1.02, 0.5]))) == open_, (z, kind)
 
 
 def test_each_storey_has_its_own_known_floor(tmp_path) -> None:

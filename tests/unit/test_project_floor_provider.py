@@ -174,19 +174,18 @@ def dense() -> Cloud:
     return Cloud(np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]).astype(np.float32))
 
 
-def test_auto_takes_the_bundled_network_for_images_alone_and_leaves_it_out_beside_a_scan(models: Path) -> None:
+def test_auto_takes_the_bundled_network_beside_a_scan_and_the_depth_of_images(models: Path) -> None:
     auto = FloorsConfig()
-    of_images = choose(auto, dense, lambda: True)
-    assert of_images.how == "fused" and of_images.models["semantic"].name == "bundled-floor"
-    assert choose(auto, dense).how == "geometry", "a scan of its own"
-    assert choose(FloorsConfig(semantic="geometry"), dense, lambda: True).how == "geometry"
+    found = choose(auto, dense)
+    assert found.how == "fused" and found.models["semantic"].name == "bundled-floor"
+    assert choose(FloorsConfig(semantic="geometry"), dense).how == "geometry"
     assert choose(FloorsConfig("fused"), dense).summary == {"provider": "fused", "semantic": "bundled-floor"}
     named = choose(FloorsConfig("hybrid", semantic="bundled", normals="bundled"), dense)
     assert named.summary == {
         "provider": "hybrid", "semantic": "bundled-floor", "normals": "bundled-normals", "prompted": "geometry",
     }  # fmt: skip
     install(models)
-    assert choose(auto, dense, lambda: True).models["semantic"].name == "looks", "the user's own comes first"
+    assert choose(auto, dense).models["semantic"].name == "looks", "the user's own comes first"
 
 
 def test_auto_fuses_where_a_scan_is_and_asks_networks_alone_where_none_is_and_says_why(models: Path) -> None:
@@ -210,7 +209,7 @@ def test_auto_fuses_where_a_scan_is_and_asks_networks_alone_where_none_is_and_sa
     assert choose(auto, dense).how == "fused", "half a model that is not asked harms nobody"
 
 
-def test_fused_masks_are_those_of_geometry_where_the_scan_leaves_nothing_open(models: Path, project: Project) -> None:
+def test_fused_masks_are_those_of_geometry_where_the_network_sees_floor_too(models: Path, project: Project) -> None:
     install(models)
     capture = project.need_capture()
     save_capture(replace(capture, cloud=dense()), project.layout.imported)
@@ -223,8 +222,10 @@ def test_fused_masks_are_those_of_geometry_where_the_scan_leaves_nothing_open(mo
         masks[how] = [read_mask(project.mask_path(i)) for i in range(4)]
     record = ledger.record(project, "floors")
     assert record is not None and record.summary["provider"] == "fused"
-    for a, b in zip(masks["geometry"], masks["fused"], strict=True):
-        assert (a & ~b).sum() == 0, "nothing is taken away"
+    for i, (a, b) in enumerate(zip(masks["geometry"], masks["fused"], strict=True)):
+        floor = cv2.erode(image(i != 2)[1].astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+        assert not (a & ~b & floor).any(), "nothing is taken away"
+        assert not (b & ~floor)[:60].any(), "a wall that the scan lacks is none"
 
 
 @pytest.mark.parametrize(

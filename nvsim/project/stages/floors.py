@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 4  # of what this stage commits; raised when the same inputs give something else
-_WITH_DEPTH = 4  # the same where images have a depth
+_WITH_DEPTH = 5  # the same where images have a depth
 _WITH_STAIRS = "stairs 3"  # and where storeys lie over one another
 
 _NOTHING_STANDS = (
@@ -59,7 +59,7 @@ def run(
     the images."""
     config = config or FloorsConfig()
     how = capture_config(project)
-    provider = choose(config, project.scan, lambda: depth_maps(project) is not None)
+    provider = choose(config, project.scan)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)

@@ -77,7 +77,7 @@ def segment_there(
     if missing:
         return Unseen(missing)
     with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-floors-") as name:
-        found = choose(config, project.scan, lambda: depth_maps(project) is not None)
+        found = choose(config, project.scan)
         if found.key() != provider:
             raise InputError("The machines of the cluster have other networks installed; install the same everywhere.")
         capture, floors = replace(project.need_capture(), cloud=project.scan()), floors_seen(project)

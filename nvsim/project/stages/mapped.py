@@ -31,6 +31,7 @@ from nvsim.render.backends import Backend
 
 STAGE: StageName = "map"
 _FAR = 10.0  # metres
+_ALONE = 2  # raised when the same models and floor give another graph where images alone tell what stands
 
 
 def run(
@@ -83,7 +84,7 @@ def run(
         start=start,
         previous=previous,
         remembered=remembered,
-        sees_glass=is_scanned(capture),
+        scanned=capture.is_scanned,
         listen=listen,
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
@@ -133,15 +134,10 @@ def map_key(project: Project, config: MappingConfig) -> str:
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
     asked = ["second opinion"] if config.second_opinion and len(trained) > 1 else []
-    if config.around and not is_scanned(project.need_capture()):
-        asked.append(f"around {config.around}")
+    if not project.need_capture().is_scanned:
+        asked.append(f"images alone {_ALONE}, around {config.around}")
     network = [found] if (found := network_of(config)) else []
     return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *network, *corrected)
-
-
-def is_scanned(capture: Capture) -> bool:
-    """Whether a dense scan comes with the images, which mostly tells of glass as well."""
-    return capture.cloud is not None and capture.cloud.is_dense
 
 
 def scan_name(project: Project) -> str:

@@ -34,10 +34,11 @@ def measure(
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
-    floor, walked = floor_of(project), Trodden(project.need_capture().positions)
+    capture, floor = project.need_capture(), floor_of(project)
+    trodden = Trodden(capture.positions, capture.is_scanned)
     views = SceneViews(scene, config)
     return measure_new_viewpoints(
-        graph, ids, views, floor.height_at, support.at, config, trodden=walked.at, listen=listen
+        graph, ids, views, floor.height_at, support.at, config, trodden=trodden, listen=listen
     )
 
 

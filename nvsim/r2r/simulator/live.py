@@ -42,7 +42,7 @@ class ProjectImages:
                 if drawing and (self._scene is None or self._support is None):
                     raise lacks(project.layout.root, "train")
                 self._floor = floor_of(project)
-                self._walk = np.empty((0, 3)) if self._scene is None else project.need_capture().positions
+                self._capture = None if self._scene is None else project.need_capture()
         except InputError as error:
             raise InvalidValue(str(error)) from error
         self._ground: Standing | None = None
@@ -97,6 +97,8 @@ class ProjectImages:
         if self._scene is None or self._support is None:
             raise InvalidValue("The project has no trained models to say where one can go; run `nvsim train` on it.")
         if self._ground is None:
-            views, trodden = SceneViews(self._scene, self._config), Trodden(self._walk).at
+            assert self._capture is not None
+            trodden = Trodden(self._capture.positions, self._capture.is_scanned)
+            views = SceneViews(self._scene, self._config)
             self._ground = Standing(views, self._floor, self._support.at, self._config, trodden)
         return self._ground

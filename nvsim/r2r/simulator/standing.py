@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.stacked_floor import Floor
 from nvsim.graph.types import Viewpoint
+from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
@@ -31,7 +32,7 @@ class Standing:
     """Asked from several threads, which take turns."""
 
     def __init__(
-        self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig, trodden: SupportAt
+        self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig, trodden: Trodden
     ) -> None:
         """`trodden` as `Measurements` takes it."""
         self._source, self._floor, self._support, self._config = source, floor, support, config
