@@ -3,6 +3,8 @@ looks free; but nobody walked through it."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,7 +42,7 @@ class LedAround:
         metres = np.hypot(*(places[pairs[:, 0], :2] - places[pairs[:, 1], :2]).T)
         self._steps = coo_matrix((np.maximum(metres, 1e-6), pairs.T), shape=(len(places),) * 2).tocsr()
         self._from: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
-        self._seen: dict[Camera, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+        self._beside: dict[Camera, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
 
     def __call__(self, a: Camera, b: Camera) -> float:
         """Metres along the trajectory between two cameras (x, y, z), or between what the way from one to the other lies
@@ -52,40 +54,40 @@ class LedAround:
         if not len(here) or not len(there):
             return 0.0
         along = min(float((off[i] + self._metres(int(k), there) + beyond).min()) for i, k in enumerate(here))
-        if along > self._far(straight):
+        if along > max(self._times * straight, straight + _LONGER):
             return along
         count = max(2, int(np.ceil(straight / _SPACING)) + 1)
-        return max(self._between(place) for place in ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
+        return self._between(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
 
-    def _far(self, straight: float) -> float:
-        return max(self._times * straight, straight + _LONGER)
-
-    def _between(self, place: NDArray[np.float64]) -> float:
-        """Metres along the trajectory between two parts of it, the nearest to a place (3,) and another in line with it,
-        where that is a long way around and the place is near to neither; else 0."""
-        index, metres = self._in_line(tuple(place.tolist()))
-        index, metres = index[metres <= _BETWEEN], metres[metres <= _BETWEEN]
-        if not len(index) or metres[0] <= _BODY:
-            return 0.0
-        along = self._metres(int(index[0]), index)
-        around = along[[m > self._far(s) for m, s in zip(along, metres + metres[0], strict=True)]]
-        return float(around.min(initial=np.inf)) if len(around) else 0.0
+    def _between(self, places: NDArray[np.float64]) -> float:
+        """The most metres along the trajectory between two parts of it, the nearest in line with one of the places
+        (M, 3) and another, where that is a long way around and the place is near to neither; else 0."""
+        metres, index = self._tree.query(places[:, :2], k=_NEAREST, distance_upper_bound=_BETWEEN)
+        of, which = np.nonzero(np.isfinite(metres))
+        index, metres = index[of, which], metres[of, which]
+        seen = self._walk.all_in_line(places[of], self._walk.places[index])
+        of, index, metres = of[seen], index[seen], metres[seen]
+        most = 0.0
+        for start, end in pairwise([*np.flatnonzero(np.diff(of, prepend=-1)).tolist(), len(of)]):
+            if metres[start] <= _BODY:
+                continue
+            along = self._metres(int(index[start]), index[start:end])
+            straight = metres[start:end] + metres[start]
+            around = along[along > np.maximum(self._times * straight, straight + _LONGER)]
+            most = max(most, float(around.min(initial=np.inf)) if len(around) else 0.0)
+        return most
 
     def _belongs(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The places (n,) in line with a camera (x, y, z) that are nearest to it, and how far they are, metres."""
-        index, metres = self._in_line(camera)
-        near = metres <= metres.min(initial=np.inf) + _ASIDE
-        return index[near], metres[near]
-
-    def _in_line(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The places (n,) in line with a camera (x, y, z), the nearest first, and how far they are, metres."""
-        if camera not in self._seen:
+        if camera not in self._beside:
             place = np.asarray(camera, np.float64)
             metres, index = self._tree.query(place[:2], k=min(_NEAREST, len(self._walk.places)))
             metres, index = np.atleast_1d(metres), np.atleast_1d(index)
             in_line = self._walk.all_in_line(np.broadcast_to(place, (len(index), 3)), self._walk.places[index])
-            self._seen[camera] = index[in_line].astype(np.int64), metres[in_line]
-        return self._seen[camera]
+            metres, index = metres[in_line], index[in_line]
+            near = metres <= metres.min(initial=np.inf) + _ASIDE
+            self._beside[camera] = index[near].astype(np.int64), metres[near]
+        return self._beside[camera]
 
     def _metres(self, place: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
         """(n,) along the trajectory from one of its places to others (n,); infinite from _FAR on."""
