@@ -46,7 +46,7 @@ class Arguments:
     heights: Inline[Heights] = field(default_factory=Heights)
     reach: float | None = None
     """Metres after which rays end; 12 of a scan, 4 of the depth of images, 5 of other depth when left out."""
-    walked: float = 0.25
+    walked: float = 0.1
     """Metres to either side of the trajectory that are free whatever rays say: who carried the camera
     there was not stopped by what moved, or was never seen; 0 for what rays say alone."""
     camera_height: float | None = None
