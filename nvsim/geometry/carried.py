@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+STRIDE = 1.0
+"""Metres between two cameras, beyond which nobody knows what a person passed on the way from one to the other."""
+
 
 def places_between(positions: NDArray[np.floating], apart: float, longest: float) -> NDArray[np.float64]:
     """(M, D) places on the straight ways from each of positions (N, D) to the next, at most `apart` metres from one

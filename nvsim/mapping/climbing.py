@@ -40,7 +40,7 @@ class Trodden:
         return found.reshape(points.shape[:-1])
 
     def surely_at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(...) the same off stairs and nearer to the camera, where images alone tell what stands; elsewhere False."""
+        """(...) the same by the nearest camera, off stairs too, where images alone tell what stands; else all False."""
         if not self._tells:
             return np.zeros(points.shape[:-1], bool)
         metres, nearest = self._tree.query(points[..., :2])

@@ -15,7 +15,7 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.carried import places_between
+from nvsim.geometry.carried import STRIDE, places_between
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.stairs import Stairs
@@ -24,7 +24,6 @@ Mask = NDArray[np.bool_]
 _USUAL = 0.25  # metres by which heights of the same sort differ
 _MANY = 0.25  # of the most that share a height
 _STEP = 0.5  # metres that are crossed in a step
-_STRIDE = 1.0  # metres between two positions, beyond which nobody knows how the camera got from one to the other
 _APART = 0.05  # metres between places of the walk that are looked at
 
 
@@ -110,7 +109,7 @@ def _fill_discs(cells: Mask, centres: NDArray[np.floating], reach: float) -> Non
 def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[np.float64]:
     """(K, 2) the places of a walk over positions (N, 2) that it passed in a step, from supported floor to supported
     floor, though they are not supported."""
-    places = places_between(positions, _APART, _STRIDE)
+    places = places_between(positions, _APART, STRIDE)
     far = np.linalg.norm(np.diff(places, axis=0), axis=1)
     known = support.at(places)
     found = np.zeros(len(places), bool)
@@ -118,7 +117,7 @@ def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[
     for start in starts:
         end = start + 1 + int(np.argmax(known[start + 1 :]))
         gaps = far[start:end]
-        if known[end] and gaps.sum() <= _STEP and gaps.max() <= _STRIDE:
+        if known[end] and gaps.sum() <= _STEP and gaps.max() <= STRIDE:
             found[start + 1 : end] = True
     return places[found]
 

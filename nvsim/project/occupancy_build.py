@@ -13,7 +13,7 @@ from nvsim.capture.sweeps import Sweep
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
-from nvsim.geometry.carried import places_between
+from nvsim.geometry.carried import STRIDE, places_between
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.occupancy.heights import Heights
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 _APART = 0.3  # metres between the places from which a cloud is taken to be seen
 _LEVELS = 400_000  # points of sweeps that the height of the floor is looked for in
-_STRIDE = 1.0  # metres between two cameras, beyond which nobody knows how one got from one to the other
 _HIGHEST = 3.0  # metres over the floor: nothing that stands higher hides floor from a camera
 
 
@@ -118,7 +117,7 @@ def _with_walk(
     from scipy.spatial import cKDTree
 
     walk = carried_as_usual(capture.positions, floor)[:, :2]
-    metres, _ = cKDTree(places_between(walk, radius / 2, _STRIDE)).query(occupancy.centres())
+    metres, _ = cKDTree(places_between(walk, radius / 2, STRIDE)).query(occupancy.centres())
     new = (metres <= radius) & (occupancy.cells != FREE)
     return replace(occupancy, cells=np.where(new, FREE, occupancy.cells)), int(new.sum())
 

@@ -72,7 +72,7 @@ def run(
         helped = depth_afar(executor, storage, project, folder, config, listen)
     cloud = estimate_depth(capture, folder, config, listen, helped)
     summary = {"frames": len(capture.frames), "points": len(cloud.points), "use": use, "capture": imported}
-    if capture.cloud is not None and capture.is_scanned:
+    if capture.cloud is not None and capture.cloud.is_dense:
         added = lacking(cloud, capture.cloud)
         summary["added"] = len(added.points)
         write_cloud(folder / ADDED, added)

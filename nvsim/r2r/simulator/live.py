@@ -42,7 +42,10 @@ class ProjectImages:
                 if drawing and (self._scene is None or self._support is None):
                     raise lacks(project.layout.root, "train")
                 self._floor = floor_of(project)
-                self._capture = None if self._scene is None else project.need_capture()
+                self._trodden: Trodden | None = None
+                if self._scene is not None:
+                    capture = project.need_capture()
+                    self._trodden = Trodden(capture.positions, capture.is_scanned)
         except InputError as error:
             raise InvalidValue(str(error)) from error
         self._ground: Standing | None = None
@@ -97,8 +100,7 @@ class ProjectImages:
         if self._scene is None or self._support is None:
             raise InvalidValue("The project has no trained models to say where one can go; run `nvsim train` on it.")
         if self._ground is None:
-            assert self._capture is not None
-            trodden = Trodden(self._capture.positions, self._capture.is_scanned)
+            assert self._trodden is not None
             views = SceneViews(self._scene, self._config)
-            self._ground = Standing(views, self._floor, self._support.at, self._config, trodden)
+            self._ground = Standing(views, self._floor, self._support.at, self._config, self._trodden)
         return self._ground
