@@ -91,8 +91,8 @@ class MappingConfig:
     stretch: float = 1.2
     """Settling: two viewpoints with a free way are joined unless the graph's way is at most this many times as long."""
     around: float = 3.0
-    """Without a scan: no edge where the trajectory leads this many times as far around, and 4 m farther at least, for
-    photographs alone do not show glass; 0 keeps it."""
+    """Without a scan: no edge where the trajectory leads this many times as far around, and 4 m farther at least, nor
+    off it between parts that are so far apart along it, for photographs alone do not show glass; 0 keeps them."""
     view_size: int = 192
     """Pixels of the square views, 100 degrees wide and pitched 45 degrees down, that the corridors are read from."""
     views: Literal["pitched", "panorama"] = "pitched"
