@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.mapping.walk import Walk
-from nvsim.occupancy.geodesic import steps_between
+from nvsim.occupancy.grid_ways import Cell, GridWays
 
 _CELL = 0.1  # metres
 _EASY = 0.6  # metres of room beside a way from which on more of it makes it no better
@@ -41,30 +41,21 @@ class KnownRoom:
 
     def lengths(self, start: NDArray[np.floating], ends: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """(N,) metres from one camera (3,) to others (N, 3); infinite where no way of at most `reach` metres leads."""
-        from scipy.sparse.csgraph import dijkstra
-
         window = _Window(start, reach, self)
-        metres = dijkstra(window.steps(tight=0.0), directed=False, indices=window.start, limit=reach)
-        at = window.nodes_at(ends)
-        found = np.where(at >= 0, metres[at], np.inf)
+        cells = window.cells_of(ends)
+        ways = window.ways(cells[cells[:, 0] >= 0], reach=reach)
+        found = np.where(cells[:, 0] >= 0, ways.metres[cells[:, 0], cells[:, 1]], np.inf)
         return np.asarray(np.maximum(found, np.linalg.norm(ends[:, :2] - start[:2], axis=1)))
 
     def way(self, start: NDArray[np.floating], end: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """(K, 3) places from one camera (3,) to another within `reach` metres of it, at the height of the first, rather
         in the middle of the room that there is than the shortest; none where no way leads."""
-        from scipy.sparse.csgraph import dijkstra
-
         window = _Window(start, reach, self)
-        matrix, last = window.steps(_TIGHT), int(window.nodes_at(np.asarray(end)[None])[0])
-        if last < 0:
+        last = window.cells_of(np.asarray(end)[None])
+        ways = window.ways(last, _TIGHT)
+        if last[0, 0] < 0 or not np.isfinite(ways.metres[last[0, 0], last[0, 1]]):
             return np.zeros((0, 3))
-        metres, before = dijkstra(matrix, directed=False, indices=window.start, return_predecessors=True)
-        if not np.isfinite(metres[last]):
-            return np.zeros((0, 3))
-        nodes = [last]
-        while nodes[-1] != window.start:
-            nodes.append(int(before[nodes[-1]]))
-        return window.places[nodes[::-1]]
+        return window.places(ways.cells_to((int(last[0, 0]), int(last[0, 1]))))
 
     def clearance(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
         """(N,) metres around places (N, 3) to the nearest floor that nobody knows; 0 where it was shut."""
@@ -101,33 +92,34 @@ class KnownRoom:
 
 
 class _Window:
-    """The cells within `reach` of a camera (3,) that have room. places (nodes, 3); `start` is the camera's node."""
+    """The cells within `reach` of a camera (3,), of which those count that have room."""
 
     def __init__(self, camera: NDArray[np.floating], reach: float, floor: KnownRoom) -> None:
         half = int(np.ceil(reach / _CELL))
         self._side, self._camera = 2 * half + 1, np.asarray(camera, np.float64)
+        self._start: Cell = half, half
         self._low = self._camera[:2] - (half + 0.5) * _CELL
         along = (np.arange(self._side) + 0.5) * _CELL
-        x, y, z = self._low[0] + along, self._low[1] + along, float(self._camera[2])
-        self._clearance = floor.clearance_over(x, y, z)
-        room = self._clearance >= floor.least
-        room[half, half] = True
-        self._node = np.full(room.shape, -1, np.int64)
-        self._node[room] = np.arange(int(room.sum()))
-        row, column = np.nonzero(room)
-        self.places = np.column_stack([x[column], y[row], np.full(len(row), z)])
-        self.start = int(self._node[half, half])
+        self._x, self._y = self._low[0] + along, self._low[1] + along
+        self._clearance = floor.clearance_over(self._x, self._y, float(self._camera[2]))
+        self._room = self._clearance >= floor.least
 
-    def nodes_at(self, places: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(N,) nodes of places (N, 3) on the camera's storey, -1 where there is none."""
-        index = np.floor((places[:, :2] - self._low) / _CELL).astype(np.int64)
-        inside = ((index >= 0) & (index < self._side)).all(axis=1)
+    def cells_of(self, places: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(N, 2) row and column of places (N, 3) on the camera's storey, -1 where there is none that has room."""
+        column, row = np.floor((places[:, :2] - self._low) / _CELL).astype(np.int64).T
+        inside = (row >= 0) & (column >= 0) & (row < self._side) & (column < self._side)
         inside &= np.abs(places[:, 2] - self._camera[2]) < _STOREY
-        found = np.full(len(places), -1, np.int64)
-        found[inside] = self._node[index[inside, 1], index[inside, 0]]
-        return found
+        at = np.stack([row, column], axis=1)
+        here = (at == self._start).all(axis=1)
+        inside[inside] &= self._room[row[inside], column[inside]] | here[inside]
+        at[~inside] = -1
+        return at
 
-    def steps(self, tight: float) -> Any:
-        """The steps between nodes as a sparse matrix of metres, longer by up to `tight` times where room is scarce."""
+    def places(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(N, 3) the middles of cells (N, 2) at the camera's height."""
+        return np.column_stack([self._x[cells[:, 1]], self._y[cells[:, 0]], np.full(len(cells), self._camera[2])])
+
+    def ways(self, ends: NDArray[np.int64], tight: float = 0.0, reach: float = math.inf) -> GridWays:
+        """The ways to cells (N, 2), each step longer by up to `tight` times where room is scarce."""
         dearer = 1 + tight * np.clip(1 - self._clearance / _EASY, 0, 1) if tight else None
-        return steps_between(self._node >= 0, self._node, _CELL, dearer)
+        return GridWays(self._room, _CELL, self._start, dearer=dearer, ends=ends, reach=reach)

@@ -36,7 +36,9 @@ class Shortcuts:
         self._survey, self._draft, self._ways = survey, survey.draft, ways
         self._is_open, self._join = is_open, join
         self._room = KnownRoom(survey.walk, survey.config.half_width)
-        self._known: dict[str, tuple[int, dict[str, float]]] = {}  # id -> how much was shut by then, and _lengths
+        # id -> id -> metres over known floor and how much was shut by then; of pairs without stops, how much was
+        self._known: dict[str, dict[str, tuple[float, int]]] = {}
+        self._hopeless: dict[tuple[str, str], int] = {}
 
     def make(self) -> Iterator[None]:
         """Takes one pair of viewpoints after the other that the graph leads a detour between, the nearest first."""
@@ -57,25 +59,27 @@ class Shortcuts:
             others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
             along = self._ways.all_metres(id, _most(_REACH))
             apart = np.linalg.norm(places[others, :2] - places[i, :2], axis=1)
-            # A straight way is the shortest that can be: most pairs are settled without looking at the floor.
-            far = [j for j, metres in zip(others, apart, strict=True) if along.get(ids[j], np.inf) > _most(metres)]
-            if far:
-                lengths = self._lengths(id, [ids[j] for j in far])
-                pairs += [(round(metres, 3), id, other) for other, metres in lengths.items()]
+            # A straight way is the shortest that can be: most pairs are settled without looking at the floor. And a way
+            # never becomes shorter: where it was too long for a detour before something was shut, it still is.
+            known, far = self._known.setdefault(id, {}), []
+            for j, metres in zip(others, apart, strict=True):
+                least = max(metres, known.get(ids[j], (0.0, 0))[0])
+                if math.isfinite(least) and along.get(ids[j], math.inf) > _most(least):
+                    far.append(ids[j])
+            self._look(id, far)
+            pairs += [(round(known[other][0], 3), id, other) for other in far]
         return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
 
-    def _lengths(self, id: str, others: Sequence[str]) -> dict[str, float]:
-        """id -> metres over known floor from a viewpoint to others; remembered until something near it is shut."""
-        here = np.array(self._draft.viewpoints[id].position)
-        shut, known = self._known.get(id, (0, {}))
-        if self._room.shut_since(shut, here, _REACH):
-            known = {}
-        new = [other for other in others if other not in known]
+    def _look(self, id: str, others: Sequence[str]) -> None:
+        """Finds the lengths of the ways over known floor from a viewpoint to others that are not known, or not since
+        something was shut near it."""
+        known, here = self._known[id], np.array(self._draft.viewpoints[id].position)
+        since = {shuts: self._room.shut_since(shuts, here, _REACH) for shuts in {shuts for _, shuts in known.values()}}
+        new = [other for other in others if other not in known or since[known[other][1]]]
         if new:
             places = np.array([self._draft.viewpoints[other].position for other in new])
-            known.update(zip(new, self._room.lengths(here, places, _REACH).tolist(), strict=True))
-        self._known[id] = self._room.shuts, known
-        return {other: known[other] for other in others}
+            lengths = self._room.lengths(here, places, _REACH).tolist()
+            known.update({other: (metres, self._room.shuts) for other, metres in zip(new, lengths, strict=True)})
 
     def _is_detour(self, a: str, b: str, metres: float) -> bool:
         if np.isinf(metres) or a not in self._ways or b not in self._ways:
@@ -87,7 +91,7 @@ class Shortcuts:
         makes the graph's way hardly shorter."""
         ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
         was = self._ways.metres(a, b)
-        stops = self._stops(*(np.array(end.position) for end in ends))
+        stops = self._stops(*ends)
         here, new = ends[0], list[str]()
         for place in [*stops, None] if stops else []:
             viewpoint = ends[1] if place is None else self._stand(place)
@@ -111,9 +115,18 @@ class Shortcuts:
                 self._ways.remove(id)
             self._draft.remove(id)
 
-    def _stops(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def _stops(self, start: Viewpoint, end: Viewpoint) -> list[NDArray[np.float64]]:
         """Places between two cameras that straight, wide legs join; none where there is no such way, none is needed, or
         too many are."""
+        pair, here = (start.id, end.id), np.array(start.position)
+        if pair in self._hopeless and not self._room.shut_since(self._hopeless[pair], here, _REACH):
+            return []
+        found = self._places(here, np.array(end.position))
+        if not found:
+            self._hopeless[pair] = self._room.shuts
+        return found
+
+    def _places(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         way = self._room.way(start, end, _REACH)
         if not len(way):
             return []
@@ -121,20 +134,27 @@ class Shortcuts:
         stops: list[NDArray[np.float64]] = []
         at = 0
         while len(stops) <= _BETWEEN:
-            ahead = [j for j in range(at + 1, len(way)) if self._is_leg(way[at], way[j])]
-            if not ahead:
+            ahead = at + 1 + np.flatnonzero(self._are_legs(way[at], way[at + 1 :]))
+            if not len(ahead):
                 return []
-            at = ahead[-1]
+            at = int(ahead[-1])
             if at == len(way) - 1:
                 return stops
-            late = [j for j in ahead if np.hypot(*(way[at] - way[j])[:2]) <= _BEFORE]
-            at = late[int(np.argmax(np.round(self._room.clearance(way[late]), 2)))]
+            late = ahead[np.hypot(*(way[ahead] - way[at])[:, :2].T) <= _BEFORE]
+            at = int(late[np.argmax(np.round(self._room.clearance(way[late]), 2))])
             stops.append(way[at])
         return []
 
-    def _is_leg(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-        near = np.hypot(*(b - a)[:2]) <= self._survey.config.reach
-        return bool(near and self._room.is_wide(_along(a, b)[1:-1]).all())
+    def _are_legs(self, start: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) whether straight legs lead from a place (3,) to others (N, 3)."""
+        found = np.hypot(*(ends - start)[:, :2].T) <= self._survey.config.reach
+        near = np.flatnonzero(found)
+        legs = [_along(start, ends[k])[1:-1] for k in near]
+        if legs:
+            wide = self._room.is_wide(np.concatenate(legs))
+            first = np.cumsum([0, *map(len, legs[:-1])])
+            found[near] = np.logical_and.reduceat(wide, first)
+        return found
 
     def _stand(self, place: NDArray[np.float64]) -> Viewpoint | None:
         """The viewpoint at a place, or one that is near enough; None where nobody can stand."""

@@ -16,7 +16,8 @@ from nvsim.evaluation.structure import map_structure
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import SAME_LENGTH, Ways
-from nvsim.occupancy.geodesic import ERROR, Geodesics
+from nvsim.occupancy.geodesic import Geodesics
+from nvsim.occupancy.grid_ways import ERROR
 from nvsim.occupancy.paths import standing_room
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps
 from nvsim.occupancy.types import OCCUPIED

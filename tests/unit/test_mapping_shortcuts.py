@@ -15,7 +15,8 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.known_room import KnownRoom
 from nvsim.mapping.shortcuts import Shortcuts
 from nvsim.mapping.walk import Walk
-from nvsim.occupancy.geodesic import ERROR, Geodesics
+from nvsim.occupancy.geodesic import Geodesics
+from nvsim.occupancy.grid_ways import ERROR
 from nvsim.occupancy.paths import standing_room
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 

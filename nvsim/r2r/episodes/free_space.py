@@ -52,22 +52,16 @@ class FreeSpace:
         """(rows, columns) metres to the end of a path (N, 2 or more) for the robot, where it stays within `reach`
         metres of the path; longer where it is tight, infinite where it cannot be."""
         from scipy.ndimage import distance_transform_edt
-        from scipy.sparse.csgraph import dijkstra
 
-        from nvsim.occupancy.geodesic import steps_between
+        from nvsim.occupancy.grid_ways import GridWays
 
         near = distance_transform_edt(~self._drawn(path)) * CELL <= reach
         open_cells = near & (self.room >= 0)
         row, column = self.layers.cells_of(path[-1])
-        found = np.full(self.room.shape, np.inf, np.float32)
         if not open_cells[row, column]:
-            return found
-        node = np.full(self.room.shape, -1, np.int64)
-        node[open_cells] = np.arange(int(open_cells.sum()))
+            return np.full(self.room.shape, np.inf, np.float32)
         dearer = 1 + np.clip(1 - (self.room + RADIUS) / _EASY, 0, 1)
-        steps = steps_between(open_cells, node, CELL, dearer)
-        found[open_cells] = dijkstra(steps, directed=False, indices=int(node[row, column]))
-        return found
+        return GridWays(open_cells, CELL, (int(row), int(column)), dearer=dearer).metres.astype(np.float32)
 
     def _drawn(self, path: NDArray[np.floating]) -> NDArray[np.bool_]:
         return _lines(self.layers, list(zip(path[:-1, :2], path[1:, :2])))
