@@ -49,16 +49,13 @@ class FloorSurface:
     def height_at(self, xy: NDArray[np.floating]) -> NDArray[np.float32]:
         """Heights (...) at world x, y (..., 2): bilinear inside, the nearest border value outside. Of points (..., 3) z
         counts for nothing: there is one floor."""
-        rows, columns = self.heights.shape
-        c = np.clip((xy[..., 0] - self.origin[0]) / self.spacing, 0, columns - 1)
-        r = np.clip((xy[..., 1] - self.origin[1]) / self.spacing, 0, rows - 1)
-        c0, r0 = np.floor(c).astype(np.int64), np.floor(r).astype(np.int64)
-        c1, r1 = np.minimum(c0 + 1, columns - 1), np.minimum(r0 + 1, rows - 1)
-        fc, fr = (c - c0).astype(np.float32), (r - r0).astype(np.float32)
-        h = self.heights
-        low = h[r0, c0] * (1 - fc) + h[r0, c1] * fc
-        high = h[r1, c0] * (1 - fc) + h[r1, c1] * fc
-        return (low * (1 - fr) + high * fr).astype(np.float32)
+        from nvsim.geometry.grid_kernels import bilinear
+
+        xy = np.asarray(xy)
+        places = np.ascontiguousarray(xy.reshape(-1, xy.shape[-1]), np.float64)
+        found = np.empty(len(places), np.float32)
+        bilinear(self.heights, *self.origin, self.spacing, places, found)
+        return found.reshape(xy.shape[:-1])
 
     def meet(
         self, origin: NDArray[np.floating], directions: NDArray[np.floating], iterations: int = 4

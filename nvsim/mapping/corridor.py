@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,16 +49,16 @@ class Corridor:
     target: tuple[float, float]
     eye: float | None = None
 
-    @property
+    @cached_property
     def length(self) -> float:
         return float(np.hypot(self.target[0] - self.start[0], self.target[1] - self.start[1]))
 
-    @property
+    @cached_property
     def heading(self) -> float:
         """Radians in [0, 2 pi)."""
         return float(np.arctan2(self.target[0] - self.start[0], self.target[1] - self.start[1]) % (2 * np.pi))
 
-    @property
+    @cached_property
     def rows(self) -> int:
         return max(1, int(np.ceil((self.length + _BEYOND - NEAR) / DEPTH - 1e-9)))
 
@@ -87,19 +87,25 @@ class Corridor:
             for row in ground:
                 row[:, 2] = level
                 row[:, 2] = floor_at(row)
-                level = float(np.median(row[:, 2]))
+                level = middle(row[:, 2])
             return ground
         ground[..., 2] = found
         return ground
 
     def climbs(self, floor_at: HeightAt) -> bool:
         """Whether it leads up or down a stair."""
-        return abs(self.end(floor_at) - float(np.median(self.ground(floor_at)[0, :, 2]))) > CLIMB
+        return abs(self.end(floor_at) - middle(self.ground(floor_at)[0, :, 2])) > CLIMB
 
     def end(self, floor_at: HeightAt) -> float:
         """World z of the floor at the target, as `ground` follows it."""
         row = round((self.length - NEAR) / DEPTH - 0.5)
-        return float(np.median(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2]))
+        return middle(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2])
+
+
+def middle(heights: NDArray[np.float64]) -> float:
+    """The median of the floor's heights in a row of CELLS, which is even; numpy's own takes ten times as long."""
+    ordered = sorted(heights.tolist())
+    return float(ordered[CELLS // 2 - 1] + ordered[CELLS // 2]) / 2
 
 
 @lru_cache(maxsize=16)

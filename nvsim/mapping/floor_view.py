@@ -37,14 +37,14 @@ class FloorView:
 
     def shows(self, corridor: Corridor, floor_at: HeightAt) -> bool:
         """Whether every pixel that `corridor` is read from was rendered."""
-        return bool(self.seen.reshape(-1)[_pixels(self.camera, corridor, floor_at).read].all())
+        return _pixels(self.camera, corridor, floor_at).are_marked(self.seen)
 
 
 def pixels_read(camera: Eye, corridors: Sequence[Corridor], floor_at: HeightAt) -> NDArray[np.bool_]:
     """(H, W) the pixels of a view that `measure` reads `corridors` from."""
     mask = np.zeros(size_of(camera), bool)
     for corridor in corridors:
-        mask.reshape(-1)[_pixels(camera, corridor, floor_at).read] = True
+        _pixels(camera, corridor, floor_at).mark(mask)
     return mask
 
 
@@ -68,18 +68,18 @@ def measure(
     """
     ground, pixels = corridor.ground(floor_at), _pixels(view.camera, corridor, floor_at)
 
-    def read(values: NDArray[np.float64], outside: float, floor: float) -> NDArray[np.float64]:
-        seen = np.where(pixels.inside, values, outside)
-        return seen if free is None else np.where(free, floor, seen)
+    def read(values: NDArray[np.float64], floor: float) -> NDArray[np.float64]:
+        return values if free is None else np.where(free, floor, values)
 
-    alpha = read(pixels.values(view.alpha), 1.0, 0.0)
-    normal_z = read(pixels.values(view.normal_z), 0.0, 0.0)
+    # Outside the view everything stands, without a normal and at no distance.
+    alpha = read(pixels.values(view.alpha, 1.0), 0.0)
+    normal_z = read(pixels.values(view.normal_z, 0.0), 0.0)
     reach = network_up = None
     if view.depth is not None:
-        share = pixels.values(view.depth) / np.maximum(pixels.depth, 1e-6) + (1.0 - alpha)
-        reach = _bytes(read(share, 0.0, 1.0))
+        share = pixels.values(view.depth, 0.0) / np.maximum(pixels.depth, 1e-6) + (1.0 - alpha)
+        reach = _bytes(read(np.where(pixels.inside, share, 0.0), 1.0))
     if view.network_z is not None:
-        network_up = _bytes(read(pixels.values(view.network_z), 0.0, 1.0))
+        network_up = _bytes(read(pixels.values(view.network_z, 0.0), 1.0))
     return Evidence(
         viewpoint,
         direction,
