@@ -4,8 +4,8 @@ Left alone, numba takes Intel's TBB wherever some other program brought it along
 always end: TBB waits in its unloading (`unload_tbb`) for threads that are gone. So it comes last. OpenMP comes first,
 because any number of Python threads may start kernels on it. Numba's own pool is part of every numba and stands in
 where there is no OpenMP; it ends the process when two threads start kernels at once, which `LOCK` of
-`nvsim.render.workspace` prevents. The kernels deal their work out to numbered parts themselves, so results are the same
-on all of them.
+`nvsim.render.workspace` prevents and `at_once` tells. The kernels deal their work out to numbered parts themselves, so
+results are the same on all of them.
 """
 
 from __future__ import annotations
@@ -41,3 +41,13 @@ def choose() -> None:
     numba = sys.modules.get("numba")
     if numba is not None:  # it read the environment when it was imported
         numba.config.THREADING_LAYER_PRIORITY = order
+
+
+def at_once() -> bool:
+    """Whether several Python threads may start kernels at once here; False until a first kernel ran."""
+    import numba
+
+    try:
+        return str(numba.threading_layer()) in ("omp", "tbb")
+    except ValueError:
+        return False

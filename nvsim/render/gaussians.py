@@ -41,9 +41,11 @@ def render_over(
     tiles: NDArray[np.bool_] | None = None,
     backend: Backend = "auto",
     lasting: bool = False,
+    workspace: RenderBuffers | None = None,
 ) -> tuple[RenderOutput, Float32]:
     """As `render_gaussians`, with the transmittance (H, W) = 1 - alpha, what is left for a background. `lasting` says
-    that the arrays of `gaussians` never change, so that a card may keep them."""
+    that the arrays of `gaussians` never change, so that a card may keep them. Whoever brings a `workspace` sees to it
+    that nobody else draws where that must not be."""
     unknown = channels - {"rgb", "alpha", "depth", "normal"}
     if unknown:
         raise ValueError(f"unknown render channels: {', '.join(sorted(unknown))}")
@@ -52,14 +54,25 @@ def render_over(
 
         whole, left = gsplat_backend.render_over(gaussians, camera, channels, antialiased, lasting)
         return (whole, left) if tiles is None else _only(whole, left, tiles)
-    g = gaussians
-    arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
-    k = camera.intrinsics
-    geometry = bool(channels & {"depth", "normal"})
+    if workspace is not None:
+        return _drawn(gaussians, camera, channels, antialiased, tiles, workspace)
     with LOCK:
-        _workspace.project(arrays, camera, antialiased, tiles=tiles)
-        _workspace.bin()
-        rgb, transmittance, depth, normal = _workspace.draw(k.height, k.width, geometry)
+        return _drawn(gaussians, camera, channels, antialiased, tiles, _workspace)
+
+
+def _drawn(
+    gaussians: Gaussians,
+    camera: Camera,
+    channels: frozenset[str],
+    antialiased: bool,
+    tiles: NDArray[np.bool_] | None,
+    workspace: RenderBuffers,
+) -> tuple[RenderOutput, Float32]:
+    g, k = gaussians, camera.intrinsics
+    arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    workspace.project(arrays, camera, antialiased, tiles=tiles)
+    workspace.bin()
+    rgb, transmittance, depth, normal = workspace.draw(k.height, k.width, bool(channels & {"depth", "normal"}))
     output = RenderOutput()
     if "rgb" in channels:
         output.rgb = rgb

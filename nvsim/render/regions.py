@@ -13,8 +13,9 @@ from nvsim.render.backends import Backend, chosen
 from nvsim.render.gaussians import render_over
 from nvsim.render.model import render_model
 from nvsim.render.nearby import Nearby, uncoloured
+from nvsim.render.side_by_side import side_by_side
 from nvsim.render.types import RenderOutput
-from nvsim.render.workspace import tiles_of
+from nvsim.render.workspace import RenderBuffers, tiles_of
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Gaussians, SubmapModel
 
@@ -34,28 +35,37 @@ def render_regions(
     Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel or masks that do not fit the cameras.
     """
-    views = []
+    wanted = []
     for camera, mask in zip(cameras, masks, strict=True):
         size = (camera.intrinsics.height, camera.intrinsics.width)
         if mask.shape != size:
             raise ValueError(f"a mask of {mask.shape} for a view of {size}")
-        if mask.any():
-            views.append(_view(model_of(scene, camera.position), camera, channels, tiles_of(mask), backend))
-        else:
-            views.append(_nothing(size, channels))
-    return views
-
-
-def _view(
-    model: SubmapModel, camera: Camera, channels: frozenset[str], tiles: NDArray[np.bool_], backend: Backend
-) -> RenderOutput:
+        wanted.append((camera, tiles_of(mask)) if mask.any() else None)
+    seen = [view for view in wanted if view is not None]
     if "rgb" in channels or chosen(backend) != "numba":
-        return render_model(model, camera, channels, tiles, backend)
-    # Without colours few Gaussians count, and these do not change with the position.
-    if model.gaussians not in _nearby:
-        _nearby[model.gaussians] = Nearby(model.gaussians)
-    gaussians = uncoloured(model.gaussians, _nearby[model.gaussians].rows(camera, tiles))
-    return render_over(gaussians, camera, channels, model.antialiased, tiles, "numba")[0]
+        drawn = [render_model(model_of(scene, c.position), c, channels, tiles, backend) for c, tiles in seen]
+    else:
+        drawn = _uncoloured_views(scene, seen, channels)
+    found = iter(drawn)
+    sizes = ((c.intrinsics.height, c.intrinsics.width) for c in cameras)
+    return [_nothing(size, channels) if w is None else next(found) for w, size in zip(wanted, sizes, strict=True)]
+
+
+def _uncoloured_views(
+    scene: SceneModel | SubmapModel, views: Sequence[tuple[Camera, NDArray[np.bool_]]], channels: frozenset[str]
+) -> list[RenderOutput]:
+    """Without colours few Gaussians count, and these do not change with the position."""
+    models = [model_of(scene, camera.position) for camera, _ in views]
+    for model in models:
+        if model.gaussians not in _nearby:
+            _nearby[model.gaussians] = Nearby(model.gaussians)
+
+    def draw(i: int, workspace: RenderBuffers) -> RenderOutput:
+        model, (camera, tiles) = models[i], views[i]
+        gaussians = uncoloured(model.gaussians, _nearby[model.gaussians].rows(camera, tiles))
+        return render_over(gaussians, camera, channels, model.antialiased, tiles, "numba", workspace=workspace)[0]
+
+    return side_by_side(draw, len(views))
 
 
 def model_of(scene: SceneModel | SubmapModel, position: NDArray[np.floating]) -> SubmapModel:

@@ -7,6 +7,7 @@ import threading
 
 import numba
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
@@ -39,11 +40,17 @@ def ready(array: NDArray[np.floating]) -> Float32:
 def tiles_of(mask: Mask) -> Mask:
     """(lines, columns) bool, the tiles in which `mask` (H, W) has a pixel."""
     height, width = mask.shape
-    lines, columns = -(-height // layout.TILE), -(-width // layout.TILE)
-    padded = np.zeros((lines * layout.TILE, columns * layout.TILE), np.bool_)
-    padded[:height, :width] = mask
-    blocks = padded.reshape(lines, layout.TILE, columns, layout.TILE)
-    return np.asarray(blocks.any(axis=(1, 3)), np.bool_)
+    tiles = np.zeros((-(-height // layout.TILE), -(-width // layout.TILE)), np.bool_)
+    _mark_tiles(np.asarray(mask), tiles)
+    return tiles
+
+
+@njit(cache=True, nogil=True)
+def _mark_tiles(mask: Mask, tiles: Mask) -> None:
+    for row in range(mask.shape[0]):
+        for column in range(mask.shape[1]):
+            if mask[row, column]:
+                tiles[row // layout.TILE, column // layout.TILE] = True
 
 
 def pixels_of(tiles: Mask, height: int, width: int) -> Mask:

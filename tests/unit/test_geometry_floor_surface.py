@@ -1,0 +1,31 @@
+"""Heights of a floor surface against scipy's interpolation."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from nvsim.geometry.floor_surface import FloorSurface
+
+HEIGHTS = np.random.default_rng(0).normal(size=(7, 11)).astype(np.float32)
+SURFACE = FloorSurface(HEIGHTS, (-2.0, 3.0), 0.5)
+
+
+def test_heights_are_bilinear_inside_and_those_of_the_border_outside() -> None:
+    xy = np.random.default_rng(1).uniform((-4, 1), (6, 9), (40, 50, 2))
+    at = [(xy[..., 1] - 3.0) / 0.5, (xy[..., 0] + 2.0) / 0.5]
+    expected = map_coordinates(HEIGHTS.astype(np.float64), at, order=1, mode="nearest")
+    found = SURFACE.height_at(xy)
+    assert found.shape == (40, 50) and found.dtype == np.float32
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_any_array_of_places_will_do() -> None:
+    xy = np.random.default_rng(2).uniform(-1, 2, (6, 3))
+    found = SURFACE.height_at(xy)
+    np.testing.assert_allclose(SURFACE.height_at(xy.astype(np.float32)), found, atol=1e-5)
+    np.testing.assert_array_equal(SURFACE.height_at(xy[::-1])[::-1], found)
+    np.testing.assert_array_equal(SURFACE.height_at(np.asfortranarray(xy)), found)
+    assert SURFACE.height_at(xy[0]).shape == () and float(SURFACE.height_at(xy[0])) == found[0]
+    assert SURFACE.height_at(np.zeros((0, 2))).shape == (0,)
+    assert np.isnan(SURFACE.height_at(np.array([np.nan, 0.0]))) and np.isfinite(SURFACE.height_at(np.array([9e99, 0])))
