@@ -43,9 +43,12 @@ class Trodden:
         """(...) the same by the nearest camera, off stairs too, where images alone tell what stands; else all False."""
         if not self._tells:
             return np.zeros(points.shape[:-1], bool)
-        metres, nearest = self._tree.query(points[..., :2])
-        over = self._places[nearest, 2] - points[..., 2]
-        return np.asarray((metres < _BODY) & (over > _CARRIED[0]) & (over < _CARRIED[1]))
+        # Most of a corridor is far from the walk, which a bound tells early.
+        metres, nearest = self._tree.query(points[..., :2], distance_upper_bound=_BODY)
+        found = np.isfinite(metres)
+        over = self._places[nearest[found], 2] - points[..., 2][found]
+        found[found] = (over > _CARRIED[0]) & (over < _CARRIED[1])
+        return np.asarray(found)
 
 
 def out_of_sight(eye: Eye, ground: NDArray[np.float64]) -> NDArray[np.bool_]:

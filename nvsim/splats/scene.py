@@ -67,6 +67,7 @@ class SceneModel:
         self._frames = np.concatenate([s.core for s in self._submaps]).astype(np.int64)
         self._trained = [np.asarray(s.frames, np.int64) for s in self._submaps]
         self._tree: Any = None  # of the positions, once it is asked for
+        self._measured = b"", np.zeros(0)  # the place last asked about, and its distances
         self._asking = threading.Lock()  # held by the one thread that loads what was asked for
         self._changed = threading.Condition()  # guards all that follows
         self._loaded: OrderedDict[int, SubmapModel] = OrderedDict()
@@ -116,8 +117,16 @@ class SceneModel:
 
     def trained_at(self, index: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) whether a submap was trained on the frame nearest to each of `positions` (N, 3)."""
-        trained = next(t for s, t in zip(self._submaps, self._trained) if s.index == index)
-        return np.isin(self._nearest_frames(positions), trained)
+        return self._is_trained[index][self._nearest_frames(positions)]
+
+    @cached_property
+    def _is_trained(self) -> dict[int, NDArray[np.bool_]]:
+        """Of each submap, whether it was trained on each frame (frames,)."""
+        count = 1 + max(int(frames.max()) for frames in (self._frames, *self._trained))
+        found = {submap.index: np.zeros(count, bool) for submap in self._submaps}
+        for submap, frames in zip(self._submaps, self._trained, strict=True):
+            found[submap.index][frames] = True
+        return found
 
     def _nearest_frames(self, positions: NDArray[np.floating]) -> NDArray[np.int64]:
         """(N,) the frames nearest to places (N, 3)."""
@@ -244,8 +253,13 @@ class SceneModel:
 
     def _distances(self, position: NDArray[np.floating]) -> NDArray[np.float64]:
         """(submaps,) metres to the nearest core camera of each."""
-        squares = np.sum((self._positions - position) ** 2, axis=1)
-        return np.asarray(np.sqrt(np.minimum.reduceat(squares, self._firsts)), np.float64)
+        asked, found = self._measured
+        place = np.asarray(position, np.float64).tobytes()
+        if asked != place:
+            squares = np.sum((self._positions - position) ** 2, axis=1)
+            found = np.asarray(np.sqrt(np.minimum.reduceat(squares, self._firsts)), np.float64)
+            self._measured = place, found  # the views of one place are asked for one after the other
+        return found
 
 
 def _grey(model: SubmapModel) -> SubmapModel:
