@@ -44,8 +44,8 @@ def render_over(
     workspace: RenderBuffers | None = None,
 ) -> tuple[RenderOutput, Float32]:
     """As `render_gaussians`, with the transmittance (H, W) = 1 - alpha, what is left for a background. `lasting` says
-    that the arrays of `gaussians` never change, so that a card may keep them. Whoever brings a `workspace` sees to it
-    that nobody else draws where that must not be."""
+    that the arrays of `gaussians` never change, so that a card may keep them. Without a `workspace` the shared one is
+    drawn in, under its lock; with one, the caller keeps others from it."""
     unknown = channels - {"rgb", "alpha", "depth", "normal"}
     if unknown:
         raise ValueError(f"unknown render channels: {', '.join(sorted(unknown))}")

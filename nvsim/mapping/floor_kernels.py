@@ -1,0 +1,102 @@
+"""The kernels of `FloorPixels`; imported where they are called, as numba takes its time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def project(
+    points: NDArray[np.float64],  # (rows, cells, 3) metres, world
+    pose: NDArray[np.float64],  # (4, 4) world to camera
+    view: NDArray[np.float64],  # (4,) focal lengths and principal point, pixels
+    pixels: NDArray[np.float64],  # (rows, cells, 2) out
+    depth: NDArray[np.float64],  # (rows, cells) out, metres along the optical axis
+) -> None:
+    """As `Camera.project`, which numpy takes many times as long for when there are a few hundred points."""
+    for i in range(points.shape[0]):
+        for j in range(points.shape[1]):
+            x, y, z = points[i, j]
+            across = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
+            along = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
+            far = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+            depth[i, j] = far
+            safe = 1e-9 if abs(far) < 1e-9 else far
+            pixels[i, j, 0] = view[0] * across / safe + view[2]
+            pixels[i, j, 1] = view[1] * along / safe + view[3]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def place(
+    pixels: NDArray[np.float64],  # (rows, cells, 2)
+    depth: NDArray[np.float64],  # (rows, cells)
+    height: int,
+    width: int,
+    wraps: bool,  # whether the last column lies beside the first, and every point inside
+    inside: NDArray[np.bool_],  # this and the others as in FloorPixels, out
+    corners: NDArray[np.int64],
+    across: NDArray[np.float64],
+    along: NDArray[np.float64],
+) -> None:
+    for i in range(pixels.shape[0]):
+        for j in range(pixels.shape[1]):
+            u, v = pixels[i, j]
+            inside[i, j] = wraps or (depth[i, j] > 0 and -1 < u < width + 1 and -1 < v < height + 1)
+            if not inside[i, j]:
+                corners[:, i, j], across[i, j], along[i, j] = 0, 0.0, 0.0
+                continue
+            # The centres of pixels lie at halves.
+            u = (u - 0.5) % width if wraps else min(max(u - 0.5, 0.0), width - 1.0)
+            v = min(max(v - 0.5, 0.0), height - 1.0)
+            left, v0 = np.floor(u), int(v)
+            u0 = int(left) % width  # a rounded remainder may be the width itself
+            u1 = (u0 + 1) % width if wraps else min(u0 + 1, width - 1)
+            upper, lower = v0 * width, min(v0 + 1, height - 1) * width
+            corners[0, i, j], corners[1, i, j] = upper + u0, upper + u1
+            corners[2, i, j], corners[3, i, j] = lower + u0, lower + u1
+            across[i, j], along[i, j] = u - left, v - v0
+
+
+@njit(cache=True, nogil=True)
+def mark(corners: NDArray[np.int64], inside: NDArray[np.bool_], image: NDArray[np.bool_]) -> None:
+    flat = image.reshape(-1)
+    for i in range(inside.shape[0]):
+        for j in range(inside.shape[1]):
+            if inside[i, j]:
+                for k in range(4):
+                    flat[corners[k, i, j]] = True
+
+
+@njit(cache=True, nogil=True)
+def are_marked(corners: NDArray[np.int64], inside: NDArray[np.bool_], image: NDArray[np.bool_]) -> bool:
+    flat = image.reshape(-1)
+    for i in range(inside.shape[0]):
+        for j in range(inside.shape[1]):
+            for k in range(4):
+                if inside[i, j] and not flat[corners[k, i, j]]:
+                    return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def read(
+    image: NDArray[np.float32],  # (H, W)
+    corners: NDArray[np.int64],  # this and the next as in FloorPixels
+    across: NDArray[np.float64],
+    along: NDArray[np.float64],
+    inside: NDArray[np.bool_],
+    outside: float,
+    found: NDArray[np.float64],  # (rows, cells) out
+) -> None:
+    flat = image.reshape(-1)
+    for i in range(inside.shape[0]):
+        for j in range(inside.shape[1]):
+            if not inside[i, j]:
+                found[i, j] = outside
+                continue
+            u, v = across[i, j], along[i, j]
+            top = flat[corners[0, i, j]] * (1 - u) + flat[corners[1, i, j]] * u
+            bottom = flat[corners[2, i, j]] * (1 - u) + flat[corners[3, i, j]] * u
+            found[i, j] = top * (1 - v) + bottom * v
