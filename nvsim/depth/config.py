@@ -45,7 +45,7 @@ class LabelConfig:
 class DepthConfig:
     """How depth is estimated from posed images."""
 
-    longest_side: int = 320
+    longest_side: int = 400
     """Pixels: images are shrunk so that neither side exceeds it."""
     planes: int = 96
     """Depths that are tried at every pixel, even in inverse depth; a multiple of 16 is fastest."""
@@ -53,11 +53,11 @@ class DepthConfig:
     """Metres: nothing nearer to a camera is looked for,"""
     farthest: float = 20.0
     """nor anything beyond."""
-    baseline: float = 0.45
+    baseline: float = 0.35
     """Metres between two cameras that see depth best."""
-    sources: int = 8
+    sources: int = 6
     """Neighbouring images that a frame is compared with,"""
-    refining: int = 4
+    refining: int = 6
     """and those of them that say where between two planes a pixel lies,"""
     labelling: int = 6
     """and which plane of the building it shows."""

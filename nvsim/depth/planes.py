@@ -17,6 +17,7 @@ from nvsim.geometry.camera import Camera
 Float64 = NDArray[np.float64]
 
 
+_FEW = 40  # points of a patch
 _EDGE = 0.03  # metres that a wall may reach into its floor and its ceiling: a pixel is as large
 
 
@@ -36,6 +37,9 @@ class PlaneConfig:
     say         1 / metres squared: points whose inverse variance is less make no plane,
     most        and one of more has no more to say
     least       share of the cells of the smallest plane that points of the most say would have to fill
+    layer       share of the say of the strongest layer of a patch from which on one behind it is the wall
+    before      what a point before a wall weighs in its place, beside one behind it: pictures, screens and cupboards
+                have texture and stand before it
     """
 
     coarse: float = 0.05
@@ -52,6 +56,8 @@ class PlaneConfig:
     say: float = 1e4
     most: float = 1e6
     least: float = 0.05
+    layer: float = 0.15
+    before: float = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +206,8 @@ def _parallel(
             break
         centre = base + (peak + 0.5) * step
         close = np.flatnonzero(free & (np.abs(height - centre) < config.thickness))
-        taken[free & (np.abs(height - centre) < config.scatter)] = True
+        around = np.flatnonzero(free & (np.abs(height - centre) < config.scatter))
+        taken[around] = True
         corner = plane[close].min(axis=0)
         cell = np.floor((plane[close] - corner) / config.cell).astype(int)
         grid = np.zeros(cell.max(axis=0) + 1, bool)
@@ -213,11 +220,31 @@ def _parallel(
         for part in range(1, count + 1):
             area = float((grid & (parts == part)).sum() * config.cell**2)
             rows = close[member == part]
-            if area < config.smallest or len(rows) < 40:
+            if area < config.smallest or len(rows) < _FEW:
                 continue
             extent = (area, closed & (parts == part), corner)
+            if abs(normal[2]) < 0.5:
+                at = np.floor((plane[around] - corner) / config.cell).astype(int)
+                inside = np.all((at >= 0) & (at < grid.shape), axis=1)
+                inside[inside] = (parts == part)[at[inside, 0], at[inside, 1]]
+                own = around[inside]
+                back = np.abs(height[own] - _hindmost(height[own], say[own], config)) < config.thickness
+                rows = own[back] if back.sum() >= _FEW else rows
             found.append(_fitted(points[rows], say[rows], normal, along, up, extent, config))
     return taken
+
+
+def _hindmost(height: Float64, say: Float64, config: PlaneConfig) -> float:
+    """Where a wall stands among the layers that points before and behind it make, by their `height` (N,) along its
+    normal and what they have to say (N,): at the one behind the others, of those that say enough."""
+    from scipy.ndimage import gaussian_filter1d
+
+    step = 0.01
+    base = float(height.min()) - 5 * step
+    votes = np.bincount(((height - base) / step).astype(int), say, minlength=int(np.ptp(height) / step) + 12)
+    smooth = gaussian_filter1d(votes, 1.5, mode="constant")
+    strong = (smooth >= config.layer * smooth.max()) & (smooth >= np.roll(smooth, 1)) & (smooth > np.roll(smooth, -1))
+    return base + (int(strong.argmax()) + 0.5) * step
 
 
 def _fitted(
@@ -245,6 +272,8 @@ def _fitted(
         off = h - design @ slope
         scale = max(1.5 * float(np.median(np.abs(off))), 0.005)
         weight = share / (1 + (off / (2 * scale)) ** 2) ** 2
+        if abs(normal[2]) < 0.5:
+            weight *= np.where(off > 0, config.before, 1.0)
     turned = normal - slope[0] * along - slope[1] * up
     turned /= np.linalg.norm(turned)
     offset = float(turned @ (middle + slope[2] * normal))
