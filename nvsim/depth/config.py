@@ -21,7 +21,7 @@ class LabelConfig:
     """What a plane costs for each such unit between it and a confirmed depth,"""
     worst: float = 30.0
     """and at most."""
-    own: float = 20.0
+    own: float = 14.0
     """What it costs to keep a confirmed depth that no plane explains."""
     tiny: float = 2.0
     """What the smallest of planes costs more: mistakes make small ones,"""
@@ -35,7 +35,7 @@ class LabelConfig:
     """What images that show the same plane differ by where they are sharp; where it is more, depths cost more too."""
     window: int = 7
     """Pixels: images are compared in windows of this side."""
-    change: float = 40.0
+    change: float = 80.0
     """Price of a change of plane between two pixels."""
     fall: float = 3.0
     """Grey levels: a step in the image by so much halves that price."""

@@ -43,6 +43,19 @@ def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
             assert plane.high[0] - plane.low[0] > 4.5
 
 
+def test_a_wall_stands_behind_what_hangs_on_it() -> None:
+    rng = np.random.default_rng(1)
+    found = room(rng)
+    # The wall at x = 6 shows itself along its skirting alone; a screen hangs 8 cm before it.
+    bare = (found.points[:, 0] > 5.9) & (found.points[:, 2] > 0.2)
+    screen = rng.uniform([5.92, 1.2, 0.5], [5.92, 2.8, 1.5], (1500, 3)) + 0.01 * rng.standard_normal((1500, 3))
+    points = np.concatenate([found.points[~bare], screen]).astype(np.float32)
+    eyes = np.full_like(points, 0.0) + np.float32([3.0, 2.0, 1.2])
+    planes = find_planes(SeenPoints(points, eyes, np.full(len(points), 2e4, np.float32)))
+    [wall] = [p for p in planes if p.normal[0] < -0.9 and p.offset < -5]
+    assert wall.offset == pytest.approx(-6.0, abs=0.02)
+
+
 def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
     planes = find_planes(room(np.random.default_rng(0)))
     lens = Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0)
