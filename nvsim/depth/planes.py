@@ -128,9 +128,14 @@ def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Pla
     return sorted((_between(plane, found, config) for plane in found), key=lambda p: -p.area)
 
 
+def _is_upright(normal: Float64) -> bool:
+    """Whether a plane is a wall, by its normal (3,), and no floor or ceiling."""
+    return bool(abs(normal[2]) < 0.5)
+
+
 def _between(plane: Plane, found: list[Plane], config: PlaneConfig) -> Plane:
     """An upright plane, its margin cut off where it would reach into a floor or a ceiling of those `found`."""
-    if abs(plane.normal[2]) > 0.5:
+    if not _is_upright(plane.normal):
         return plane
     level = [p for p in found if abs(p.normal[2]) > 0.9 and p.area >= config.floor]
     low, high, reach = plane.low.copy(), plane.high.copy(), config.margin + config.inside
@@ -186,7 +191,7 @@ def _parallel(
     taken = np.zeros(len(points), bool)
     if len(points) < 50:
         return taken
-    along = np.array([1.0, 0.0, 0.0]) if abs(normal[2]) > 0.5 else np.array([-normal[1], normal[0], 0.0])
+    along = np.array([-normal[1], normal[0], 0.0]) if _is_upright(normal) else np.array([1.0, 0.0, 0.0])
     up = np.cross(normal, along)
     plane = np.stack([points @ along, points @ up], axis=1)
     height = points @ normal
@@ -223,7 +228,7 @@ def _parallel(
             if area < config.smallest or len(rows) < _FEW:
                 continue
             extent = (area, closed & (parts == part), corner)
-            if abs(normal[2]) < 0.5:
+            if _is_upright(normal):
                 at = np.floor((plane[around] - corner) / config.cell).astype(int)
                 inside = np.all((at >= 0) & (at < grid.shape), axis=1)
                 inside[inside] = (parts == part)[at[inside, 0], at[inside, 1]]
@@ -272,7 +277,7 @@ def _fitted(
         off = h - design @ slope
         scale = max(1.5 * float(np.median(np.abs(off))), 0.005)
         weight = share / (1 + (off / (2 * scale)) ** 2) ** 2
-        if abs(normal[2]) < 0.5:
+        if _is_upright(normal):
             weight *= np.where(off > 0, config.before, 1.0)
     turned = normal - slope[0] * along - slope[1] * up
     turned /= np.linalg.norm(turned)
