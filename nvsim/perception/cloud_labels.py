@@ -16,7 +16,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.neighbourhood import axes_of
-from nvsim.perception.splatting import splat_depth
+from nvsim.geometry.splatting import splat_depth
 
 FLOOR, OTHER, UNKNOWN = 1, 0, 255
 _NEIGHBOURS = 40

@@ -12,6 +12,7 @@ import numpy as np
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.splatting import splat_depth
 from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, Glimpse
 from nvsim.perception.glass import GlassConfig, SeeThrough
 from nvsim.perception.growing import grow
@@ -19,7 +20,6 @@ from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import standing
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
-from nvsim.perception.splatting import splat_depth
 from nvsim.perception.stairs import Stairs
 
 _HIGH = 0.25  # metres above the floor from which on nobody takes a thing for floor
