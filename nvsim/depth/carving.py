@@ -56,6 +56,15 @@ def _judge(
             shown[i] += pixels
 
 
+def judge(
+    points: Float32, camera: Camera, inverse: Float32, shown: NDArray[np.int64], through: NDArray[np.int64]
+) -> None:
+    """Adds to `shown` and `through` (N,) for how many pixels a map (H, W) of inverse depth, 0 where unknown, that
+    `camera` made counts that shows the points (N, 3), or sees through them."""
+    k, pose = camera.intrinsics, np.ascontiguousarray(camera.world_to_camera[:3], np.float64)
+    _judge(points, np.array([k.fx, k.fy, k.cx, k.cy]), pose, inverse, shown, through)
+
+
 def standing(points: Float32, cameras: list[Camera], maps: Callable[[int], Float32], threads: int) -> NDArray[np.bool_]:
     """Whether each of the points (N, 3) is there, by the `maps` of inverse depth, (H, W) float32 of the sizes of the
     `cameras`, 0 where unknown."""
@@ -63,8 +72,7 @@ def standing(points: Float32, cameras: list[Camera], maps: Callable[[int], Float
     def count(first: int) -> NDArray[np.int64]:
         counts = np.zeros((2, len(points)), np.int64)
         for i in range(first, len(cameras), threads):
-            k, pose = cameras[i].intrinsics, np.ascontiguousarray(cameras[i].world_to_camera[:3], np.float64)
-            _judge(points, np.array([k.fx, k.fy, k.cx, k.cy]), pose, maps(i), counts[0], counts[1])
+            judge(points, cameras[i], maps(i), counts[0], counts[1])
         return counts
 
     with ThreadPoolExecutor(threads) as pool:

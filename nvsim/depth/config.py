@@ -93,6 +93,14 @@ class DepthConfig:
     """Metres: edge of the cells in which the cloud is fused."""
     seen: int = 3
     """A cell counts that was seen so often."""
+    firm: int = 10
+    """A cell that was seen so often, through which no map sees, says what stands in every image;"""
+    apart: float = 0.05
+    """a depth that differs from it by more than this share of itself is none,"""
+    witnesses: int = 12
+    """and nor is one through which some of so many maps from all around see:"""
+    seen_through: float = 0.1
+    """more than this share of what these say."""
     threads: int = 2
     """Frames in hand at the same time."""
     labels: LabelConfig = field(default_factory=LabelConfig)
@@ -106,6 +114,8 @@ class DepthConfig:
             ("sources, refining, labelling, others, views, seen and threads must be at least 1",
              min(self.sources, self.refining, self.labelling, self.others, self.views, self.seen, self.threads) >= 1),
             ("small and large must be 0 to 1000", 0 <= self.small <= 1000 and 0 <= self.large <= 1000),
+            ("firm must be at least 1, witnesses at least 0", self.firm >= 1 and self.witnesses >= 0),
+            ("apart must lie above 0, seen_through be 0 to 1", self.apart > 0 and 0 <= self.seen_through <= 1),
             ("fall, window, noise, finest and certain must lie above 0",
              min(self.fall, self.window, self.noise, self.finest, self.certain) > 0),
             ("steps must be 0 to 100", 0 <= self.steps <= 100),

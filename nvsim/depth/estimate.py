@@ -38,6 +38,7 @@ from nvsim.depth.refinement import calm, refine
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
 from nvsim.depth.view import Views, Warp
+from nvsim.depth.visibility import Rest
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder
 from nvsim.geometry.camera import Camera
@@ -49,9 +50,10 @@ _READ_AHEAD = 32
 _REACH = 2.0  # pixels over which depths are made smooth
 
 
-Phase = Literal["single", "confirmed", "labelled", "finished"]
+Phase = Literal["single", "confirmed", "labelled", "shown", "finished"]
 """What is done of every frame before the next phase begins: its depth by itself, what its neighbours confirm of that,
-the planes that fill it, and what they confirm again. The first three leave a draft."""
+the planes that fill it, what they confirm again, and what the whole capture does not speak against. All but the last
+leave a draft."""
 PHASES: tuple[Phase, ...] = get_args(Phase)
 Elsewhere = Callable[[Phase, list[int], list[Plane], Callable[[int], None]], None]
 """What does frames of a phase in other places: those frames, the planes known by then, and what is told of each that is
@@ -74,6 +76,7 @@ def estimate_depth(
     config = config or DepthConfig()
     frames = FramesInPhases(capture, folder, config)
     views, count = frames.views, len(capture.frames)
+    cameras = [views.camera(i) for i in range(count)]
     steps = _Steps(capture, config, listen, len(PHASES) * count)
     if not all(depth_exists(folder, i) for i in range(count)):
         for phase in PHASES[:-1]:
@@ -82,8 +85,10 @@ def estimate_depth(
             if phase == "labelled":
                 found = _fused(views, count, partial(read_draft, folder / "confirmed"), config, colored=False)
                 frames.planes = find_planes(found.seen_points(config.seen))
+            if phase == "finished":
+                frames.rest = _rest(views, cameras, _kept(folder / "shown"), config)
             steps.begin(count - len(frames.missing(phase)))
-            if elsewhere is not None and frames.missing(phase):
+            if elsewhere is not None and phase != "finished" and frames.missing(phase):
                 elsewhere(phase, frames.missing(phase), frames.planes, steps.tell)
             steps.each(frames.missing(phase), partial(frames.do, phase, folder))
     for phase in PHASES[:-1]:
@@ -95,16 +100,17 @@ def estimate_depth(
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, 0).astype(np.float32), np.ones_like(depth)
 
-    cameras = [views.camera(i) for i in range(count)]
     fusion = _fused(views, count, written, config, colored=True)
     return fusion.cloud(config.seen, lambda points: standing(points, cameras, lambda i: written(i)[0], config.threads))
 
 
 class FramesInPhases:
-    """The frames of a capture, whose depth and drafts lie in `folder`. `planes` are those of the phase "labelled"."""
+    """The frames of a capture, whose depth and drafts lie in `folder`. The phase "labelled" takes `planes`, "finished"
+    asks the `rest`."""
 
     def __init__(self, capture: Capture, folder: Path, config: DepthConfig, planes: Sequence[Plane] = ()) -> None:
         self._folder, self._config, self.planes = folder, config, list(planes)
+        self.rest: Rest | None = None
         self.views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
         self._maps = {phase: _kept(folder / phase) for phase in PHASES[:-1]}
 
@@ -118,9 +124,8 @@ class FramesInPhases:
     def do(self, phase: Phase, out: Path, index: int) -> None:
         """Does a frame of a phase and writes what is found into the folder `out`, which may be another. Raises
         InputError."""
-        {"single": self._single, "confirmed": self._confirm, "labelled": self._label, "finished": self._finish}[phase](
-            out, index
-        )
+        doing = (self._single, self._confirm, self._label, self._show, self._finish)
+        dict(zip(PHASES, doing, strict=True))[phase](out, index)
 
     def _single(self, out: Path, index: int) -> None:
         write_draft(out / "single", index, *guess_depth(self.views, index, self._config))
@@ -139,9 +144,15 @@ class FramesInPhases:
         found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
         write_draft(out / "labelled", index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
 
-    def _finish(self, out: Path, index: int) -> None:
+    def _show(self, out: Path, index: int) -> None:
         found = self._confirmed("labelled", index)
-        write_depth(out, index, found.inverse, found.views)
+        write_draft(out / "shown", index, found.inverse, found.views.astype(np.float32))
+
+    def _finish(self, out: Path, index: int) -> None:
+        assert self.rest is not None
+        inverse, views = self._maps["shown"](index)
+        kept = np.where(self.rest.against(index), 0, inverse).astype(np.float32)
+        write_depth(out, index, kept, np.rint(views).astype(np.uint8))
 
     def _confirmed(self, phase: Phase, index: int) -> Agreed:
         config = self._config
@@ -215,6 +226,24 @@ def _certain(
     behind = mirrored(planes, camera.position, camera.position + depth * rays)
     sure[rows[behind], columns[behind]] = False
     return np.where(sure, inverse, 0).astype(np.float32)
+
+
+def _rest(
+    views: Views,
+    cameras: list[Camera],
+    maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
+    config: DepthConfig,
+) -> Rest:
+    """What the maps of a capture say together, each pixel of which counts alike."""
+
+    def inverse(index: int) -> NDArray[np.float32]:
+        return maps(index)[0]
+
+    def alike(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        return inverse(index), np.ones_like(inverse(index))
+
+    points = _fused(views, len(cameras), alike, config, colored=False).seen_points(config.firm).points
+    return Rest(points[standing(points, cameras, inverse, config.threads)], cameras, inverse, config)
 
 
 def _fused(

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from nvsim.depth.fusion import FusedCloud
 
 STAGE: StageName = "depth"
-_VERSION = 4  # of what this stage commits; raised when the same inputs give something else
+_VERSION = 5  # of what this stage commits; raised when the same inputs give something else
 _HOLE = 0.15  # metres: what is farther than this from every point of a scan is missing in it
 
 
