@@ -170,6 +170,17 @@ def test_a_network_fills_holes_of_the_scan_and_decides_at_edges(k: int) -> None:
     assert (half == alone)[:, floor.shape[1] // 2 + 8 :].mean() > 0.99
 
 
+def test_floor_at_its_rim_takes_more_of_a_network_than_floor_amid_floor() -> None:
+    provider = GeometricFloor(scan(), FLAT, GeometricConfig(refine=RefineConfig(most=0)))
+    floor, image = truth(camera(0))
+    alone, hardly, barely = (
+        provider.segment(camera(0), image, looks=np.full(floor.shape, likely, np.float32)).mask
+        for likely in (0.01, 0.001, 0.0001)
+    )
+    deep = cv2.distanceTransform(alone.astype(np.uint8), cv2.DIST_L2, 3)
+    assert np.array_equal(hardly, deep >= 2.5) and hardly.any() and not barely.any()
+
+
 def test_beside_the_depth_of_images_a_network_says_what_the_cloud_draws_wrongly() -> None:
     """A wall with a hole in its points, beyond which there is floor, and a box whose points stand for too much."""
     points = scan().points
