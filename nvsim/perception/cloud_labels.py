@@ -24,10 +24,11 @@ _LEVEL, _STANDING = 0.05, 0.1  # metres from the floor: up to here it is floor, 
 _FLAT = 0.3  # how thick a neighbourhood on a surface is, as a share of how wide
 _COVER = 0.75  # half-width of a point's square, in distances to its fourth neighbour
 _LOOSE = 2.5  # times as far from their neighbours as usual: such points are noise
+_THIN, _WIDEST = 1.4, 0.1  # times as far apart as usual, metres: squares that leave unsaid what they cover
 _BEHIND = 0.03  # share of the inverse depth: seen between the points of something nearer
 _LIGHTER, _TINGED = 30, 25  # CIELAB: an image that differs by more, beyond its exposure, shows something else
 _CHUNK = 50_000
-_Shape = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
+_Shape = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +43,8 @@ class CloudLabels:
 
     @cached_property
     def _shape(self) -> _Shape:
-        """Of each point: half-width of its square, metres, 0 where it is noise; normal (N, 3), its sign free; whether
-        it is on a surface."""
+        """Of each point: half-width of its square, metres, 0 where it is noise; that of what it leaves unsaid, 0 where
+        it is none of a few; normal (N, 3), its sign free; whether it is on a surface."""
         points = self.cloud.points
         apart, normals = np.empty(len(points), np.float32), np.empty((len(points), 3), np.float32)
         flat = np.empty(len(points), bool)
@@ -55,8 +56,10 @@ class CloudLabels:
             spread = np.abs(np.einsum("nkj,nji->nki", around - around.mean(axis=1, keepdims=True), axes)).mean(axis=1)
             apart[part], normals[part] = distance[:, 4], axes[..., 0]
             flat[part] = spread[:, 0] < _FLAT * spread[:, 1]
-        loose = apart > _LOOSE * np.median(apart)
-        return np.where(loose, 0, _COVER * apart).astype(np.float32), normals, flat & ~loose
+        usual, wide = np.median(apart), _COVER * apart
+        loose = apart > _LOOSE * usual
+        thin = np.where(apart > _THIN * usual, np.minimum(wide, _WIDEST), 0).astype(np.float32)
+        return np.where(loose, 0, wide).astype(np.float32), thin, normals, flat & ~loose
 
     def of(
         self, camera: Camera, surface: FloorSurface, image: NDArray[np.uint8] | None = None
@@ -66,8 +69,10 @@ class CloudLabels:
         (H, W, 3) uint8 RGB, and a cloud that has colours, pixels of another colour are unknown too."""
         k = camera.intrinsics
         small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
-        radii, normals, flat = self._shape
-        depth, _ = splat_depth(self.cloud.points.astype(np.float32), radii, small)
+        radii, thin, normals, flat = self._shape
+        points = self.cloud.points.astype(np.float32)
+        depth, _ = splat_depth(points, radii, small)
+        unsaid, _ = splat_depth(points[thin > 0], thin[thin > 0], small)
         rows, columns = np.nonzero(np.isfinite(depth) & ~_behind(depth))
         rays = small.rays()[rows, columns]
         places = small.position + (depth[rows, columns] / (rays @ small.rotation[:, 2]))[:, None] * rays
@@ -82,6 +87,8 @@ class CloudLabels:
         said[(np.abs(height) < _LEVEL) & (facing[:, 2] > 0.8)] = FLOOR
         floor = np.full(depth.shape, UNKNOWN, np.uint8)
         floor[rows, columns] = np.where(alike, said, UNKNOWN)
+        # Few points before a surface are a thing that the scan missed most of, or none: a mixed pixel at an edge.
+        floor[unsaid <= depth] = UNKNOWN
         found = np.zeros((*depth.shape, 3), np.float32)
         found[rows, columns] = np.where((flat[index] & alike)[:, None], facing, 0)
         size = k.width, k.height

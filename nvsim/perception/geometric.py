@@ -44,7 +44,8 @@ class GeometricConfig:
     filled        probability by a network from which on what nothing hides and nothing confirms is floor,
     edge          pixels beside floor that things are drawn too large by: there,
     filled_edge   beside a scan, what is hidden is floor from this probability on,
-    never         and below this one nothing is but stairs: people, whom no scan has, and the foot of panes
+    never         and below this one nothing is but stairs: people, whom no scan has, and the foot of panes;
+    never_edge    and, of floor within `rim` pixels of something else, below this one
     filled_thin   and the same where the cloud is of images: bare floor has few points there;
     filled_behind  there also what something hides: thin things are drawn too thick, a table where its floor is seen,
     doubted       and below which what nothing hides is none: near walls have holes there
@@ -66,6 +67,8 @@ class GeometricConfig:
     edge: float = 1.2
     filled_edge: float = 0.5
     never: float = 0.0002
+    never_edge: float = 0.002
+    rim: float = 2.5
     filled_thin: float = 0.5
     filled_behind: float = 0.8
     doubted: float = 0.05
@@ -158,7 +161,9 @@ class GeometricFloor:
         if looks is not None and self.knows_floor:
             small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
             if depth is None:
-                floor &= (small > self.config.never) | self._stairs.at(seen.ground)
+                rim = cv2.distanceTransform(floor.astype(np.uint8), cv2.DIST_L2, 3) < self.config.rim
+                least = np.where(rim, self.config.never_edge, self.config.never)
+                floor &= (small > least) | self._stairs.at(seen.ground)
                 floor |= seen.unsure & (small > self.config.filled)
                 beside = cv2.distanceTransform((~floor).astype(np.uint8), cv2.DIST_L2, 3) < self.config.edge
                 floor |= seen.hidden & beside & (small > self.config.filled_edge)

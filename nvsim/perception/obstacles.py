@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.cells import MOST_CELLS
@@ -18,6 +20,10 @@ Float32 = NDArray[np.float32]
 _CELL = 0.05
 _FOOT = 0.20  # what begins lower than this stands on the floor: a wall's lowest scanned row is not its foot
 _FOOT_STEP = 0.03
+_UNDER = 0.125  # metres around a foot in which floor on all sides says that there is none
+_OPEN = 0.7  # share of the usual floor points that each half of that disc must have
+_OVER, _TOP = 0.2, 1.2  # metres around it, in which something up to this height
+_ROOF = 0.8  # must lie over this share of one half
 _NEIGHBOURHOOD = 0.4
 _RIM = 1  # cells
 _HOLE = 1.0  # square metres: unscanned floor up to this size that floor surrounds is floor
@@ -45,20 +51,19 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
     above = points[:, 2] - surface.height_at(points[:, :2])
     clear = clearance + Stairs.of(surface).half_step(points)
     obstacles, height = points[above > clear], above[above > clear]
-    feet = _feet(obstacles, height, surface)
+    on_floor = points[np.abs(above) <= clear]
+    feet = _feet(obstacles, height, on_floor, surface)
     everything = np.ascontiguousarray(np.concatenate([obstacles, feet]), np.float32)
     spacing = _spacing(everything, 4)
     # A surface that returns far fewer points than the rest is glass, or noise: what lies behind it is seen.
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
-    return Standing(everything, radii, _confirmed(points[np.abs(above) <= clear], surface))
+    return Standing(everything, radii, _confirmed(on_floor, surface))
 
 
 def _spacing(points: Float32, neighbour: int) -> Float32:
     """(N,) float32 metres from each point to its `neighbour`-th nearest; the farthest there is in a tiny cloud."""
-    from scipy.spatial import cKDTree
-
     if len(points) == 0:
         return np.empty(0, np.float32)
     distance, _ = cKDTree(points).query(points, k=min(neighbour + 1, len(points)), workers=2)
@@ -77,25 +82,56 @@ def _local_mean(points: Float32, values: Float32) -> Float32:
     return mean
 
 
-def _feet(points: Float32, height: Float32, surface: FloorSurface) -> Float32:
+def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSurface) -> Float32:
     """Columns of points from the floor up to the lowest point of every cell that begins low: without them one sees the
-    floor of the next room under the lowest scanned row of a wall."""
+    floor of the next room under the lowest scanned row of a wall. None where a thing is raised: where the scan sees
+    the floor `on_floor` (M, 3) below it."""
     low = height < _FOOT
     if not low.any():
         return np.empty((0, 3), np.float32)
-    points, height = points[low], height[low]
+    things, points, height = points[height < _TOP], points[low], height[low]
     _, cell = np.unique(np.floor(points[:, :2] / _CELL).astype(np.int64), axis=0, return_inverse=True)
     cell = cell.reshape(-1)
     number = np.bincount(cell)
     xy = np.stack([np.bincount(cell, points[:, axis]) / number for axis in (0, 1)], axis=1)
     lowest = np.full(len(number), np.inf)
     np.minimum.at(lowest, cell, height)
+    standing = ~_raised(xy, on_floor, things)
+    xy, lowest = xy[standing], lowest[standing]
     ground = surface.height_at(xy)
     layers = [
         np.column_stack([xy[lowest > z], ground[lowest > z] + z])
         for z in np.arange(0.5 * _FOOT_STEP, _FOOT, _FOOT_STEP)
     ]
     return np.concatenate(layers).astype(np.float32)
+
+
+def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
+    """(N,) bool, below which of the places `xy` (N, 2) of the lowest points of things the scan sees through: floor
+    points (M, 3) lie on all sides, and to one side the thing (K, 3) lies over them, as a sofa on short legs does, but
+    neither a leg, nor a rail, nor the foot of a pane that the scan misses."""
+    if len(on_floor) < 2:
+        return np.zeros(len(xy), bool)
+    floor = cKDTree(on_floor[:, :2])
+    usual = np.median(
+        floor.query_ball_point(on_floor[:: max(1, len(on_floor) // 2000), :2], _UNDER, return_length=True)
+    )
+    found = _halves(floor, xy, _UNDER).min(axis=0) > 0.5 * _OPEN * usual
+    over = cKDTree(_CELL * (0.5 + np.unique(np.floor(things[:, :2] / _CELL), axis=0)))
+    cells = 0.5 * np.pi * (_OVER / _CELL) ** 2
+    found[found] = _halves(over, xy[found], _OVER).max(axis=0) > _ROOF * cells
+    return found
+
+
+def _halves(tree: cKDTree, xy: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
+    """(8, N) how many points of a `tree` lie in the half of a disc of `radius` metres around each of `xy` (N, 2) that
+    looks in each of eight directions."""
+    near = tree.query_ball_point(xy, radius, workers=2)
+    place = np.repeat(np.arange(len(xy)), [len(n) for n in near])
+    index = np.fromiter(chain.from_iterable(near), np.int64, len(place))
+    away = np.asarray(tree.data)[index] - xy[place]
+    turns = np.arange(8) * np.pi / 4
+    return np.array([np.bincount(place[away @ (np.cos(t), np.sin(t)) > 0], minlength=len(xy)) for t in turns])
 
 
 def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:

@@ -1,4 +1,4 @@
-"""Moving the border of a mask to the edge that the image shows nearby."""
+"""Moving the border of a mask to the edge that the image shows nearby, and its pixels to the side they look like."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nvsim.perception.roles import Float32, Image, Mask
+
+_AROUND = 5  # pixels: side of the square from which a pixel at the border learns what both sides look like
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,8 @@ class RefineConfig:
 
 def refine(mask: Mask, scale: Float32, image: Image, config: RefineConfig) -> Mask:
     """(H, W) bool at the size of `image` (H, W, 3) uint8 from `mask` of any size: outside a band around the border the
-    mask stays, inside it the border runs along the strongest edges (watershed from both sides).
+    mask stays, inside it the border runs along the strongest edges (watershed from both sides), and the pixels that it
+    runs through are of the side whose colour they have.
 
     `scale`, of the size of `mask`, says how many pixels of the image a metre takes there.
     """
@@ -42,5 +45,28 @@ def refine(mask: Mask, scale: Float32, image: Image, config: RefineConfig) -> Ma
     markers[inside > reach] = 1
     markers[outside > reach] = 2
     cv2.watershed(cv2.GaussianBlur(image, (0, 0), 1.0), markers)
-    fine: Mask = (markers == 1) | ((markers <= 0) & large)
+    return _by_colour((markers == 1) | ((markers <= 0) & large), image)
+
+
+def _by_colour(mask: Mask, image: Image) -> Mask:
+    """`mask` (H, W) with each of the pixels at its border on the side whose mean colour nearby, without the border
+    itself, is closer to that of `image` (H, W, 3) uint8 there: an edge is a pixel or two wide, and a watershed ends
+    anywhere in it."""
+    import cv2
+
+    floor, block = mask.astype(np.uint8), np.ones((3, 3), np.uint8)
+    sides = cv2.erode(floor, block), cv2.erode(1 - floor, block)
+    band = np.maximum(*sides) == 0
+    own = image[band].astype(np.float32)
+    off = np.empty((2, len(own)), np.float32)
+    for k, side in enumerate(sides):
+        number, colors = (
+            cv2.boxFilter(layer, cv2.CV_16U, (_AROUND, _AROUND), normalize=False, borderType=cv2.BORDER_CONSTANT)[band]
+            for layer in (side, image * side[..., None])
+        )
+        mean = colors / np.maximum(number, 1).astype(np.float32)[:, None]
+        off[k] = np.where(number > 0, ((own - mean) ** 2).sum(axis=1), np.inf)
+    fine = mask.copy()
+    told = np.isfinite(off).all(axis=0)
+    fine[band] = np.where(told, off[0] < off[1], mask[band])
     return fine

@@ -16,6 +16,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.lens import Lens
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
+from nvsim.perception.obstacles import standing
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.segment import SegmentConfig, mask_path, read_mask, read_mask_and_doubt, segment_capture
 from nvsim.perception.support import FloorSupport, SupportConfig, observe
@@ -160,12 +161,24 @@ def test_a_network_fills_holes_of_the_scan_and_decides_at_edges(k: int) -> None:
     unsure = np.full(floor.shape, 0.4, np.float32)
     assert np.array_equal(holed.segment(camera(k), image, looks=unsure).mask, alone)
     likely = holed.segment(camera(k), image, looks=np.full(floor.shape, 0.8, np.float32)).mask
-    away = cv2.distanceTransform((~alone).astype(np.uint8), cv2.DIST_L2, 3)
-    assert not (alone & ~likely).any() and away[likely].max() < 4, "no hole is filled, and edges move by a pixel or two"
+    away, deep = (cv2.distanceTransform(side.astype(np.uint8), cv2.DIST_L2, 3) for side in (~alone, alone))
+    assert deep[~likely].max() < 3 and away[likely].max() < 4, "no hole is filled, and edges move by a pixel or two"
+    assert likely.sum() > alone.sum()
     nowhere = np.where(np.arange(floor.shape[1]) < floor.shape[1] // 2, 0.0, 0.01) * np.ones(floor.shape)
     half = holed.segment(camera(k), image, looks=nowhere.astype(np.float32)).mask
     assert not half[:, : floor.shape[1] // 2 - 8].any(), "somebody who walks by is in no scan"
     assert (half == alone)[:, floor.shape[1] // 2 + 8 :].mean() > 0.99
+
+
+def test_floor_at_its_rim_takes_more_of_a_network_than_floor_amid_floor() -> None:
+    provider = GeometricFloor(scan(), FLAT, GeometricConfig(refine=RefineConfig(most=0)))
+    floor, image = truth(camera(0))
+    alone, hardly, barely = (
+        provider.segment(camera(0), image, looks=np.full(floor.shape, likely, np.float32)).mask
+        for likely in (0.01, 0.001, 0.0001)
+    )
+    deep = cv2.distanceTransform(alone.astype(np.uint8), cv2.DIST_L2, 3)
+    assert np.array_equal(hardly, deep >= 2.5) and hardly.any() and not barely.any()
 
 
 def test_beside_the_depth_of_images_a_network_says_what_the_cloud_draws_wrongly() -> None:
@@ -197,6 +210,33 @@ def test_refinement_moves_a_shifted_border_back_to_the_edge_of_the_image():
     scale = np.full(floor.shape, 100.0, np.float32)
     back = refine(shifted, scale, image, RefineConfig(reach=0.04))
     assert iou(back, floor) > iou(shifted, floor) + 0.01
+
+
+def test_a_blurred_border_runs_where_half_of_the_edge_is_on_either_side():
+    floor = np.broadcast_to(np.arange(60)[:, None] >= 31, (60, 80))
+    image = np.where(floor, 60, 200)[..., None].repeat(3, axis=-1).astype(np.uint8)
+    image = cv2.GaussianBlur(image, (0, 0), 1.2)
+    scale = np.full(floor.shape, 100.0, np.float32)
+    for shift in (-1, 1):
+        found = refine(np.roll(floor, shift, axis=0), scale, image, RefineConfig(least=0.5, reach=0.0, most=1.0))
+        assert np.array_equal(found[3:-3], floor[3:-3])
+
+
+def test_floor_that_the_scan_shows_below_a_sofa_is_seen_and_the_next_room_behind_a_pane_is_not():
+    """A sofa on short legs, and a pane, whose lowest scanned points are 0.12 m above the floor, with floor behind."""
+    x, y = (a.ravel().astype(np.float32) for a in np.meshgrid(np.arange(0, 4, 0.04), np.arange(0, 4, 0.04)))
+    floor = np.column_stack([x, y, 0 * x])
+    top = floor[(np.abs(x - 1) < 0.4) & (np.abs(y - 2) < 0.8)] + np.array([0, 0, 0.4], np.float32)
+    edge = np.arange(1.2, 2.8, 0.04)
+    sides = [np.column_stack([0 * edge + at, edge, 0 * edge + z]) for at in (0.6, 1.4) for z in (0.12, 0.2, 0.3)]
+    pane = [np.column_stack([0 * edge + 3, edge, 0 * edge + z]) for z in np.arange(0.12, 2, 0.04)]
+    cloud = Cloud(np.concatenate([floor, top, *sides, *pane]).astype(np.float32))
+    points = standing(cloud, FLAT, 0.05, 0.8, 2.0).points
+    feet = points[(points[:, 2] < 0.1) & (np.abs(points[:, 1] - 2) < 0.6)]  # corners have no room for half a disc
+    assert len(feet) > 50 and (feet[:, 0] > 2).all()
+    alone = Cloud(np.concatenate([floor[x > 1.4], *sides]).astype(np.float32))
+    kept = standing(alone, FLAT, 0.05, 0.8, 2.0).points
+    assert (kept[:, 2] < 0.1).sum() > 50, "nothing says that floor goes on below it"
 
 
 def test_support_is_the_floor_of_the_room_and_neither_the_box_nor_beyond_the_walls():

@@ -174,9 +174,29 @@ def test_what_a_cloud_says_for_certain_is_true() -> None:
     assert np.median(np.concatenate(angles)) < 4
 
 
+def test_a_few_points_before_the_floor_are_no_thing_for_certain_and_a_board_of_many_is() -> None:
+    """Depth cameras leave points in the air beside edges, half as dense as surfaces are."""
+    floor, board, mixed = (
+        np.stack(np.meshgrid(np.arange(x, x + wide, step), np.arange(y, y + deep, step)), -1).reshape(-1, 2)
+        for x, y, wide, deep, step in ((-3, -3, 6, 6, 0.03), (-0.5, 0.3, 0.4, 0.4, 0.03), (0.1, 0.3, 0.4, 0.4, 0.06))
+    )
+    heights = (0.0, 0.7, 0.7)
+    points = np.concatenate([np.c_[xy, np.full(len(xy), z)] for xy, z in zip((floor, board, mixed), heights)])
+    camera = Camera(Intrinsics.from_fov(160, 120, 1.2), look(np.array([0.0, 0.0, 1.5]), 0.0, np.radians(-60)))
+    said, _ = CloudLabels(Cloud(points.astype(np.float32), None, "lidar")).of(camera, FloorSurface.flat(0.0))
+
+    def at(x: float) -> np.ndarray:
+        (column, row), _ = camera.project(np.array([x, 0.5, 0.7]))
+        return said[int(row) - 5 : int(row) + 6, int(column) - 5 : int(column) + 6]
+
+    assert (at(-0.3) == OTHER).mean() > 0.9 and (at(0.3) == UNKNOWN).mean() > 0.9
+    assert (said == FLOOR).mean() > 0.5
+
+
 def test_a_cloud_says_nothing_of_what_has_another_colour_than_it() -> None:
     rng = np.random.default_rng(0)
-    points = np.column_stack([rng.uniform(-3, 3, (40_000, 2)), np.zeros(40_000)]).astype(np.float32)
+    grid = np.stack(np.meshgrid(np.arange(-3, 3, 0.03), np.arange(-3, 3, 0.03)), -1).reshape(-1, 2)
+    points = np.column_stack([grid + rng.normal(0, 0.003, grid.shape), np.zeros(len(grid))]).astype(np.float32)
     brown = np.full((len(points), 3), (150, 110, 70), np.uint8)
     labels = CloudLabels(Cloud(points, brown, "lidar"))
     camera = Camera(Intrinsics.from_fov(160, 120, 1.2), look(np.array([0.0, 0.0, 1.5]), 0.0, np.radians(-60)))
