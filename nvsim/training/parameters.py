@@ -57,7 +57,7 @@ def send_back(output: torch.Tensor, gradient: torch.Tensor) -> None:
     """Sends the `gradient` by an output, of the shape of both, to the leaves that it was made of. The same as
     output.backward(gradient) to the bit, which imports sympy when it is called for the first time: half a second of
     every process that trains."""
-    (output * gradient).sum().backward()  # type: ignore[no-untyped-call]
+    (output * gradient).sum().backward()
 
 
 def generator_of(seed: int, part: int) -> torch.Generator:
