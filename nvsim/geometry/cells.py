@@ -31,6 +31,8 @@ def near_places(points: NDArray[np.floating], places: NDArray[np.floating], reac
     told by cells of a metre: true of some that are up to two metres farther."""
     from scipy.ndimage import distance_transform_edt
 
+    from nvsim.geometry.grid_kernels import marked
+
     if not len(places):
         return np.zeros(len(points), bool)
     cells = np.floor(np.asarray(places, np.float64)[:, :2]).astype(np.int64)
@@ -39,10 +41,7 @@ def near_places(points: NDArray[np.floating], places: NDArray[np.floating], reac
     columns, rows = grid_size(low, cells.max(axis=0) + margin + 1, 1.0, "the cameras")
     empty = np.ones((columns, rows), bool)
     empty[tuple((cells - low).T)] = False
-    near = np.asarray(distance_transform_edt(empty)) < reach + 2**0.5
-    with np.errstate(invalid="ignore"):
-        at = np.floor(points[:, :2]) - low
-        within = ((at >= 0) & (at < near.shape)).all(axis=1)
-    index = np.where(within[:, None], at, 0).astype(np.int64)
-    found: NDArray[np.bool_] = near[index[:, 0], index[:, 1]] & within
+    near = np.ascontiguousarray(np.transpose(distance_transform_edt(empty) < reach + 2**0.5))
+    found = np.empty(len(points), np.bool_)
+    marked(near, float(low[0]), float(low[1]), 1.0, points, found)
     return found

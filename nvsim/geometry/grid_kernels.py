@@ -38,7 +38,7 @@ def marked(
     x: float,  # world, of the lower corner of cell [0, 0]; as y
     y: float,
     spacing: float,  # of cells
-    places: NDArray[np.float64],  # (N, 2 or more) world x, y
+    places: NDArray[np.floating],  # (N, 2 or more) world x, y
     found: NDArray[np.bool_],  # (N,) out: that of the cell; False beyond the grid and at places that are NaN
 ) -> None:
     rows, columns = cells.shape

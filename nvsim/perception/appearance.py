@@ -76,7 +76,10 @@ class FloorAppearance:
             if not seen.any():
                 continue
             index = np.floor(view.ground[seen] / _CELL).astype(np.int64)
-            places, member = np.unique(index, axis=0, return_inverse=True)
+            # As single values, in the same order: numpy takes ten times as long to sort rows.
+            low, sides = index.min(axis=0), np.ptp(index, axis=0) + 1
+            numbers, member = np.unique((index - low) @ np.array([sides[1], 1]), return_inverse=True)
+            places = np.stack(np.divmod(numbers, sides[1]), axis=1) + low
             member = member.reshape(-1)
             number = np.bincount(member)
             logs = np.log(view.image[seen].astype(np.float32) + _DARK)

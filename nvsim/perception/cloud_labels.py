@@ -16,7 +16,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.neighbourhood import axes_of
-from nvsim.perception.splatting import splat_depth
+from nvsim.perception.splatting import SplatCloud
 
 FLOOR, OTHER, UNKNOWN = 1, 0, 255
 _NEIGHBOURS = 40
@@ -67,7 +67,7 @@ class CloudLabels:
         k = camera.intrinsics
         small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
         radii, normals, flat = self._shape
-        depth, _ = splat_depth(self.cloud.points.astype(np.float32), radii, small)
+        depth, _ = SplatCloud.of(self.cloud.points.astype(np.float32), radii).depth(small)
         rows, columns = np.nonzero(np.isfinite(depth) & ~_behind(depth))
         rays = small.rays()[rows, columns]
         places = small.position + (depth[rows, columns] / (rays @ small.rotation[:, 2]))[:, None] * rays

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import standing
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
-from nvsim.perception.splatting import splat_depth
+from nvsim.perception.splatting import SplatCloud
 from nvsim.perception.stairs import Stairs
 
 _HIGH = 0.25  # metres above the floor from which on nobody takes a thing for floor
@@ -105,6 +105,7 @@ class GeometricFloor:
         self._appearance: FloorAppearance | None = None
         self._is_sparse = cloud is not None and not cloud.is_dense
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
+        self._splats = SplatCloud.of(self._standing.points, self._standing.radii)
 
     def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image], threads: int = 1) -> None:
         """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
@@ -133,7 +134,7 @@ class GeometricFloor:
             through.vote(self._appearance.logs(view), expected, hidden, hits.astype(np.float32), behind)
         glass = through.glass(self._standing.points)
         radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
-        self._standing = replace(self._standing, radii=radii)
+        self._splats = self._splats.with_radii(radii)
 
     def segment(
         self, camera: Camera, image: Image, depth: Float32 | None = None, looks: Float32 | None = None
@@ -225,7 +226,7 @@ class GeometricFloor:
         distance = np.where(met, distance, 0).astype(np.float32)
         ground = small.position[:2] + distance[..., None] * rays[..., :2]
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
-        depth, radius = splat_depth(self._standing.points, self._standing.radii, small)
+        depth, radius = self._splats.depth(small, farthest=self.config.farthest)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
         inside = cv2.distanceTransform(hidden.astype(np.uint8), cv2.DIST_L2, 3)
         # Above a foot the floor next to a border lies behind the thing, and the border is a silhouette drawn too large;

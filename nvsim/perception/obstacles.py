@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from nvsim.capture.types import Cloud
 from nvsim.geometry.cells import MOST_CELLS
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.nearest_points import distance_to
 from nvsim.perception.stairs import Stairs
 from nvsim.perception.support import FloorSupport
 
@@ -47,22 +48,12 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
     obstacles, height = points[above > clear], above[above > clear]
     feet = _feet(obstacles, height, surface)
     everything = np.ascontiguousarray(np.concatenate([obstacles, feet]), np.float32)
-    spacing = _spacing(everything, 4)
+    spacing = distance_to(everything, 4)
     # A surface that returns far fewer points than the rest is glass, or noise: what lies behind it is seen.
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
     return Standing(everything, radii, _confirmed(points[np.abs(above) <= clear], surface))
-
-
-def _spacing(points: Float32, neighbour: int) -> Float32:
-    """(N,) float32 metres from each point to its `neighbour`-th nearest; the farthest there is in a tiny cloud."""
-    from scipy.spatial import cKDTree
-
-    if len(points) == 0:
-        return np.empty(0, np.float32)
-    distance, _ = cKDTree(points).query(points, k=min(neighbour + 1, len(points)), workers=2)
-    return np.asarray(distance, np.float32).reshape(len(points), -1)[:, -1]
 
 
 def _local_mean(points: Float32, values: Float32) -> Float32:
@@ -111,7 +102,7 @@ def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:
     index = np.floor((points[:, :2] - origin) / _CELL).astype(np.int64)
     grid = np.zeros((int(index[:, 1].max()) + 11, int(index[:, 0].max()) + 11), np.uint8)
     grid[index[:, 1], index[:, 0]] = 1
-    gap = 2.5 * float(np.median(_spacing(points, 4)))
+    gap = 2.5 * float(np.median(distance_to(points, 4)))
     size = 2 * max(3, round(gap / _CELL)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     wide = cv2.morphologyEx(np.pad(grid, size), cv2.MORPH_CLOSE, disc)
