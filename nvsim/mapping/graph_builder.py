@@ -84,8 +84,9 @@ class GraphBuilder:
         """Viewpoints within `reach` metres of a camera (3,) as seen from above, the nearest first; none that is higher
         or lower than a stair leads within that distance."""
         x, y, z = (float(value) for value in place)
-        column, row = _bucket((x - reach, y - reach))
-        last_column, last_row = _bucket((x + reach, y + reach))
+        around = reach + SAME  # whatever is rounded
+        column, row = _bucket((x - around, y - around))
+        last_column, last_row = _bucket((x + around, y + around))
         found = []
         for i in range(column, last_column + 1):
             for j in range(row, last_row + 1):

@@ -58,6 +58,10 @@ class CloudLabels:
         loose = apart > _LOOSE * np.median(apart)
         return np.where(loose, 0, _COVER * apart).astype(np.float32), normals, flat & ~loose
 
+    @cached_property
+    def _splats(self) -> SplatCloud:
+        return SplatCloud.of(self.cloud.points.astype(np.float32), self._shape[0])
+
     def of(
         self, camera: Camera, surface: FloorSurface, image: NDArray[np.uint8] | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -67,7 +71,7 @@ class CloudLabels:
         k = camera.intrinsics
         small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
         radii, normals, flat = self._shape
-        depth, _ = SplatCloud.of(self.cloud.points.astype(np.float32), radii).depth(small)
+        depth, _ = self._splats.depth(small)
         rows, columns = np.nonzero(np.isfinite(depth) & ~_behind(depth))
         rays = small.rays()[rows, columns]
         places = small.position + (depth[rows, columns] / (rays @ small.rotation[:, 2]))[:, None] * rays

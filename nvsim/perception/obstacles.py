@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
-from nvsim.geometry.cells import MOST_CELLS
+from nvsim.geometry.cells import MOST_CELLS, distinct_cells
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.nearest_points import distance_to
 from nvsim.perception.stairs import Stairs
@@ -75,8 +75,7 @@ def _feet(points: Float32, height: Float32, surface: FloorSurface) -> Float32:
     if not low.any():
         return np.empty((0, 3), np.float32)
     points, height = points[low], height[low]
-    _, cell = np.unique(np.floor(points[:, :2] / _CELL).astype(np.int64), axis=0, return_inverse=True)
-    cell = cell.reshape(-1)
+    _, cell = distinct_cells(np.floor(points[:, :2] / _CELL).astype(np.int64))
     number = np.bincount(cell)
     xy = np.stack([np.bincount(cell, points[:, axis]) / number for axis in (0, 1)], axis=1)
     lowest = np.full(len(number), np.inf)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.cells import distinct_cells
 from nvsim.geometry.nearest_points import distance_to
 from nvsim.perception.splatting import SplatCloud
 
@@ -78,3 +79,13 @@ def test_of_points_equally_deep_the_first_shows_whatever_cube_it_is_in() -> None
             assert cloud.depth(camera)[1][32, 32] == np.float32(np.array(radii)[order][0])
             wider = cloud.with_radii(np.array([0.3, 0.4], np.float32))
             assert wider.depth(camera)[1][32, 32] == np.float32(0.3)
+
+
+@pytest.mark.parametrize("far", [5, 10**12])
+def test_distinct_cells_are_those_of_numpy(far: int) -> None:
+    cells = np.concatenate([RNG.integers(-4, 5, (500, 3)), [[far, -far, far]]])
+    expected, member = np.unique(cells, axis=0, return_inverse=True)
+    found, which = distinct_cells(cells)
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(which, member.reshape(-1))
+    assert distinct_cells(np.zeros((0, 2), np.int64))[1].shape == (0,)
