@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from nvsim.depth.carving import judge
 from nvsim.depth.config import DepthConfig
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.splatting import splat_depth
+from nvsim.geometry.splatting import SplatCloud
 
 Float32 = NDArray[np.float32]
 
-_BLOCK = 4.0  # metres: points are looked up in cubes of this edge
 _SAMPLES = (6, 8)  # rows and columns of an image at which it is asked which other images show the same
 _OVERLAP = 0.15  # share of these that another image shows, or it is no witness
 
@@ -31,7 +30,7 @@ class Rest:
     def __init__(
         self, points: Float32, cameras: Sequence[Camera], maps: Callable[[int], Float32], config: DepthConfig
     ) -> None:
-        self._blocks = _Blocks(points)
+        self._cloud = SplatCloud.of(points, np.full(len(points), config.voxel / 2, np.float32))
         self._cameras, self._maps, self._config = cameras, maps, config
         self._positions = np.array([c.position for c in cameras]).reshape(-1, 3)
 
@@ -42,8 +41,7 @@ class Rest:
         spoken = np.zeros(inverse.shape, bool)
         if not known.any():
             return spoken
-        near = self._blocks.before(camera, config.farthest)
-        shown, _ = splat_depth(near, np.full(len(near), config.voxel / 2, np.float32), camera)
+        shown, _ = self._cloud.depth(camera, farthest=1.5 * config.farthest)
         known_here = known & np.isfinite(shown)
         spoken[known_here] = np.abs(shown[known_here] * inverse[known_here] - 1) > config.apart
         points = _points(camera, inverse)
@@ -59,7 +57,7 @@ class Rest:
         may = np.flatnonzero(
             np.linalg.norm(self._positions - self._positions[index], axis=1) < 2 * self._config.farthest
         )
-        overlap = np.array([_seen(self._cameras[j], some) if j != index else 0.0 for j in may])
+        overlap = np.array([_seen(self._cameras[int(j)], some) if j != index else 0.0 for j in may])
         may, overlap = may[overlap >= _OVERLAP], overlap[overlap >= _OVERLAP]
         far = np.linalg.norm(self._positions[may] - self._positions[index], axis=1)
         chosen: list[int] = []
@@ -70,32 +68,6 @@ class Rest:
             chosen.append(int(may[best]))
             far = np.minimum(far, np.linalg.norm(self._positions[may] - self._positions[may[best]], axis=1))
         return chosen
-
-
-class _Blocks:
-    """Points (N, 3), sorted by cubes, so that those before a camera are found without looking at all."""
-
-    def __init__(self, points: Float32) -> None:
-        cubes = np.floor(points / _BLOCK).astype(np.int64)
-        order = np.lexsort(cubes.T)
-        self._points, cubes = points[order], cubes[order]
-        new = np.any(np.diff(cubes, axis=0) != 0, axis=1) if len(points) else np.zeros(0, bool)
-        self._starts = np.concatenate([[0], np.flatnonzero(new) + 1, [len(points)]]).astype(np.int64)
-        self._middles = (cubes[self._starts[:-1]] + 0.5) * _BLOCK if len(points) else np.empty((0, 3))
-
-    def before(self, camera: Camera, farthest: float) -> Float32:
-        """(M, 3) those that the camera may see within `farthest` metres, and some more."""
-        if not len(self._middles):
-            return self._points
-        k, radius = camera.intrinsics, _BLOCK * 3**0.5 / 2
-        local = (self._middles - camera.position) @ camera.rotation
-        sides = np.array(
-            [[k.fx, 0, k.cx], [-k.fx, 0, k.width - k.cx], [0, k.fy, k.cy], [0, -k.fy, k.height - k.cy], [0, 0, 1]]
-        )
-        sides /= np.linalg.norm(sides, axis=1, keepdims=True)
-        inside = (local @ sides.T > -radius).all(axis=1) & (local[:, 2] < farthest + radius)
-        rows = [np.arange(self._starts[i], self._starts[i + 1]) for i in np.flatnonzero(inside)]
-        return self._points[np.concatenate(rows)] if rows else self._points[:0]
 
 
 def _points(camera: Camera, inverse: Float32) -> Float32:

@@ -93,9 +93,10 @@ class Camera:
 def look(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArray[np.float64]:
     """A level camera-to-world pose (4, 4): heading in radians, 0 is +y, positive turns right (clockwise seen from
     above), elevation in radians, positive looks up. The convention is Matterport3DSimulator's."""
-    sh, ch, se, ce = np.sin(heading), np.cos(heading), np.sin(elevation), np.cos(elevation)
-    forward = np.array([sh * ce, ch * ce, se])
-    right = np.array([ch, -sh, 0.0])
+    sh, ch, se, ce = (float(f(x)) for x in (heading, elevation) for f in (np.sin, np.cos))
+    right, forward = (ch, -sh, 0.0), (sh * ce, ch * ce, se)
     pose = np.eye(4)
-    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(forward, right), forward, position
+    # numpy's cross product takes as long as all else that a view needs before it is drawn.
+    down = [forward[i - 2] * right[i - 1] - forward[i - 1] * right[i - 2] for i in range(3)]
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, down, forward, position
     return pose

@@ -30,3 +30,18 @@ def bilinear(
         low = grid[r0, c0] * (one - along) + grid[r0, c1] * along
         high = grid[r1, c0] * (one - along) + grid[r1, c1] * along
         found[i] = low * (one - up) + high * up
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def marked(
+    cells: NDArray[np.bool_],  # (rows, columns)
+    x: float,  # world, of the lower corner of cell [0, 0]; as y
+    y: float,
+    spacing: float,  # of cells
+    places: NDArray[np.floating],  # (N, 2 or more) world x, y
+    found: NDArray[np.bool_],  # (N,) out: that of the cell; False beyond the grid and at places that are NaN
+) -> None:
+    rows, columns = cells.shape
+    for i in range(len(places)):
+        c, r = np.floor((places[i, 0] - x) / spacing), np.floor((places[i, 1] - y) / spacing)
+        found[i] = 0 <= c < columns and 0 <= r < rows and cells[int(r), int(c)]

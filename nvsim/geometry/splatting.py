@@ -2,57 +2,125 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 
+Float32 = NDArray[np.float32]
+
+_BLOCK = 1.0  # metres: points are kept in cubes of this side, of which a camera sees some
+_LARGEST = 24.0  # pixels
+_ANY = 1e6  # metres
+
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _splat(
-    points: NDArray[np.float32],  # (N, 3) metres, world
+    points: NDArray[np.float32],  # (N, 3) metres, world, block by block
     radii: NDArray[np.float32],  # (N,) metres
+    order: NDArray[np.int32],  # (N,) of points equally deep in a pixel the first by this shows
+    first: NDArray[np.int64],  # (B + 1,) the first point of each block
+    middles: NDArray[np.float32],  # (B, 3) metres, world
+    reach: np.float32,  # metres from a middle to the farthest edge of a square of its block
     pose: NDArray[np.float32],  # (3, 4) rows of world-to-camera
     lens: NDArray[np.float32],  # (4,) fx, fy, cx, cy, pixels
     largest: np.float32,  # half-width, pixels
+    farthest: np.float32,  # metres from the camera from which on blocks are passed by
     depth: NDArray[np.float32],  # (H, W) metres, changed
     extent: NDArray[np.float32],  # (H, W) metres, changed
+    shown: NDArray[np.int32],  # (H, W) `order` of the point that shows, changed
 ) -> None:
     # Written without temporaries: half a million points pass through here for every frame.
     height, width = depth.shape
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    # The image's sides, a pixel farther out, as planes through the camera: inside, lens * offset + side * z >= 0.
+    left, right = cx + np.float32(1), width - cx + np.float32(1)
+    upper, lower = cy + np.float32(1), height - cy + np.float32(1)
+    by_left, by_right = reach * np.sqrt(fx * fx + left * left), reach * np.sqrt(fx * fx + right * right)
+    by_upper, by_lower = reach * np.sqrt(fy * fy + upper * upper), reach * np.sqrt(fy * fy + lower * lower)
+    for b in range(middles.shape[0]):
+        x, y, z = middles[b, 0], middles[b, 1], middles[b, 2]
         zc = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
-        if zc < 0.05:
+        across = fx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3])
+        down = fy * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3])
+        if zc < -reach or across + left * zc < -by_left or right * zc - across < -by_right:
             continue
-        u = fx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / zc + cx
-        v = fy * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / zc + cy
-        half = min(radii[i] * fx / zc, largest)
-        c0, c1 = int(np.ceil(u - half - 0.5)), int(np.floor(u + half - 0.5))
-        r0, r1 = int(np.ceil(v - half - 0.5)), int(np.floor(v + half - 0.5))
-        if c1 < c0:
-            c0 = c1 = int(np.floor(u))
-        if r1 < r0:
-            r0 = r1 = int(np.floor(v))
-        for r in range(max(r0, 0), min(r1, height - 1) + 1):
-            for c in range(max(c0, 0), min(c1, width - 1) + 1):
-                if zc < depth[r, c]:
-                    depth[r, c] = zc
-                    extent[r, c] = radii[i]
+        if down + upper * zc < -by_upper or lower * zc - down < -by_lower:
+            continue
+        aside, below = across / fx, down / fy
+        if aside * aside + below * below + zc * zc > (farthest + reach) * (farthest + reach):
+            continue
+        for i in range(first[b], first[b + 1]):
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            zc = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+            if zc < 0.05:
+                continue
+            u = fx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / zc + cx
+            v = fy * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / zc + cy
+            half = min(radii[i] * fx / zc, largest)
+            c0, c1 = int(np.ceil(u - half - 0.5)), int(np.floor(u + half - 0.5))
+            r0, r1 = int(np.ceil(v - half - 0.5)), int(np.floor(v + half - 0.5))
+            if c1 < c0:
+                c0 = c1 = int(np.floor(u))
+            if r1 < r0:
+                r0 = r1 = int(np.floor(v))
+            for r in range(max(r0, 0), min(r1, height - 1) + 1):
+                for c in range(max(c0, 0), min(c1, width - 1) + 1):
+                    if zc < depth[r, c] or (zc == depth[r, c] and order[i] < shown[r, c]):
+                        depth[r, c] = zc
+                        extent[r, c] = radii[i]
+                        shown[r, c] = order[i]
 
 
-def splat_depth(
-    points: NDArray[np.float32], radii: NDArray[np.float32], camera: Camera, largest: float = 24.0
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Depth (H, W) float32 along the optical axis of the nearest of `points` (N, 3), each a square of half-width
-    `radii` (N,) metres, at most `largest` pixels; inf where there is none. Beside it the radius (H, W) of that point,
-    0 where there is none."""
-    k = camera.intrinsics
-    depth = np.full((k.height, k.width), np.inf, np.float32)
-    extent = np.zeros((k.height, k.width), np.float32)
-    pose = np.ascontiguousarray(camera.world_to_camera[:3], np.float32)
-    lens = np.array([k.fx, k.fy, k.cx, k.cy], np.float32)
-    _splat(points, radii, pose, lens, np.float32(largest), depth, extent)
-    return depth, extent
+@dataclass(frozen=True, eq=False)
+class SplatCloud:
+    """Points in cubes, so that a camera passes by those that it does not see.
+
+    order    (N,) int32, the point of the caller's that each is
+    points   (N, 3) float32 metres, world, and radii (N,) metres, half the width of what a point stands for, in order
+    first    (B + 1,) the first point of each block
+    middles  (B, 3) float32 metres, world
+    """
+
+    order: NDArray[np.int32]
+    points: Float32
+    radii: Float32
+    first: NDArray[np.int64]
+    middles: Float32
+
+    @staticmethod
+    def of(points: Float32, radii: Float32) -> SplatCloud:
+        """Of points (N, 3) and radii (N,), in any order."""
+        cubes = np.floor(points / np.float32(_BLOCK)).astype(np.int64)
+        low = cubes.min(axis=0, initial=0)
+        sides = cubes.max(axis=0, initial=0) - low + 1
+        x, y, z = (cubes - low).T
+        key = (z * sides[1] + y) * sides[0] + x
+        order = np.argsort(key, kind="stable").astype(np.int32)
+        starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+        middles = ((cubes[order[starts]] + 0.5) * _BLOCK).astype(np.float32)
+        return SplatCloud(order, points[order], radii[order], np.append(starts, len(points)), middles)
+
+    def with_radii(self, radii: Float32) -> SplatCloud:
+        """The same points with other radii (N,), in the caller's order."""
+        return replace(self, radii=radii[self.order])
+
+    def depth(self, camera: Camera, largest: float = _LARGEST, farthest: float = _ANY) -> tuple[Float32, Float32]:
+        """Depth (H, W) float32 along the optical axis of the nearest point, each a square of at most `largest` pixels
+        half-width; inf where there is none. Beside it the radius (H, W) of that point, 0 where there is none. Points
+        `farthest` metres from the camera may be left out: in a large building most are."""
+        k = camera.intrinsics
+        depth = np.full((k.height, k.width), np.inf, np.float32)
+        extent = np.zeros((k.height, k.width), np.float32)
+        pose = np.ascontiguousarray(camera.world_to_camera[:3], np.float32)
+        lens = np.array([k.fx, k.fy, k.cx, k.cy], np.float32)
+        # Half a cube's diagonal, half a square's, and the rounding of large coordinates.
+        reach = np.float32(0.87 * _BLOCK + 1.5 * self.radii.max(initial=0) + 0.05)
+        _splat(
+            self.points, self.radii, self.order, self.first, self.middles, reach, pose, lens, np.float32(largest),
+            np.float32(farthest), depth, extent, np.empty(depth.shape, np.int32),
+        )  # fmt: skip
+        return depth, extent

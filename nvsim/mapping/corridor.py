@@ -6,6 +6,7 @@ evidence answers for another robot. Directions: number k is `lattice_offset` + 4
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -31,8 +32,15 @@ _BEYOND = WIDTH / 2
 
 
 def headings(config: MappingConfig) -> NDArray[np.float64]:
-    """(8,) radians."""
-    return np.radians(config.lattice_offset + 45.0 * np.arange(DIRECTIONS))
+    """(8,) radians, not to be changed."""
+    return _headings(config.lattice_offset)
+
+
+@lru_cache(maxsize=4)
+def _headings(offset: float) -> NDArray[np.float64]:
+    found: NDArray[np.float64] = np.radians(offset + 45.0 * np.arange(DIRECTIONS))
+    found.setflags(write=False)
+    return found
 
 
 def ahead(heading: float, distance: float) -> NDArray[np.float64]:
@@ -64,11 +72,16 @@ class Corridor:
 
     def cells(self) -> NDArray[np.float64]:
         """(rows, CELLS, 2) world x, y of the cell centres, rows from near to far, cells from left to right."""
-        along = NEAR + (np.arange(self.rows) + 0.5) * DEPTH
-        across = ((np.arange(CELLS) + 0.5) / CELLS - 0.5) * WIDTH
-        forward = ahead(self.heading, 1.0)
-        right = np.array([forward[1], -forward[0]])
-        return np.array(self.start) + along[:, None, None] * forward + across[None, :, None] * right
+        found = np.empty((self.rows, CELLS, 2))
+        self._place(found)
+        return found
+
+    def _place(self, found: NDArray[np.float64]) -> None:
+        from nvsim.mapping import floor_kernels
+
+        x, y = ahead(self.heading, 1.0).tolist()
+        start = float(self.start[0]), float(self.start[1])
+        floor_kernels.cells(start, (x, y), NEAR, DEPTH, WIDTH, found)
 
     def ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
         """(rows, CELLS, 3) the cell centres on the floor, not to be changed. Of storeys over one another it is the
@@ -77,7 +90,7 @@ class Corridor:
 
     def _ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
         ground = np.empty((self.rows, CELLS, 3))
-        ground[..., :2] = self.cells()
+        self._place(ground)
         if self.eye is None:
             ground[..., 2] = floor_at(ground[..., :2])
             return ground
@@ -114,7 +127,7 @@ def _level(start: tuple[float, float], eye: float, floor_at: HeightAt) -> float:
 
 
 # The corridors of one viewpoint are asked about several times: what to render, what was seen, where each ends.
-@lru_cache(maxsize=128)
+@lru_cache(maxsize=1024)
 def _ground(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
     found = corridor._ground(floor_at)
     found.setflags(write=False)
@@ -124,8 +137,11 @@ def _ground(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
 def view_of(corridor: Corridor, config: MappingConfig) -> int:
     """The lattice direction whose view shows `corridor`: the nearest. One rule for all corridors, so that evidence is
     the same whether a whole turn was rendered or one view alone."""
-    off = np.abs((corridor.heading - headings(config) + np.pi) % (2 * np.pi) - np.pi)
-    return int(np.argmin(np.round(off, 6)))
+    off = [
+        round(1e6 * abs((corridor.heading - heading + math.pi) % (2 * math.pi) - math.pi))
+        for heading in headings(config).tolist()
+    ]
+    return off.index(min(off))
 
 
 def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, support: SupportAt) -> Evidence:

@@ -162,12 +162,16 @@ def stricter(decisions: Sequence[Decision]) -> Decision:
 
 def _decision(evidence: Evidence, config: MappingConfig) -> Decision:
     corridor = corridor_of(evidence, config)
-    for criterion in CRITERIA:
-        if criterion.asked(config):
-            value, _ = criterion.measure(evidence, corridor)
-            if not criterion.passes(value, criterion.limit(config)):
-                return criterion.word
+    for criterion in _asked(config):
+        value, _ = criterion.measure(evidence, corridor)
+        if not criterion.passes(value, criterion.limit(config)):
+            return criterion.word
     return OPEN
+
+
+@lru_cache(maxsize=16)
+def _asked(config: MappingConfig) -> tuple[Criterion, ...]:
+    return tuple(criterion for criterion in CRITERIA if criterion.asked(config))
 
 
 def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:

@@ -1,4 +1,4 @@
-"""The kernels of `FloorPixels`; imported where they are called, as numba takes its time."""
+"""The kernels of `FloorPixels`, `Corridor` and `Trodden`; imported where they are called, as numba takes its time."""
 
 from __future__ import annotations
 
@@ -100,3 +100,52 @@ def read(
             top = flat[corners[0, i, j]] * (1 - u) + flat[corners[1, i, j]] * u
             bottom = flat[corners[2, i, j]] * (1 - u) + flat[corners[3, i, j]] * u
             found[i, j] = top * (1 - v) + bottom * v
+
+
+@njit(cache=True, nogil=True)
+def cells(
+    start: tuple[float, float],  # x, y, metres, world
+    forward: tuple[float, float],  # unit
+    near: float,  # metres ahead to the first row,
+    depth: float,  # of a row, and across all cells
+    width: float,
+    found: NDArray[
+        np.float64
+    ],  # (rows, cells, 2 or more) out: world x, y of the middles, from near to far and left to right
+) -> None:
+    count = found.shape[1]
+    for i in range(found.shape[0]):
+        along = near + (i + 0.5) * depth
+        for j in range(count):
+            across = ((j + 0.5) / count - 0.5) * width
+            found[i, j, 0] = start[0] + along * forward[0] + across * forward[1]
+            found[i, j, 1] = start[1] + along * forward[1] + across * -forward[0]
+
+
+@njit(cache=True, nogil=True)
+def trodden(
+    points: NDArray[np.float64],  # (N, 3) metres, world
+    places: NDArray[np.float64],  # (P, 3) of carried cameras, square by square
+    first: NDArray[np.int64],  # (squares + 1,) the first place of each square, counted along x, then along y
+    low: tuple[float, float],  # the corner of the first square
+    side: float,  # of a square, at least `reach`
+    columns: int,  # of squares along x
+    reach: float,  # metres along the ground
+    least: float,  # metres that the nearest camera is over the point, between these
+    most: float,
+    found: NDArray[np.bool_],  # (N,) out
+) -> None:
+    rows = (len(first) - 1) // columns
+    for i in range(len(points)):
+        x, y, z = points[i]
+        column, row = int(np.floor((x - low[0]) / side)), int(np.floor((y - low[1]) / side))
+        nearest, over = reach * reach, 0.0
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for c in range(max(column - 1, 0), min(column + 2, columns)):
+                square = r * columns + c
+                for k in range(first[square], first[square + 1]):
+                    dx, dy = x - places[k, 0], y - places[k, 1]
+                    away = dx * dx + dy * dy
+                    if away < nearest:
+                        nearest, over = away, places[k, 2] - z
+        found[i] = least < over < most

@@ -83,16 +83,17 @@ class GraphBuilder:
     def near(self, place: NDArray[np.floating], reach: float) -> list[Viewpoint]:
         """Viewpoints within `reach` metres of a camera (3,) as seen from above, the nearest first; none that is higher
         or lower than a stair leads within that distance."""
-        xy = place[:2]
-        steps = math.ceil(reach / _BUCKET)
-        x, y = _bucket((float(xy[0]), float(xy[1])))
+        x, y, z = (float(value) for value in place)
+        around = reach + SAME  # whatever is rounded
+        column, row = _bucket((x - around, y - around))
+        last_column, last_row = _bucket((x + around, y + around))
         found = []
-        for i in range(x - steps, x + steps + 1):
-            for j in range(y - steps, y + steps + 1):
+        for i in range(column, last_column + 1):
+            for j in range(row, last_row + 1):
                 for id in self._buckets.get((i, j), ()):
-                    distance = apart(self.viewpoints[id], xy)
-                    height = abs(self.viewpoints[id].position[2] - float(place[2]))
-                    if distance <= reach and height <= STEEPEST * distance + SAME_FLOOR:
+                    there = self.viewpoints[id].position
+                    distance = math.hypot(there[0] - x, there[1] - y)
+                    if distance <= reach and abs(there[2] - z) <= STEEPEST * distance + SAME_FLOOR:
                         found.append((round(distance, 6), id))
         return [self.viewpoints[id] for _, id in sorted(found)]
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Viewpoint
+from nvsim.kernel_threads import allowed
 from nvsim.mapping.criteria import can_stand
 from nvsim.mapping.known_room import KnownRoom
 from nvsim.mapping.survey import Survey
@@ -53,7 +55,7 @@ class Shortcuts:
 
     def _detours(self) -> list[tuple[float, str, str]]:
         """Metres over known floor and the ends, the shortest first."""
-        ids, pairs = sorted(self._ways), []
+        ids, looks = sorted(self._ways), list[tuple[str, list[str]]]()
         places = np.array([self._draft.viewpoints[id].position for id in ids])
         for i, id in enumerate(ids[:-1]):
             others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
@@ -66,8 +68,13 @@ class Shortcuts:
                 least = max(metres, known.get(ids[j], (0.0, 0))[0])
                 if math.isfinite(least) and along.get(ids[j], math.inf) > _most(least):
                     far.append(ids[j])
-            self._look(id, far)
-            pairs += [(round(known[other][0], 3), id, other) for other in far]
+            if far:
+                looks.append((id, far))
+        # Side by side: each is a search over floor in a kernel, and nothing is shut meanwhile.
+        with ThreadPoolExecutor(allowed(), "shortcuts") as pool:
+            for _ in pool.map(self._look, *zip(*looks, strict=True)) if looks else ():
+                pass
+        pairs = [(round(self._known[id][other][0], 3), id, other) for id, far in looks for other in far]
         return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
 
     def _look(self, id: str, others: Sequence[str]) -> None:

@@ -10,6 +10,7 @@ from nvsim.mapping.graph_builder import GraphBuilder
 
 NEAR = 1.5  # metres; half of what R2R calls arrived
 DETOUR = 1.5  # times as long, a way may become
+_ROUNDING = 1e-6  # metres, more than the sum of a way is off
 
 
 class Ways:
@@ -54,7 +55,10 @@ class Ways:
 
     def apart(self, a: str, b: str) -> float:
         """Metres straight, seen from above."""
-        return math.dist(self._draft.viewpoints[a].position[:2], self._draft.viewpoints[b].position[:2])
+        return math.dist(self._place(a), self._place(b))
+
+    def _place(self, id: str) -> tuple[float, float]:
+        return self._draft.viewpoints[id].position[:2]
 
     def metres(self, a: str, b: str, most: float = math.inf) -> float:
         """Of the shortest way from one viewpoint to another; infinite where it is longer than `most`."""
@@ -66,10 +70,12 @@ class Ways:
 
     def _spread(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
         """id -> metres from `start`, the nearest first, of all that are no farther than `most`, or of those no farther
-        than `until`. Dijkstra's algorithm; the one of networkx takes ten times as long for the short ways asked here,
-        which is most of what settling is."""
+        than `until` and not so far aside that a way over them cannot be one of `most` metres. Dijkstra's algorithm; the
+        one of networkx takes ten times as long for the short ways asked here, which is most of what settling is."""
         found: dict[str, float] = {}
         heap = [(0.0, start)]
+        aside = until is not None and math.isfinite(most)
+        end = self._place(until) if until is not None else (0.0, 0.0)
         while heap:
             metres, id = heappop(heap)
             if id in found:
@@ -79,8 +85,12 @@ class Ways:
                 break
             for other, length in self._joined[id].items():
                 far = metres + length
-                if far <= most and other not in found:
-                    heappush(heap, (far, other))
+                if far > most or other in found:
+                    continue
+                # No way is shorter than straight, but for rounding.
+                if aside and far + math.dist(self._place(other), end) > most + _ROUNDING:
+                    continue
+                heappush(heap, (far, other))
         return found
 
     def parts(self) -> dict[str, int]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.cells import grid_size
+from nvsim.geometry.cells import distinct_cells, grid_size
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.roles import Float32, Image, Mask
 
@@ -76,8 +76,7 @@ class FloorAppearance:
             if not seen.any():
                 continue
             index = np.floor(view.ground[seen] / _CELL).astype(np.int64)
-            places, member = np.unique(index, axis=0, return_inverse=True)
-            member = member.reshape(-1)
+            places, member = distinct_cells(index)
             number = np.bincount(member)
             logs = np.log(view.image[seen].astype(np.float32) + _DARK)
             cells.append(places)

@@ -16,7 +16,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.neighbourhood import axes_of
-from nvsim.geometry.splatting import splat_depth
+from nvsim.geometry.splatting import SplatCloud
 
 FLOOR, OTHER, UNKNOWN = 1, 0, 255
 _NEIGHBOURS = 40
@@ -61,6 +61,12 @@ class CloudLabels:
         thin = np.where(apart > _THIN * usual, np.minimum(wide, _WIDEST), 0).astype(np.float32)
         return np.where(loose, 0, wide).astype(np.float32), thin, normals, flat & ~loose
 
+    @cached_property
+    def _splats(self) -> tuple[SplatCloud, SplatCloud]:
+        """Of the squares of the points, and of what a few of them leave unsaid."""
+        points, (radii, thin, _, _) = self.cloud.points.astype(np.float32), self._shape
+        return SplatCloud.of(points, radii), SplatCloud.of(points[thin > 0], thin[thin > 0])
+
     def of(
         self, camera: Camera, surface: FloorSurface, image: NDArray[np.uint8] | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -69,10 +75,10 @@ class CloudLabels:
         (H, W, 3) uint8 RGB, and a cloud that has colours, pixels of another colour are unknown too."""
         k = camera.intrinsics
         small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
-        radii, thin, normals, flat = self._shape
-        points = self.cloud.points.astype(np.float32)
-        depth, _ = splat_depth(points, radii, small)
-        unsaid, _ = splat_depth(points[thin > 0], thin[thin > 0], small)
+        radii, _, normals, flat = self._shape
+        said_by, left_unsaid = self._splats
+        depth, _ = said_by.depth(small)
+        unsaid, _ = left_unsaid.depth(small)
         rows, columns = np.nonzero(np.isfinite(depth) & ~_behind(depth))
         rays = small.rays()[rows, columns]
         places = small.position + (depth[rows, columns] / (rays @ small.rotation[:, 2]))[:, None] * rays

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.geometry.cells import grid_size
+from nvsim.geometry.cells import distinct_cells, grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 
 Float64 = NDArray[np.float64]
@@ -106,14 +106,15 @@ def _below(cloud: Cloud | None, walk: Float64, config: FloorHeightConfig) -> Flo
         return None
     from scipy.spatial import cKDTree
 
-    points = np.asarray(cloud.points, np.float64)
     low, high = walk.min(axis=0) - config.reach, walk.max(axis=0) + config.reach
-    points = points[((points[:, :2] > low[:2]) & (points[:, :2] < high[:2])).all(axis=1)]
-    cells, member = np.unique(np.floor(points[:, :2] / _PATCH).astype(np.int64), axis=0, return_inverse=True)
+    x, y = cloud.points[:, 0], cloud.points[:, 1]
+    around = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
+    points = np.asarray(cloud.points[around], np.float64)
+    cells, member = distinct_cells(np.floor(points[:, :2] / _PATCH).astype(np.int64))
     distance, nearest = cKDTree(walk[:, :2]).query((cells + 0.5) * _PATCH, distance_upper_bound=config.reach)
-    carried = np.append(walk[:, 2], np.nan)[nearest][member.reshape(-1)]
+    carried = np.append(walk[:, 2], np.nan)[nearest][member]
     drop = carried - points[:, 2]
-    slack = 0.1 * np.append(distance, 0.0)[member.reshape(-1)]
+    slack = 0.1 * np.append(distance, 0.0)[member]
     points = points[(drop > config.lowest - slack) & (drop < config.highest + slack)]
     return points if len(points) >= 30 else None
 
@@ -132,7 +133,7 @@ def _carried_height(
     from scipy.spatial import cKDTree
 
     chosen = walk[np.linspace(0, len(walk) - 1, min(len(walk), 400)).astype(int)]
-    patches = np.unique(np.floor(points / [_PATCH, _PATCH, _LEVEL]).astype(np.int64), axis=0) * [
+    patches = distinct_cells(np.floor(points / [_PATCH, _PATCH, _LEVEL]).astype(np.int64))[0] * [
         _PATCH,
         _PATCH,
         _LEVEL,

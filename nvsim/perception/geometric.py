@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.splatting import splat_depth
+from nvsim.geometry.splatting import SplatCloud
 from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, Glimpse
 from nvsim.perception.glass import GlassConfig, SeeThrough
 from nvsim.perception.growing import grow
@@ -108,6 +108,7 @@ class GeometricFloor:
         self._appearance: FloorAppearance | None = None
         self._is_sparse = cloud is not None and not cloud.is_dense
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
+        self._splats = SplatCloud.of(self._standing.points, self._standing.radii)
 
     def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image], threads: int = 1) -> None:
         """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
@@ -136,7 +137,7 @@ class GeometricFloor:
             through.vote(self._appearance.logs(view), expected, hidden, hits.astype(np.float32), behind)
         glass = through.glass(self._standing.points)
         radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
-        self._standing = replace(self._standing, radii=radii)
+        self._splats = self._splats.with_radii(radii)
 
     def segment(
         self, camera: Camera, image: Image, depth: Float32 | None = None, looks: Float32 | None = None
@@ -230,7 +231,7 @@ class GeometricFloor:
         distance = np.where(met, distance, 0).astype(np.float32)
         ground = small.position[:2] + distance[..., None] * rays[..., :2]
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
-        depth, radius = splat_depth(self._standing.points, self._standing.radii, small)
+        depth, radius = self._splats.depth(small, farthest=self.config.farthest)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
         inside = cv2.distanceTransform(hidden.astype(np.uint8), cv2.DIST_L2, 3)
         # Above a foot the floor next to a border lies behind the thing, and the border is a silhouette drawn too large;

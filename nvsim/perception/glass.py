@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.cells import distinct_cells
 from nvsim.perception.roles import Float32, Mask
 
 
@@ -66,18 +67,13 @@ class SeeThrough:
         """(N,) whether each of `points` (N, 3) lies in a cube that the views see through."""
         if not self._cubes or len(points) == 0:
             return np.zeros(len(points), bool)
-        cubes, member = np.unique(np.concatenate(self._cubes), axis=0, return_inverse=True)
-        member = member.reshape(-1)
-        asked, shown = np.bincount(member), np.bincount(member, np.concatenate(self._shown))
-        clear = cubes[(asked >= self._config.least) & (shown > self._config.share * asked)]
-        # Both lists as single values: a row of three integers is compared as one void.
-        found: Mask = np.isin(_rows(self._cube(points)), _rows(clear))
+        votes, of_points = np.concatenate(self._cubes), self._cube(points)
+        cubes, member = distinct_cells(np.concatenate([votes, of_points]))
+        asked = np.bincount(member[: len(votes)], minlength=len(cubes))
+        shown = np.bincount(member[: len(votes)], np.concatenate(self._shown), minlength=len(cubes))
+        clear = (asked >= self._config.least) & (shown > self._config.share * asked)
+        found: Mask = clear[member[len(votes) :]]
         return found
 
     def _cube(self, points: Float32) -> NDArray[np.int64]:
         return np.floor(np.asarray(points, np.float64) / self._config.cube).astype(np.int64)
-
-
-def _rows(values: NDArray[np.int64]) -> NDArray[np.void]:
-    whole = np.ascontiguousarray(values.reshape(-1, 3))
-    return whole.view([("", whole.dtype)] * 3).reshape(-1)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from nvsim.capture.types import Cloud
-from nvsim.geometry.cells import MOST_CELLS
+from nvsim.geometry.cells import MOST_CELLS, distinct_cells
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.nearest_points import distance_to
 from nvsim.perception.stairs import Stairs
 from nvsim.perception.support import FloorSupport
 
@@ -54,20 +55,12 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
     on_floor = points[np.abs(above) <= clear]
     feet = _feet(obstacles, height, on_floor, surface)
     everything = np.ascontiguousarray(np.concatenate([obstacles, feet]), np.float32)
-    spacing = _spacing(everything, 4)
+    spacing = distance_to(everything, 4)
     # A surface that returns far fewer points than the rest is glass, or noise: what lies behind it is seen.
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
     return Standing(everything, radii, _confirmed(on_floor, surface))
-
-
-def _spacing(points: Float32, neighbour: int) -> Float32:
-    """(N,) float32 metres from each point to its `neighbour`-th nearest; the farthest there is in a tiny cloud."""
-    if len(points) == 0:
-        return np.empty(0, np.float32)
-    distance, _ = cKDTree(points).query(points, k=min(neighbour + 1, len(points)), workers=2)
-    return np.asarray(distance, np.float32).reshape(len(points), -1)[:, -1]
 
 
 def _local_mean(points: Float32, values: Float32) -> Float32:
@@ -90,8 +83,7 @@ def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSur
     if not low.any():
         return np.empty((0, 3), np.float32)
     things, points, height = points[height < _TOP], points[low], height[low]
-    _, cell = np.unique(np.floor(points[:, :2] / _CELL).astype(np.int64), axis=0, return_inverse=True)
-    cell = cell.reshape(-1)
+    _, cell = distinct_cells(np.floor(points[:, :2] / _CELL).astype(np.int64))
     number = np.bincount(cell)
     xy = np.stack([np.bincount(cell, points[:, axis]) / number for axis in (0, 1)], axis=1)
     lowest = np.full(len(number), np.inf)
@@ -117,7 +109,7 @@ def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDAr
         floor.query_ball_point(on_floor[:: max(1, len(on_floor) // 2000), :2], _UNDER, return_length=True)
     )
     found = _halves(floor, xy, _UNDER).min(axis=0) > 0.5 * _OPEN * usual
-    over = cKDTree(_CELL * (0.5 + np.unique(np.floor(things[:, :2] / _CELL), axis=0)))
+    over = cKDTree(_CELL * (0.5 + distinct_cells(np.floor(things[:, :2] / _CELL).astype(np.int64))[0]))
     cells = 0.5 * np.pi * (_OVER / _CELL) ** 2
     found[found] = _halves(over, xy[found], _OVER).max(axis=0) > _ROOF * cells
     return found
@@ -147,7 +139,7 @@ def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:
     index = np.floor((points[:, :2] - origin) / _CELL).astype(np.int64)
     grid = np.zeros((int(index[:, 1].max()) + 11, int(index[:, 0].max()) + 11), np.uint8)
     grid[index[:, 1], index[:, 0]] = 1
-    gap = 2.5 * float(np.median(_spacing(points, 4)))
+    gap = 2.5 * float(np.median(distance_to(points, 4)))
     size = 2 * max(3, round(gap / _CELL)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     wide = cv2.morphologyEx(np.pad(grid, size), cv2.MORPH_CLOSE, disc)

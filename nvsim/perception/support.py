@@ -45,13 +45,13 @@ class FloorSupport:
     def at(self, xy: NDArray[np.floating]) -> Mask:
         """Whether world points (..., 2) are supported, (...) bool; False outside the grid. Of points (..., 3) z counts
         for nothing: there is one floor."""
-        with np.errstate(invalid="ignore"):
-            c = np.floor((xy[..., 0] - self.origin[0]) / self.spacing)
-            r = np.floor((xy[..., 1] - self.origin[1]) / self.spacing)
-            inside = (c >= 0) & (c < self.cells.shape[1]) & (r >= 0) & (r < self.cells.shape[0])
-        index = np.where(inside, r, 0).astype(np.int64), np.where(inside, c, 0).astype(np.int64)
-        supported: Mask = self.cells[index] & inside
-        return supported
+        from nvsim.geometry.grid_kernels import marked
+
+        xy = np.asarray(xy)
+        places = np.ascontiguousarray(xy.reshape(-1, xy.shape[-1]), np.float64)
+        found = np.empty(len(places), bool)
+        marked(self.cells, float(self.origin[0]), float(self.origin[1]), float(self.spacing), places, found)
+        return found.reshape(xy.shape[:-1])
 
     def save(self, path: Path) -> None:
         """Writes an .npz. Raises InputError when the disk refuses."""

@@ -21,7 +21,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig
-from nvsim.training.parameters import Parameters, generator_of
+from nvsim.training.parameters import Parameters, generator_of, send_back
 
 _F = np.float32
 _REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing
@@ -108,7 +108,7 @@ class LinearColours:
 
     def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
         """From the gradient by the tint's matrix (3, F) that the last `shown` gave; that of the features is there."""
-        self._matrix.backward(torch.from_numpy(d_matrix))
+        send_back(self._matrix, torch.from_numpy(d_matrix))
 
     def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> LinearAppearance:
         """A copy without torch."""
@@ -173,7 +173,7 @@ class NetworkColours:
 
     def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
         """From the gradient by the coefficients (N, K, 3) of what the last `shown` gave."""
-        self._sh.backward(torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
+        send_back(self._sh, torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
         d_features[:] = 0
         if self._features.grad is not None:
             d_features[self._rows] = self._features.grad.numpy()

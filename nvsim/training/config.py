@@ -176,7 +176,7 @@ class TrainingConfig:
     threads: int = 0
     """Threads of the kernels; 0 means all cores. Runs are repeatable for one count."""
     checkpoint_seconds: float = 15.0
-    """Least time between two checkpoints."""
+    """Most time between two checkpoints: as often as they take 2 % of the time, and at least so often; seconds."""
 
     def __post_init__(self) -> None:
         look = self.appearance

@@ -14,6 +14,7 @@ from nvsim.training.background.network import BackgroundNetwork
 from nvsim.training.config import TrainingConfig
 from nvsim.training.embedding import IndexEmbedding, PositionEmbedding, embedding_of
 from nvsim.training.optimizer import Group
+from nvsim.training.parameters import send_back
 from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]
@@ -69,12 +70,12 @@ class Networks:
 
     def backdrop_gradient(self, d_coefficients: Float32) -> None:
         """From the gradient (25, 3) by the last `backdrop`."""
-        self._coefficients.backward(torch.from_numpy(d_coefficients))
+        send_back(self._coefficients, torch.from_numpy(d_coefficients))
 
     def learn(self) -> None:
         """Sends the gradients by the embedding, of the background and the colours, back through it."""
         if self.seen.grad is not None and self._taken.requires_grad:
-            self._taken.backward(self.seen.grad)
+            send_back(self._taken, self.seen.grad)
 
     def exported_background(self) -> Background | None:
         """A copy without torch."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ from nvsim.training.config import TrainingConfig
 from nvsim.training.fit import Fit
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
+from nvsim.training.paced import Paced
 from nvsim.training.preview import PreviewFiles, is_run, preview, psnr_of
 from nvsim.training.robust.masks import robust_mask
 from nvsim.training.strategies.choice import strategy_of
@@ -35,6 +37,9 @@ REPORT_SECONDS = 0.4
 PREVIEW_SECONDS = 5.0
 PREVIEW_SHARE = 0.02
 """Pictures take at most this share of the time."""
+CHECKPOINT_SECONDS = 3.0
+CHECKPOINT_SHARE = 0.02
+"""Checkpoints as well: the smaller a training, the less of it is lost with the machine that it runs on."""
 _SMOOTHING = 0.95
 
 
@@ -161,8 +166,10 @@ class _Run:
     ) -> SubmapModel:
         """All remaining steps."""
         c = self._config
-        started = reported = saved = time.monotonic()
-        due, counted = started, self._step
+        started = reported = time.monotonic()
+        counted = self._step
+        shown = Paced(-math.inf, PREVIEW_SECONDS, PREVIEW_SHARE)  # one at once
+        saved = Paced(started, CHECKPOINT_SECONDS, CHECKPOINT_SHARE, most=c.checkpoint_seconds)
         before = self._seconds
         while self._step < c.steps:
             values = self._advance()
@@ -172,13 +179,13 @@ class _Run:
             if last or now - reported >= REPORT_SECONDS:
                 self._report(values, (self._step - counted) / max(now - reported, 1e-9))
                 reported, counted = now, self._step
-            if preview is not None and (last or now >= due):
+            if preview is not None and (last or shown.is_due(now)):
                 self._show(preview, None if last else live, watched)
-                after = time.monotonic()
-                due = after + max(PREVIEW_SECONDS, (after - now) / PREVIEW_SHARE)
-            if self._path is not None and (last or now - saved >= c.checkpoint_seconds):
+                shown.done(now, time.monotonic())
+            now = time.monotonic()
+            if self._path is not None and (last or saved.is_due(now)):
                 self._save(self._path)
-                saved = time.monotonic()
+                saved.done(now, time.monotonic())
         return self.fit.model(self._info())
 
     def _advance(self) -> LossValues:

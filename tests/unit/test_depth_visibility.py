@@ -75,25 +75,3 @@ def test_unknown_pixels_and_unseen_frames_are_not_spoken_of() -> None:
     assert not said_against(np.zeros((60, 80), np.float32)).any()
     alone = Rest(np.empty((0, 3), np.float32), CAMERAS[:1], lambda i: true_map(CAMERAS[0]), DepthConfig())
     assert not alone.against(0).any()
-
-
-def test_points_before_a_camera_are_found_wherever_it_looks() -> None:
-    """Points that are looked up by cubes are those that a look at every point finds."""
-    from nvsim.depth.visibility import _Blocks
-
-    rng = np.random.default_rng(2)
-    some = rng.uniform(-30, 30, (4000, 3)).astype(np.float32)
-    blocks = _Blocks(some)
-    for turn in rng.normal(size=(6, 3, 3)):
-        pose = np.eye(4)
-        pose[:3, :3] = np.linalg.qr(turn)[0]
-        pose[:3, :3] *= np.sign(np.linalg.det(pose[:3, :3]))
-        pose[:3, 3] = rng.uniform(-20, 20, 3)
-        camera = Camera(LENS, pose)
-        x, y, z = ((some - camera.position) @ camera.rotation).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u, v = 60 * x / z + 40, 60 * y / z + 30
-        seen = some[(z > 0) & (z < 10) & (u >= 0) & (u < 80) & (v >= 0) & (v < 60)]
-        found = {tuple(p) for p in blocks.before(camera, 10.0)}
-        assert {tuple(p) for p in seen} <= found
-        assert len(found) < 2500

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from stairwell import SLOPE, known_floor, stairwell
 
+from nvsim.geometry.carried import places_between
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.climbing import Trodden
 from nvsim.mapping.config import MappingConfig
@@ -227,6 +228,20 @@ def test_without_a_scan_nothing_stands_where_somebody_walked() -> None:
         for trodden in (told, silent)
     ]
     assert (alphas[0][:6, 5:13] == 0).all() and (alphas[1] == 255).all()
+
+
+def test_the_nearest_camera_tells_whether_somebody_walked_over_a_place() -> None:
+    rng = np.random.default_rng(1)
+    path = np.cumsum(rng.normal(size=(200, 3)) * [0.3, 0.3, 0.05], axis=0) + [0, 0, 1.5]
+    places = rng.uniform(path.min(axis=0) - 2, path.max(axis=0) + 2, (40, 50, 3)) * [1, 1, 0.3]
+    walked = places_between(path, 0.1, 1.5)
+    away = np.linalg.norm(places[..., None, :2] - walked[:, :2], axis=-1)
+    over = walked[away.argmin(axis=-1), 2] - places[..., 2]
+    by = (away.min(axis=-1) < 0.4) & (over > 0.3) & (over < 2.5)
+    found = Trodden(path, scanned=False).surely_at(places)
+    assert by.any() and not by.all()
+    np.testing.assert_array_equal(found, by)
+    assert Trodden(path[:1], scanned=False).surely_at(path[0] * [1, 1, 0])
 
 
 def test_new_viewpoints_by_a_stair_are_measured_as_the_builder_measures_them() -> None:

@@ -137,6 +137,7 @@ def train_elsewhere(
 ) -> ModelFiles:
     """Trains a submap from what was sent, in a folder of its own, and sends back what it makes."""
     from nvsim.training.compilation import compile_ahead
+    from nvsim.training.paced import Paced
 
     compile_ahead(caller.tell)
     needed: Inputs = pickle.loads(inputs)
@@ -146,6 +147,8 @@ def train_elsewhere(
         if checkpoint is not None:
             paths[CHECKPOINT].write_bytes(checkpoint)
         sent = _stamp(paths[CHECKPOINT])
+        # What a checkpoint costs on the way to the command, nobody here sees: not more often than was asked for.
+        pace = Paced(time.monotonic(), config.checkpoint_seconds)
 
         def tell(event: Event) -> None:
             nonlocal sent
@@ -153,10 +156,11 @@ def train_elsewhere(
                 caller.send(PREVIEW, paths[PREVIEW].read_bytes())
                 return
             caller.tell(event)
-            now = _stamp(paths[CHECKPOINT])
-            if now != sent:
+            began, now = time.monotonic(), _stamp(paths[CHECKPOINT])
+            if now != sent and pace.is_due(began):
                 sent = now
                 caller.send(CHECKPOINT, paths[CHECKPOINT].read_bytes())
+                pace.done(began, time.monotonic())
 
         started = time.monotonic()
         model = folder / "model"

@@ -1,0 +1,60 @@
+"""How far the points of a cloud lie apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.kernel_threads import allowed
+
+_CUBE = 1.0  # metres: how dense a cloud is, is told by cubes of this side
+_SIDE = 2.5  # cells in which neighbours are looked for, in distances between points; each time they are not there,
+_WIDER = 4.0  # times as wide
+
+
+def distance_to(points: NDArray[np.float32], neighbour: int) -> NDArray[np.float32]:
+    """(N,) float32 metres from each of the points (N, 3) to its `neighbour`-th nearest; to the farthest there is in a
+    tiny cloud. The same as a k-d tree finds, by cells: that takes a tenth of the time for half a million points."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from nvsim.geometry import nearest_kernels
+
+    count = min(neighbour + 1, len(points))  # a point is the nearest to itself
+    found = np.full(len(points), np.nan, np.float32)
+    if not len(points):
+        return found
+    places = np.ascontiguousarray(points, np.float64)
+    low, high = places.min(axis=0), places.max(axis=0)
+    cubes, each = np.unique(_numbers(places, low, high, _CUBE)[0], return_inverse=True)
+    dense = float(np.median(np.bincount(each.reshape(-1), minlength=len(cubes))[each.reshape(-1)]))
+    side = _SIDE * _CUBE / np.sqrt(dense)
+    with ThreadPoolExecutor(allowed(), "nearest") as pool:
+        while True:
+            number, columns, rows = _numbers(places, low, high, side)
+            order = np.argsort(number, kind="stable")
+            cells, first = np.unique(number[order], return_index=True)
+            first = np.append(first, len(places))
+            whole = bool(((high - low) <= side).all())
+            given = places[order], cells, first, columns, rows, count, side, whole
+            apart = found[order]
+            parts = np.linspace(0, len(cells), allowed() + 1).astype(np.int64)
+            jobs = [
+                pool.submit(nearest_kernels.nearest, *given, int(a), int(b), apart)
+                for a, b in zip(parts[:-1], parts[1:], strict=True)
+            ]
+            for job in jobs:
+                job.result()
+            found[order] = apart
+            if whole or not np.isnan(found).any():
+                return found
+            side *= _WIDER
+
+
+def _numbers(
+    places: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], side: float
+) -> tuple[NDArray[np.int64], int, int]:
+    """(N,) the cell of each place (N, 3), and how far apart the numbers of cells beside one another are along y and z;
+    there is an empty cell on every side."""
+    sides = np.floor((high - low) / side).astype(np.int64) + 3
+    x, y, z = (np.floor((places - low) / side).astype(np.int64) + 1).T
+    return (z * sides[1] + y) * sides[0] + x, int(sides[0]), int(sides[0] * sides[1])
