@@ -128,7 +128,9 @@ class TrainingConfig:
     name: str = "nvsim"
     """The preset this was made from."""
     steps: int = 2000
-    """Updates of the model, one training image each."""
+    """Updates of the model, one training image each,"""
+    scanless: float = 2.0
+    """and so many times as many where the depth of the images stands in for a scan: where that begins is less true."""
     image_size: int = 640
     """Longest side of the training images, pixels."""
     coarse_share: float = 0.5
@@ -182,6 +184,7 @@ class TrainingConfig:
         look = self.appearance
         for what, fine in (
             ("steps must be at least 1", self.steps >= 1),
+            ("scanless must be 0.1 to 100", 0.1 <= self.scanless <= 100),
             ("image_size must be at least 32 pixels", self.image_size >= 32),
             ("gaussian_cap must be at least 100", self.gaussian_cap >= 100),
             ("sh_degree must be 0 to 3", 0 <= self.sh_degree <= 3),
@@ -309,7 +312,13 @@ def at_paper_scale(config: TrainingConfig) -> TrainingConfig:
     if kind != "none":
         look = replace(look, kind="network", features=72, layers=3, width=256)
     config = replace(
-        config, steps=30_000, image_size=FULL_SIZE, gaussian_cap=1_000_000, appearance=look, checkpoint_seconds=120.0
+        config,
+        steps=30_000,
+        scanless=1.0,
+        image_size=FULL_SIZE,
+        gaussian_cap=1_000_000,
+        appearance=look,
+        checkpoint_seconds=120.0,
     )
     if config.name == "nvsim":
         return config

@@ -28,7 +28,7 @@ from nvsim.project.replaced import what_is_replaced
 from nvsim.project.restored import kept_results, restore
 from nvsim.project.stage_states import first_stale, stage_states
 from nvsim.project.stages import depths, floors, imported, submaps
-from nvsim.project.stages.trained import train_key
+from nvsim.project.stages.trained import at_length, train_key
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import TrainingConfig
@@ -119,7 +119,7 @@ def test_what_is_up_to_date_ends_at_once_and_other_settings_make_it_anew(project
     assert restore(project, "depth").startswith("the depth of 40 frames") and project.layout.depth == before
 
 
-@pytest.mark.parametrize("step", [10, 60, 100, 140])
+@pytest.mark.parametrize("step", [10, 60, 100, 140, 180])
 def test_a_depth_that_is_killed_between_frames_goes_on_and_the_old_one_stays(project: Project, step: int) -> None:
     def killed(event: Event) -> None:
         if isinstance(event, Progress) and event.stage == "depth" and event.done >= step:
@@ -194,6 +194,16 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     depths.run(scanned, "auto", CONFIG, silent)
     assert "depth" not in stage_states(scanned).outdated and kept_results(scanned)[0].stage == "import"
     assert [k.stage for k in kept_results(scanned)] == ["import"], "that nothing was done is not worth keeping"
+
+
+def test_a_submap_trains_longer_where_the_images_alone_say_where_things_are(project: Project, scanned: Project) -> None:
+    config = TrainingConfig(steps=300)
+    assert at_length(project, config).steps == 600
+    assert at_length(project, replace(config, scanless=1.0)).steps == 300
+    assert at_length(scanned, config).steps == 300
+    submap = project.submaps()[0]
+    long = replace(config, steps=600, scanless=1.0)
+    assert train_key(project, submap, at_length(project, config)) == train_key(project, submap, long)
 
 
 def test_always_fills_holes_of_a_scan_and_never_overrules_it(scanned: Project) -> None:

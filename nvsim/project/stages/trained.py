@@ -66,6 +66,7 @@ def run(
         raise InputError(f"--at-once {at_once} makes no sense; say how many submaps are trained at a time, or 0.")
     on_card = executor is None and card(config.device) is not None
     chosen = [s for s in submaps if not only or s.index in only]
+    config = at_length(project, config)
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
     keys = {s.index: train_key(project, s, config) for s in chosen}
@@ -183,6 +184,12 @@ class _Run:
             afar.close()
 
 
+def at_length(project: Project, config: TrainingConfig) -> TrainingConfig:
+    """`config` with as many steps as the capture asks for."""
+    longer = depth_in_use(project) is not None and not project.need_capture().is_scanned
+    return dataclasses.replace(config, steps=round(config.steps * config.scanless)) if longer else config
+
+
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     """What the model of a submap depends on: neither device nor the number of threads nor how often it is saved."""
     corrected = corrections_key(project, training_frames(project, submap.index))
@@ -195,7 +202,7 @@ def _same(config: TrainingConfig) -> dict[str, object]:
     default = TrainingConfig()
     same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
     values = dataclasses.asdict(same)
-    del values["device"]
+    del values["device"], values["scanless"]  # the steps tell
     return {TrainingConfig.__name__: values}
 
 
