@@ -24,8 +24,8 @@ _OVERLAP = 0.15  # share of these that another image shows, or it is no witness
 
 
 class Rest:
-    """The rest of a capture, asked about each of its depth maps: its `cameras`, their `maps` of inverse depth, (H, W) float32,
-    1 / metres, 0 where unknown, and the points (N, 3) of the cloud of all maps that are seen often enough."""
+    """The rest of a capture, asked about each of its depth maps: its `cameras`, their `maps` of inverse depth, (H, W)
+    float32, 1 / metres, 0 where unknown, and the points (N, 3) of the cloud of all maps that are seen often enough."""
 
     def __init__(
         self, points: Float32, cameras: Sequence[Camera], maps: Callable[[int], Float32], config: DepthConfig

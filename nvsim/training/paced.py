@@ -1,4 +1,4 @@
-"""How often a training stops to write something down."""
+"""The pace at which a training writes things down."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 
 
 class Paced:
-    """Something done now and then: not within `least` seconds of the last time, at most `share` of the time, and after
-    `most` seconds whatever it takes. Times are those of one clock, seconds."""
+    """The pace of a work that is repeated: not within `least` seconds of the last time, at most `share` of the time,
+    and after `most` seconds at the latest. Times are those of one clock, seconds."""
 
     def __init__(self, now: float, least: float, share: float = 1.0, most: float = math.inf) -> None:
         self._least, self._share, self._most = least, share, most
