@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from typing import Literal
 
 from nvsim.errors import InputError
@@ -122,15 +122,26 @@ class AppearanceConfig:
 
 
 @dataclass(frozen=True)
+class ScanlessConfig:
+    """What changes where the depth of the images stands in for a scan: Gaussians begin a centimetre or two beside where
+    they belong."""
+
+    steps: float = 2.0
+    """Times as many steps."""
+    means: float = 4.0
+    """Times as fast the centres move at the first step,"""
+    means_end: float = 2.0
+    """and at the last."""
+
+
+@dataclass(frozen=True)
 class TrainingConfig:
     """How one submap is trained. `preset` makes the named ones."""
 
     name: str = "nvsim"
     """The preset this was made from."""
     steps: int = 2000
-    """Updates of the model, one training image each,"""
-    scanless: float = 2.0
-    """and so many times as many where the depth of the images stands in for a scan: where that begins is less true."""
+    """Updates of the model, one training image each."""
     image_size: int = 640
     """Longest side of the training images, pixels."""
     coarse_share: float = 0.5
@@ -169,6 +180,7 @@ class TrainingConfig:
     """Twice the paper's suppression, because the fill term pulls the other way at the floor's rim: the floor of novel
     views has a mean alpha of 0.017 in place of 0.021, for 0.2 dB elsewhere."""
     rate: RateConfig = field(default_factory=RateConfig)
+    scanless: ScanlessConfig = field(default_factory=ScanlessConfig)
     appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
     densify: DensifyConfig = field(default_factory=DensifyConfig)
     robust: RobustConfig = field(default_factory=RobustConfig)
@@ -184,7 +196,7 @@ class TrainingConfig:
         look = self.appearance
         for what, fine in (
             ("steps must be at least 1", self.steps >= 1),
-            ("scanless must be 0.1 to 100", 0.1 <= self.scanless <= 100),
+            ("scanless must lie in 0.1 to 100", all(0.1 <= times <= 100 for times in astuple(self.scanless))),
             ("image_size must be at least 32 pixels", self.image_size >= 32),
             ("gaussian_cap must be at least 100", self.gaussian_cap >= 100),
             ("sh_degree must be 0 to 3", 0 <= self.sh_degree <= 3),
@@ -201,6 +213,12 @@ class TrainingConfig:
         ):
             if not fine:
                 raise InputError(f"Training configuration: {what}; change it and try again.")
+
+    def without_scan(self) -> TrainingConfig:
+        """The same for a capture whose depth comes from its images."""
+        times, rate = self.scanless, self.rate
+        faster = replace(rate, means=rate.means * times.means, means_end=rate.means_end * times.means_end)
+        return replace(self, steps=max(1, round(self.steps * times.steps)), rate=faster)
 
     @property
     def floor_aware(self) -> bool:
@@ -314,7 +332,7 @@ def at_paper_scale(config: TrainingConfig) -> TrainingConfig:
     config = replace(
         config,
         steps=30_000,
-        scanless=1.0,
+        scanless=ScanlessConfig(1.0, 1.0, 1.0),
         image_size=FULL_SIZE,
         gaussian_cap=1_000_000,
         appearance=look,

@@ -28,10 +28,10 @@ from nvsim.project.replaced import what_is_replaced
 from nvsim.project.restored import kept_results, restore
 from nvsim.project.stage_states import first_stale, stage_states
 from nvsim.project.stages import depths, floors, imported, submaps
-from nvsim.project.stages.trained import at_length, train_key
+from nvsim.project.stages.trained import suited, train_key
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig
-from nvsim.training.config import TrainingConfig
+from nvsim.training.config import ScanlessConfig, TrainingConfig
 
 SMALL = ["--longest-side", "128", "--planes", "64"]
 CONFIG = DepthConfig(longest_side=128, planes=64)
@@ -197,13 +197,15 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
 
 
 def test_a_submap_trains_longer_where_the_images_alone_say_where_things_are(project: Project, scanned: Project) -> None:
-    config = TrainingConfig(steps=300)
-    assert at_length(project, config).steps == 600
-    assert at_length(project, replace(config, scanless=1.0)).steps == 300
-    assert at_length(scanned, config).steps == 300
+    config = TrainingConfig(steps=300, scanless=ScanlessConfig(means=3.0, means_end=1.0))
+    longer = suited(project, config)
+    assert longer.steps == 600
+    assert longer.rate == replace(config.rate, means=3 * config.rate.means)
+    assert suited(scanned, config) == config
+    same = ScanlessConfig(1.0, 1.0, 1.0)
+    assert suited(project, replace(config, scanless=same)) == replace(config, scanless=same)
     submap = project.submaps()[0]
-    long = replace(config, steps=600, scanless=1.0)
-    assert train_key(project, submap, at_length(project, config)) == train_key(project, submap, long)
+    assert train_key(project, submap, longer) == train_key(project, submap, replace(longer, scanless=same))
 
 
 def test_always_fills_holes_of_a_scan_and_never_overrules_it(scanned: Project) -> None:

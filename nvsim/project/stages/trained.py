@@ -66,7 +66,7 @@ def run(
         raise InputError(f"--at-once {at_once} makes no sense; say how many submaps are trained at a time, or 0.")
     on_card = executor is None and card(config.device) is not None
     chosen = [s for s in submaps if not only or s.index in only]
-    config = at_length(project, config)
+    config = suited(project, config)
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
     keys = {s.index: train_key(project, s, config) for s in chosen}
@@ -184,10 +184,10 @@ class _Run:
             afar.close()
 
 
-def at_length(project: Project, config: TrainingConfig) -> TrainingConfig:
-    """`config` with as many steps as the capture asks for."""
-    longer = depth_in_use(project) is not None and not project.need_capture().is_scanned
-    return dataclasses.replace(config, steps=round(config.steps * config.scanless)) if longer else config
+def suited(project: Project, config: TrainingConfig) -> TrainingConfig:
+    """`config` as the capture asks for it: longer where the depth of its images stands in for a scan."""
+    scanless = depth_in_use(project) is not None and not project.need_capture().is_scanned
+    return config.without_scan() if scanless else config
 
 
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
@@ -202,7 +202,7 @@ def _same(config: TrainingConfig) -> dict[str, object]:
     default = TrainingConfig()
     same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
     values = dataclasses.asdict(same)
-    del values["device"], values["scanless"]  # the steps tell
+    del values["device"], values["scanless"]  # steps and rates tell
     return {TrainingConfig.__name__: values}
 
 
