@@ -96,6 +96,8 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, help="where the temporary files go")
     parser.add_argument("--memory", type=float, help="GiB for trained models, as `nvsim map --memory`")
     a = parser.parse_args()
+    if a.folder is not None:
+        a.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=a.folder) as folder:
         figures = measure(Path(folder), a.columns, a.rows, a.kills, a.seed, a.memory)
     print(json.dumps(figures))
