@@ -162,7 +162,7 @@ def stricter(decisions: Sequence[Decision]) -> Decision:
 
 def _decision(evidence: Evidence, config: MappingConfig) -> Decision:
     corridor = corridor_of(evidence, config)
-    for criterion in _asked(config):
+    for criterion in _asked(CRITERIA, config):
         value, _ = criterion.measure(evidence, corridor)
         if not criterion.passes(value, criterion.limit(config)):
             return criterion.word
@@ -170,8 +170,8 @@ def _decision(evidence: Evidence, config: MappingConfig) -> Decision:
 
 
 @lru_cache(maxsize=16)
-def _asked(config: MappingConfig) -> tuple[Criterion, ...]:
-    return tuple(criterion for criterion in CRITERIA if criterion.asked(config))
+def _asked(criteria: tuple[Criterion, ...], config: MappingConfig) -> tuple[Criterion, ...]:
+    return tuple(criterion for criterion in criteria if criterion.asked(config))
 
 
 def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:

@@ -67,6 +67,8 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     )
     assert scene.picture is not None and not any(blank), "a training that starts leaves the view as it is"
     assert session.window.centre.currentWidget() is scene
+    # The model in the making may be seen before the job says how far it is.
+    qtbot.waitUntil(lambda: any(r.handle is handle and r.share > 0 for r in part.panel.model.rows), timeout=SECONDS)
     session.window.jobs.cancel(handle)
     qtbot.waitUntil(lambda: handle.state == "cancelled", timeout=SECONDS)
     row = next(r for r in part.panel.model.rows if r.handle is handle)
