@@ -86,7 +86,7 @@ def estimate_depth(
                 found = _fused(views, count, partial(read_draft, folder / "confirmed"), config, colored=False)
                 frames.planes = find_planes(found.seen_points(config.seen))
             if phase == "finished":
-                frames.rest = _rest(views, cameras, _kept(folder / "shown"), config)
+                frames.rest = _rest(views, cameras, frames.maps["shown"], config)
             steps.begin(count - len(frames.missing(phase)))
             if elsewhere is not None and phase != "finished" and frames.missing(phase):
                 elsewhere(phase, frames.missing(phase), frames.planes, steps.tell)
@@ -112,7 +112,7 @@ class FramesInPhases:
         self._folder, self._config, self.planes = folder, config, list(planes)
         self.rest: Rest | None = None
         self.views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
-        self._maps = {phase: _kept(folder / phase) for phase in PHASES[:-1]}
+        self.maps = {phase: _kept(folder / phase) for phase in PHASES[:-1]}
 
     def missing(self, phase: Phase) -> list[int]:
         """The frames that are not done of it."""
@@ -124,8 +124,13 @@ class FramesInPhases:
     def do(self, phase: Phase, out: Path, index: int) -> None:
         """Does a frame of a phase and writes what is found into the folder `out`, which may be another. Raises
         InputError."""
-        doing = (self._single, self._confirm, self._label, self._show, self._finish)
-        dict(zip(PHASES, doing, strict=True))[phase](out, index)
+        {
+            "single": self._single,
+            "confirmed": self._confirm,
+            "labelled": self._label,
+            "shown": self._show,
+            "finished": self._finish,
+        }[phase](out, index)
 
     def _single(self, out: Path, index: int) -> None:
         write_draft(out / "single", index, *guess_depth(self.views, index, self._config))
@@ -150,14 +155,14 @@ class FramesInPhases:
 
     def _finish(self, out: Path, index: int) -> None:
         assert self.rest is not None
-        inverse, views = self._maps["shown"](index)
+        inverse, views = self.maps["shown"](index)
         kept = np.where(self.rest.against(index), 0, inverse).astype(np.float32)
         write_depth(out, index, kept, np.rint(views).astype(np.uint8))
 
     def _confirmed(self, phase: Phase, index: int) -> Agreed:
         config = self._config
         near = neighbours(self.views.poses, index, config.others, config.baseline, 0.1)
-        return _confirmed(self.views, index, near, self._maps[phase], config)
+        return _confirmed(self.views, index, near, self.maps[phase], config)
 
 
 class _Steps:

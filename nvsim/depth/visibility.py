@@ -19,7 +19,7 @@ from nvsim.geometry.splatting import SplatCloud
 
 Float32 = NDArray[np.float32]
 
-_SAMPLES = (6, 8)  # rows and columns of an image at which it is asked which other images show the same
+_SAMPLES = 48  # points of a map of which it is asked which other images show them
 _OVERLAP = 0.15  # share of these that another image shows, or it is no witness
 
 
@@ -53,7 +53,7 @@ class Rest:
 
     def _witnesses(self, index: int, points: Float32) -> list[int]:
         """The frames that show much of `points` (N, 3), each as far as can be from this one and from those before."""
-        some = points[:: max(len(points) // (_SAMPLES[0] * _SAMPLES[1]), 1)]
+        some = points[:: max(len(points) // _SAMPLES, 1)]
         may = np.flatnonzero(
             np.linalg.norm(self._positions - self._positions[index], axis=1) < 2 * self._config.farthest
         )

@@ -66,7 +66,10 @@ def run(
         raise InputError(f"--at-once {at_once} makes no sense; say how many submaps are trained at a time, or 0.")
     on_card = executor is None and card(config.device) is not None
     chosen = [s for s in submaps if not only or s.index in only]
-    config = suited(project, config)
+    asked, config = config.steps, suited(project, config)
+    if config.steps != asked:
+        why = "as the depth of the images stands in for a scan"
+        listen(Log(f"Submaps train {config.steps} steps, not {asked}, {why} (--scanless.steps).", STAGE))
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
     keys = {s.index: train_key(project, s, config) for s in chosen}
