@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ _TRIES = 3  # places on either side of a gap in the trajectory that a joining st
 _FEW = 3  # viewpoints; with fewer, the floor beside the trajectory is tried too,
 _A_DOZEN = 12  # viewpoints; with fewer, the trajectory is covered more closely
 _BESIDE = 0.5  # metres, at places so far apart
+_SHORT = 1.5  # merge radii that a trajectory without a scan is long at least, either way, lest viewpoints of it
+_CLOSER = 0.4  # merge at so much of the radius
 _HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the trajectory
 _KEEPING = 5.0  # seconds between two savings of what was measured,
 _RARELY = 20  # times as long as one took, at least
@@ -89,6 +91,8 @@ def build_map(
     if len(trajectory) == 0 or not np.isfinite(trajectory).all():
         raise InputError("The trajectory has no camera with a finite position; check the capture with `nvsim check`.")
     started = time.monotonic()
+    if not scanned:
+        config = _closer_on_a_short_walk(config, trajectory)
     known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
     measurements = Measurements(source, floor_at, support, config, lattice, known, Trodden(trajectory, scanned))
@@ -156,6 +160,13 @@ def build_map(
     if sentence and not should_stop():
         listen(Warning(sentence, STAGE))
     return BuildResult(graph, report, measured())
+
+
+def _closer_on_a_short_walk(config: MappingConfig, trajectory: NDArray[np.floating]) -> MappingConfig:
+    """Where somebody turned about in one room, a merge radius holds all that the photographs show of its floor."""
+    if float(np.ptp(trajectory[:, :2], axis=0).max()) >= _SHORT * config.merge_radius:
+        return config
+    return replace(config, merge_radius=_CLOSER * config.merge_radius)
 
 
 def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) -> int:
@@ -254,20 +265,23 @@ class _Explorer:
 
     def beside(self) -> None:
         """Where the trajectory itself gave next to nothing, starts on the floor that was seen beside it."""
-        if len(self._search.draft.viewpoints) >= _FEW:
-            return
+        if len(self._search.draft.viewpoints) < _FEW:
+            self._begin_beside()
+
+    def _begin_beside(self) -> None:
         for place in self._walk.beside(self._config.half_width, _BESIDE):
             if self._should_stop():
                 return
             self.begin(place)
 
     def cover_closely(self) -> None:
-        """Where all this gave few viewpoints, starts at every place that none is nearer to than viewpoints merge: those
-        of a room or two are seldom too many."""
+        """Where all this gave few viewpoints, starts at every place that none is nearer to than viewpoints merge, and
+        on the floor seen beside the trajectory: those of a room or two are seldom too many."""
         if len(self._search.draft.viewpoints) < _A_DOZEN and self._config.merge_radius < self._reach:
             usual, self._reach = self._reach, self._config.merge_radius
             self.cover()
             self.bridge()
+            self._begin_beside()
             self._reach = usual
 
     def is_covered(self, place: NDArray[np.floating]) -> bool:

@@ -46,7 +46,9 @@ class GeometricConfig:
     filled_edge   beside a scan, what is hidden is floor from this probability on,
     never         and below this one nothing is but stairs: people, whom no scan has, and the foot of panes;
     never_edge    and, of floor within `rim` pixels of something else, below this one
-    filled_thin   and the same where the cloud is of images: bare floor has few points there;
+    usual         and from which on floor stays that looks otherwise than elsewhere: gloss, a lamp's light
+    filled_thin   as `filled`, where the cloud is of images: bare floor has few points there;
+    usual_thin    and as `usual`: dark cupboards have few, too;
     filled_behind  there also what something hides: thin things are drawn too thick, a table where its floor is seen,
     doubted       and below which what nothing hides is none: near walls have holes there
     """
@@ -69,7 +71,9 @@ class GeometricConfig:
     never: float = 0.0002
     never_edge: float = 0.002
     rim: float = 2.5
+    usual: float = 0.5
     filled_thin: float = 0.5
+    usual_thin: float = 0.85
     filled_behind: float = 0.8
     doubted: float = 0.05
     appearance: AppearanceConfig = AppearanceConfig()
@@ -154,13 +158,18 @@ class GeometricFloor:
         if depth is not None:
             floor, level, before = self._with_depth(seen, camera, depth)
         view = self._glimpse(seen, image)
+        small = None
+        if looks is not None and self.knows_floor:
+            small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
         if self._is_sparse:
             floor = grow(floor, seen.floor | seen.unsure, view.image)
         elif self._appearance is not None:
-            floor = floor & (level | self._stairs.at(seen.ground) | ~self._appearance.strange(view))
+            usual = ~self._appearance.strange(view)
+            if small is not None:
+                usual |= small > (self.config.usual if depth is None else self.config.usual_thin)
+            floor = floor & (level | self._stairs.at(seen.ground) | usual)
             floor |= self._appearance.shining_through(view, seen.hidden)
-        if looks is not None and self.knows_floor:
-            small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
+        if small is not None:
             if depth is None:
                 rim = cv2.distanceTransform(floor.astype(np.uint8), cv2.DIST_L2, 3) < self.config.rim
                 least = np.where(rim, self.config.never_edge, self.config.never)

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.render.by_rays import WIDE
 from nvsim.render.kernel_types import Float32, Int32, Int64, Mask
 from nvsim.render.packed_camera import limit, pack
 from nvsim.render.workspace import ready
@@ -93,6 +94,15 @@ def _select(
             fy * max((y + high) / near, (y + high) / far) + cy + most > view[31]
             and fy * min((y - high) / near, (y - high) / far) + cy - most < view[32]
         )
+        if scale[run] > WIDE * near:  # not splatted: whatever may meet a ray that is wanted
+            reach = _REACH * scale[run]
+            wide, high, far = wide + reach, high + reach, far + reach
+            across |= (x + wide > 0 or fx * (x + wide) / far + cx > view[29]) and (
+                x - wide < 0 or fx * (x - wide) / far + cx < view[30]
+            )
+            along |= (y + high > 0 or fy * (y + high) / far + cy > view[31]) and (
+                y - high < 0 or fy * (y - high) / far + cy < view[32]
+            )
         if across and along:
             for k in range(runs.shape[1]):
                 if runs[run, k] >= 0:

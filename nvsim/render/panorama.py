@@ -6,12 +6,15 @@ panorama are of one submap, the nearest to the place.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.backends import Backend
+from nvsim.render.backends import Backend, chosen
 from nvsim.render.camera_rig import cube
+from nvsim.render.colourless import colourless_views
 from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
 from nvsim.render.model import render_model
 from nvsim.render.regions import model_of
@@ -73,8 +76,14 @@ def render_equirectangular(
     side, lengths = cameras[0].intrinsics.width, _ray_lengths(cameras[0])
     parts = [bool(needed & {"rgb", "alpha"}), bool(needed & {"depth", "normal"})]
     colours, shapes = (np.zeros((len(cameras) * part, side, side, 4), np.float32) for part in parts)
-    for i, (camera, wanted_tiles) in enumerate(zip(cameras, tiles, strict=True)):
-        view = render_model(model, camera, needed, wanted_tiles, backend)
+    wanted_views = list(zip(cameras, tiles, strict=True))
+    if "rgb" in needed or chosen(backend) != "numba":
+        views: Iterable[RenderOutput] = (
+            render_model(model, camera, needed, of, backend) for camera, of in wanted_views
+        )
+    else:
+        views = colourless_views([model] * len(cameras), wanted_views, needed)
+    for i, view in enumerate(views):
         if view.rgb is not None:
             colours[i, ..., :3] = view.rgb
         if view.alpha is not None:

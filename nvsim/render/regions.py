@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import Backend, chosen
-from nvsim.render.gaussians import render_over
+from nvsim.render.colourless import colourless_views
 from nvsim.render.model import render_model
-from nvsim.render.nearby import Nearby, uncoloured
-from nvsim.render.side_by_side import side_by_side
 from nvsim.render.types import RenderOutput
-from nvsim.render.workspace import RenderBuffers, tiles_of
+from nvsim.render.workspace import tiles_of
 from nvsim.splats.scene import SceneModel
-from nvsim.splats.types import Gaussians, SubmapModel
-
-_nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
+from nvsim.splats.types import SubmapModel
 
 
 def render_regions(
@@ -29,8 +24,9 @@ def render_regions(
     channels: frozenset[str] = frozenset({"rgb", "alpha"}),
     backend: Backend = "auto",
 ) -> list[RenderOutput]:
-    """A view for each camera that is, where its mask (H, W) is true, what `render_model` gives there to the last bit;
-    the rest is as that or zero, by tiles. A view whose mask is empty is not drawn at all.
+    """A view for each camera that is, where its mask (H, W) is true, what `render_model` gives there to the last bit
+    (without "rgb": but for Gaussians that are wide for their depth, see `by_rays`); the rest is as that or zero, by
+    tiles. A view whose mask is empty is not drawn at all.
 
     Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel or masks that do not fit the cameras.
@@ -45,27 +41,10 @@ def render_regions(
     if "rgb" in channels or chosen(backend) != "numba":
         drawn = [render_model(model_of(scene, c.position), c, channels, tiles, backend) for c, tiles in seen]
     else:
-        drawn = _uncoloured_views(scene, seen, channels)
+        drawn = colourless_views([model_of(scene, c.position) for c, _ in seen], seen, channels)
     found = iter(drawn)
     sizes = ((c.intrinsics.height, c.intrinsics.width) for c in cameras)
     return [_nothing(size, channels) if w is None else next(found) for w, size in zip(wanted, sizes, strict=True)]
-
-
-def _uncoloured_views(
-    scene: SceneModel | SubmapModel, views: Sequence[tuple[Camera, NDArray[np.bool_]]], channels: frozenset[str]
-) -> list[RenderOutput]:
-    """Without colours few Gaussians count, and these do not change with the position."""
-    models = [model_of(scene, camera.position) for camera, _ in views]
-    for model in models:
-        if model.gaussians not in _nearby:
-            _nearby[model.gaussians] = Nearby(model.gaussians)
-
-    def draw(i: int, workspace: RenderBuffers) -> RenderOutput:
-        model, (camera, tiles) = models[i], views[i]
-        gaussians = uncoloured(model.gaussians, _nearby[model.gaussians].rows(camera, tiles))
-        return render_over(gaussians, camera, channels, model.antialiased, tiles, "numba", workspace=workspace)[0]
-
-    return side_by_side(draw, len(views))
 
 
 def model_of(scene: SceneModel | SubmapModel, position: NDArray[np.floating]) -> SubmapModel:

@@ -55,7 +55,7 @@ def grown(rows: list[dict[str, Any]], name: str) -> str:
     if area <= 1:
         return ""
     seconds = last[name]["seconds"] / max(first[name]["seconds"], 0.1) / area
-    memory = last[name]["gib"] / first[name]["gib"] / area
+    memory = last[name]["gib"] / max(first[name]["gib"], 1e-3) / area
     return f"x {seconds:.2f} time, x {memory:.2f} memory"
 
 

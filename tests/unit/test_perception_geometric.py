@@ -146,6 +146,19 @@ def test_a_person_whom_the_cloud_does_not_know_is_taken_out(provider):
     assert standing.sum() > 300 and found[standing].mean() < 0.25
 
 
+def test_gloss_on_the_floor_stays_floor_where_a_network_is_sure_of_it(provider):
+    floor, image = truth(camera(0))
+    deep = cv2.distanceTransform(floor.astype(np.uint8), cv2.DIST_L2, 3)
+    row, column = np.unravel_index(deep.argmax(), deep.shape)
+    y, x = np.mgrid[: floor.shape[0], : floor.shape[1]]
+    gloss = (x - column) ** 2 + (y - row) ** 2 < (0.6 * deep.max()) ** 2
+    image[gloss] = 250
+    for likely, kept in ((0.3, 0.2), (0.9, 1.0)):
+        found = provider.segment(camera(0), image, looks=np.full(floor.shape, likely, np.float32)).mask
+        assert found[gloss].mean() <= kept and found[floor & ~gloss].mean() > 0.9
+    assert found[gloss].mean() > 0.95
+
+
 @pytest.mark.parametrize("k", [0, 2])
 def test_a_network_fills_holes_of_the_scan_and_decides_at_edges(k: int) -> None:
     whole = scan()

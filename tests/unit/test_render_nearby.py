@@ -7,6 +7,7 @@ import pytest
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.by_rays import is_wide
 from nvsim.render.model import render_model
 from nvsim.render.nearby import Nearby
 from nvsim.render.regions import render_regions
@@ -41,10 +42,20 @@ def view(seed: int, size: int = 96) -> tuple[Camera, np.ndarray]:
 def test_a_region_without_colours_is_that_of_the_whole_view_to_the_last_bit(seed: int) -> None:
     model = SubmapModel(hall(seed), None, None, FloorSurface.flat(0.0))
     camera, mask = view(seed)
-    whole, part = render_model(model, camera, GEOMETRY), render_regions(model, [camera], [mask], GEOMETRY)[0]
+    whole, part = (render_regions(model, [camera], [m], GEOMETRY)[0] for m in (np.ones_like(mask), mask))
     assert whole.alpha is not None and whole.alpha[mask].any()
     for name in GEOMETRY:
         np.testing.assert_array_equal(getattr(part, name)[mask], getattr(whole, name)[mask])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_without_what_is_wide_for_its_depth_a_region_is_that_of_the_coloured_view(seed: int) -> None:
+    gaussians, (camera, mask) = hall(seed), view(seed)
+    gaussians.opacity_logits[is_wide(gaussians, np.arange(len(gaussians)), camera)] = -20
+    model = SubmapModel(gaussians, None, None, FloorSurface.flat(0.0))
+    whole, part = render_model(model, camera, GEOMETRY), render_regions(model, [camera], [mask], GEOMETRY)[0]
+    for name in GEOMETRY:
+        np.testing.assert_allclose(getattr(part, name)[mask], getattr(whole, name)[mask], atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -32,6 +32,7 @@ from nvsim.render.backends import Backend
 STAGE: StageName = "map"
 _FAR = 10.0  # metres
 _ALONE = 2  # raised when the same models and floor give another graph where images alone tell what stands
+_DRAWN = "wide Gaussians by rays"  # how the views are drawn; changed when the same models give something else
 
 
 def run(
@@ -133,7 +134,7 @@ def map_key(project: Project, config: MappingConfig) -> str:
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
-    asked = ["second opinion"] if config.second_opinion and len(trained) > 1 else []
+    asked = [_DRAWN, *(["second opinion"] if config.second_opinion and len(trained) > 1 else [])]
     if not project.need_capture().is_scanned:
         asked.append(f"images alone {_ALONE}, around {config.around}")
     network = [found] if (found := network_of(config)) else []

@@ -1,0 +1,55 @@
+"""Views of which nobody asks the colour, only what stands where: those that the map is decided by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from nvsim.geometry.camera import Camera
+from nvsim.render.by_rays import draw_by_rays, is_wide
+from nvsim.render.gaussians import render_over
+from nvsim.render.kernel_types import Float32, Mask
+from nvsim.render.nearby import Nearby, uncoloured
+from nvsim.render.side_by_side import side_by_side
+from nvsim.render.types import RenderOutput, expected_depth
+from nvsim.render.workspace import RenderBuffers
+from nvsim.splats.types import Gaussians, SubmapModel
+
+_nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
+
+
+def colourless_views(
+    models: Sequence[SubmapModel], views: Sequence[tuple[Camera, Mask]], channels: frozenset[str]
+) -> list[RenderOutput]:
+    """For each camera the wanted tiles (lines, columns) of its model's view, of the `channels` alpha, depth and normal.
+    What is too wide for its depth to be splatted is drawn by rays, and before all else."""
+    for model in models:
+        if model.gaussians not in _nearby:
+            _nearby[model.gaussians] = Nearby(model.gaussians)
+
+    def draw(i: int, workspace: RenderBuffers) -> RenderOutput:
+        model, (camera, tiles) = models[i], views[i]
+        # Few Gaussians count, and without colours these do not change with the position.
+        rows = _nearby[model.gaussians].rows(camera, tiles)
+        wide = is_wide(model.gaussians, rows, camera)
+        splats, asked = uncoloured(model.gaussians, rows[~wide]), channels | {"alpha"}
+        view = render_over(splats, camera, asked, model.antialiased, tiles, "numba", workspace=workspace)[0]
+        if wide.any():
+            _lay_over(view, *draw_by_rays(uncoloured(model.gaussians, rows[wide]), camera, tiles))
+        if "alpha" not in channels:
+            view.alpha = None
+        return view
+
+    return side_by_side(draw, len(views))
+
+
+def _lay_over(view: RenderOutput, through: Float32, depth: Float32, normal: Float32) -> None:
+    """Changes a view to what is seen of it behind the transmittance and the sums of `draw_by_rays`."""
+    assert view.alpha is not None
+    behind, view.alpha = through * view.alpha, 1 - through * (1 - view.alpha)
+    if view.depth is not None:
+        view.depth = expected_depth(depth + behind * view.depth, view.alpha)
+    if view.normal is not None:
+        view.normal = np.moveaxis(normal, 0, -1) + through[..., None] * view.normal
