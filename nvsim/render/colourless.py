@@ -23,8 +23,8 @@ _nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
 def colourless_views(
     models: Sequence[SubmapModel], views: Sequence[tuple[Camera, Mask]], channels: frozenset[str]
 ) -> list[RenderOutput]:
-    """For each camera the wanted tiles (lines, columns) of its model's view, of the `channels` alpha, depth and normal.
-    What is too wide for its depth to be splatted is drawn by rays, and before all else."""
+    """For each camera the wanted tiles (lines, columns) of its model's view, in the `channels` without colour. What is
+    too wide for its depth to be splatted is drawn by rays, and before all else."""
     for model in models:
         if model.gaussians not in _nearby:
             _nearby[model.gaussians] = Nearby(model.gaussians)
@@ -34,7 +34,7 @@ def colourless_views(
         # Few Gaussians count, and without colours these do not change with the position.
         rows = _nearby[model.gaussians].rows(camera, tiles)
         wide = is_wide(model.gaussians, rows, camera)
-        splats, asked = uncoloured(model.gaussians, rows[~wide]), channels | {"alpha"}
+        splats, asked = uncoloured(model.gaussians, rows[~wide]), (channels | {"alpha"}) - {"rgb"}
         view = render_over(splats, camera, asked, model.antialiased, tiles, "numba", workspace=workspace)[0]
         if wide.any():
             _lay_over(view, *draw_by_rays(uncoloured(model.gaussians, rows[wide]), camera, tiles))

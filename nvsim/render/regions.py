@@ -24,9 +24,9 @@ def render_regions(
     channels: frozenset[str] = frozenset({"rgb", "alpha"}),
     backend: Backend = "auto",
 ) -> list[RenderOutput]:
-    """A view for each camera that is, where its mask (H, W) is true, what `render_model` gives there to the last bit
-    (without "rgb": but for Gaussians that are wide for their depth, see `by_rays`); the rest is as that or zero, by
-    tiles. A view whose mask is empty is not drawn at all.
+    """A view for each camera that is, where its mask (H, W) is true, what `render_model` gives there to the last bit,
+    but for Gaussians that are wide for their depth, which show in "rgb" alone as there (see `by_rays`); the rest is as
+    that or zero, by tiles. A view whose mask is empty is not drawn at all.
 
     Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel or masks that do not fit the cameras.
@@ -38,10 +38,14 @@ def render_regions(
             raise ValueError(f"a mask of {mask.shape} for a view of {size}")
         wanted.append((camera, tiles_of(mask)) if mask.any() else None)
     seen = [view for view in wanted if view is not None]
-    if "rgb" in channels or chosen(backend) != "numba":
-        drawn = [render_model(model_of(scene, c.position), c, channels, tiles, backend) for c, tiles in seen]
-    else:
-        drawn = colourless_views([model_of(scene, c.position) for c, _ in seen], seen, channels)
+    models = [model_of(scene, camera.position) for camera, _ in seen]
+    splatted = channels if chosen(backend) != "numba" else channels & {"rgb"}
+    drawn = colourless_views(models, seen, channels) if splatted != channels else [RenderOutput() for _ in seen]
+    if splatted:
+        for view, model, (camera, tiles) in zip(drawn, models, seen, strict=True):
+            coloured = render_model(model, camera, splatted, tiles, backend)
+            for channel in splatted:
+                setattr(view, channel, getattr(coloured, channel))
     found = iter(drawn)
     sizes = ((c.intrinsics.height, c.intrinsics.width) for c in cameras)
     return [_nothing(size, channels) if w is None else next(found) for w, size in zip(wanted, sizes, strict=True)]

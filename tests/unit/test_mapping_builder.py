@@ -243,6 +243,23 @@ def test_progress_never_goes_back_and_is_full_only_at_the_end() -> None:
     assert any("of the walk left" in e.detail for e in steps) and any("arranging" in e.detail for e in steps)
 
 
+def test_where_somebody_turned_about_without_a_scan_viewpoints_stand_closer_and_on_the_floor_around() -> None:
+    occupancy = room(4, 3)
+    turned = walk((1.6, 1.5), (2.4, 1.5))
+    world = Columns(occupancy)
+
+    def found(scanned: bool) -> NDArray[np.float64]:
+        graph = build_map(world, turned, flat_floor, world.support, SMALL, scan="t", scanned=scanned).graph
+        assert_valid(graph, occupancy)
+        return np.array([place(graph, id) for id in graph.viewpoints])
+
+    usual, closer = found(True), found(False)
+    assert len(closer) > len(usual)
+    apart = np.linalg.norm(closer[:, None] - closer, axis=2) + 10 * np.eye(len(closer))
+    assert apart.min() < SMALL.merge_radius
+    assert np.abs(closer[:, 1] - 1.5).max() > 0.5
+
+
 def test_without_a_scan_a_small_room_is_covered_more_closely() -> None:
     occupancy = room(5, 4)
     turn = np.linspace(0, 2 * np.pi, 40)

@@ -116,3 +116,13 @@ def test_what_is_drawn_by_rays_lies_before_what_is_splatted(seed: int) -> None:
     assert np.abs(mixed.alpha - (1 - through)).mean() < 0.01
     assert np.abs(mixed.normal - np.moveaxis(normal, 0, -1)).mean() < 0.02
     assert np.abs(mixed.depth * mixed.alpha - depth).mean() < 0.05
+
+
+def test_who_asks_for_colours_as_well_sees_the_same_of_what_stands() -> None:
+    model, view = SubmapModel(around_the_eye(3, 40), None, None, FloorSurface.flat(0.0)), camera()
+    mask = [np.ones((36, 50), bool)]
+    alone = render_regions(model, [view], mask, GEOMETRY)[0]
+    both = render_regions(model, [view], mask, GEOMETRY | {"rgb"})[0]
+    for channel in GEOMETRY:
+        np.testing.assert_array_equal(getattr(both, channel), getattr(alone, channel))
+    assert both.rgb is not None and alone.rgb is None and both.rgb.any()
