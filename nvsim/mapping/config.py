@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -9,6 +10,23 @@ from nvsim.errors import InputError
 from nvsim.mapping.families import chosen
 
 WIDEST = 0.9  # metres across that the evidence of a corridor covers
+
+_RANGES = {  # the search ends within these, and there is something to see
+    "tau_dist": (0.2, 100.0),
+    "merge_radius": (0.05, 100.0),
+    "max_distance": (0.0, 1e6),
+    "max_viewpoints": (1, 1_000_000),
+    "cover_distance": (0.1, 1e6),
+    "lattice_offset": (-360.0, 360.0),
+    "jitter": (0.0, 1.0),
+    "reach": (0.2, 100.0),
+    "stretch": (1.0, 100.0),
+    "around": (0.0, 1e6),
+    "view_size": (32, 4096),
+    "panorama_width": (32, 8192),
+    "robot_radius": (0.0, WIDEST / 2),
+    "margin": (0.0, WIDEST / 2),
+}
 
 
 @dataclass(frozen=True)
@@ -109,10 +127,13 @@ class MappingConfig:
                 f"The corridor of a robot of {self.robot_radius} m radius with {self.margin} m margin is not between 0 "
                 f"and {WIDEST} m wide, which is what the evidence can hold; change --robot-radius or --margin."
             )
-        if not 32 <= self.panorama_width <= 8192:
-            raise InputError(
-                f"A panorama {self.panorama_width} pixels wide cannot be rendered; give --panorama-width 32 to 8192."
-            )
+        for name, (least, most) in _RANGES.items():
+            if not least <= getattr(self, name) <= most:
+                option = f"--{name.replace('_', '-')}"
+                raise InputError(f"{option} {getattr(self, name)} is out of range; give {least:.12g} to {most:.12g}.")
+        for name, value in vars(self).items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise InputError(f"--{name.replace('_', '-')} {value} is no number; give a finite one.")
 
     @property
     def key(self) -> dict[str, dict[str, object]]:
