@@ -111,6 +111,16 @@ class Painter:
         submap, model = self._opened.at(camera)
         return submap, render_model(model, camera, channels)
 
+    def look_around(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
+        """As `look`, with what is measured drawn as the map builder sees it: Gaussians wide for their depth by rays."""
+        if not isinstance(self._opened, Models):
+            return self._opened(camera, channels)
+        from nvsim.render.regions import render_regions
+
+        submap, model = self._opened.at(camera)
+        whole = np.ones((camera.intrinsics.height, camera.intrinsics.width), bool)
+        return submap, render_regions(model, [camera], [whole], channels)[0]
+
     def compare(self) -> bool:
         """Times one frame of one renderer where the last still image stood; False when nothing is left to time."""
         if self._still is None or self._broken or self._hopeless or not isinstance(self._opened, Models):

@@ -160,7 +160,7 @@ def serve(connection: Connection, source: RenderSource) -> None:
         return
     try:
         connection.send(Opened(time.perf_counter() - begin))
-        panoramas = PanoramaDrawing(painter.look)
+        panoramas = PanoramaDrawing(painter.look_around)
         while True:
             _use_the_pause(painter, panoramas, warming, connection)
             request: Request | PanoramaRequest = connection.recv()

@@ -22,7 +22,7 @@ class Warming:
 
     def __init__(self, painter: Painter) -> None:
         self._painter = painter
-        self._panorama = PanoramaDrawing(painter.look)
+        self._panorama = PanoramaDrawing(painter.look_around)
 
     @property
     def waits(self) -> bool:
