@@ -23,6 +23,7 @@ from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
 from nvsim.mapping.led_around import LedAround
 from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.parted import why_parted
 from nvsim.mapping.search import Search
 from nvsim.mapping.settling import Settling
 from nvsim.mapping.survey import Survey
@@ -128,6 +129,7 @@ def build_map(
     isolated = [] if config.isolated else alone
     for id in isolated:
         draft.remove(id)
+    parted = "" if should_stop() else why_parted(components(draft.graph()), survey, support)
     graph = keep_edits(draft.graph(), previous)
     if not should_stop():
         explorer.finish()
@@ -154,7 +156,7 @@ def build_map(
         "limited": search.limited,
         "stopped": should_stop(),
     }
-    _say(report, len(walk.places), config, listen)
+    _say(report, len(walk.places), parted, config, listen)
     sentence = too_little(report, np.array(uncovered), len(walk.places))
     if sentence and not should_stop():
         listen(Warning(sentence, STAGE))
@@ -182,8 +184,8 @@ def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) 
     return found
 
 
-def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Listener) -> None:
-    """The sentences a user should read about a build."""
+def _say(report: dict[str, Any], places: int, parted: str, config: MappingConfig, listen: Listener) -> None:
+    """The sentences a user should read about a build; `parted` says why its parts do not reach each other."""
     if report["limited"]:
         listen(
             Warning(
@@ -207,7 +209,7 @@ def _say(report: dict[str, Any], places: int, config: MappingConfig, listen: Lis
     if report["components"] > 1:
         sizes = ", ".join(map(str, report["component_sizes"]))
         text = f"The graph has {report['components']} parts that do not reach each other ({sizes} viewpoints)."
-        listen(Warning(text, STAGE))
+        listen(Warning(f"{text} {parted}".rstrip(), STAGE))
     if report["walk_uncovered"]:
         text = f"{report['walk_uncovered']} of {places} places of the trajectory have no viewpoint near."
         listen(Log(text, STAGE))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -95,10 +95,11 @@ class Survey:
         config = self.config
         if spare:
             config = replace(config, margin=min(config.margin + spare, WIDEST / 2 - config.robot_radius))
-        for evidence in self.draft.evidence[viewpoint.id].values():
-            if evidence.joins == other.id or apart(other, evidence.target) < SAME:
-                return decide(evidence, config)
-        return ""
+        return next((decide(evidence, config) for evidence in self._towards(viewpoint, other)), "")
+
+    def left_out(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
+        """What the search or the settling said of the corridor to another viewpoint; "" where there is no evidence."""
+        return next((evidence.decision for evidence in self._towards(viewpoint, other)), "")
 
     def knows_floor(self, a: Viewpoint, b: Viewpoint) -> bool:
         """Whether enough floor is known along the corridor from one place to another, which needs no rendering."""
@@ -106,10 +107,15 @@ class Survey:
 
     def leave_out(self, viewpoint: Viewpoint, other: Viewpoint, why: Decision) -> None:
         """Says in the open evidence from one viewpoint to another why there is no edge."""
-        for evidence in list(self.draft.evidence[viewpoint.id].values()):
-            leads = evidence.joins == other.id or apart(other, evidence.target) < SAME
-            if leads and evidence.decision == OPEN:
+        for evidence in self._towards(viewpoint, other):
+            if evidence.decision == OPEN:
                 self.keep(replace(evidence, decision=why))
+
+    def _towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Iterator[Evidence]:
+        """What is kept of the corridors from one viewpoint to the place of another."""
+        for evidence in list(self.draft.evidence[viewpoint.id].values()):
+            if evidence.joins == other.id or apart(other, evidence.target) < SAME:
+                yield evidence
 
     def keep(self, evidence: Evidence) -> None:
         """Evidence in place of what was known of the same direction."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -118,14 +119,24 @@ def test_rooms_behind_narrow_doors_join_in_one_component() -> None:
     assert {place(result.graph, id)[0] > 6 for id in result.graph.viewpoints} == {True, False}
 
 
-def test_what_stays_separate_is_reported() -> None:
-    occupancy = fill(room(12, 6), 5.9, 0, 6.1, 6, OCCUPIED)
+@pytest.mark.parametrize(
+    ("between", "reach", "why"),
+    [
+        (OCCUPIED, 3.5, "something stands in the corridor; photograph"),
+        (UNKNOWN, 3.5, r"no image and no scan shows floor along the corridor around x (5\.9|6\.0|6\.1), y"),
+        (OCCUPIED, 0.5, "too far for an edge: photograph what lies between"),
+    ],
+)
+def test_what_stays_separate_is_reported_with_what_keeps_it_apart(between: int, reach: float, why: str) -> None:
+    occupancy = fill(room(12, 6), 5.9, 0, 6.1, 6, between)
     events: list[Event] = []
     world = Columns(occupancy)
     positions = np.concatenate([walk((2, 1), (2, 5)), walk((10, 1), (10, 5))])
-    result = build_map(world, positions, flat_floor, world.support, SMALL, scan="test", listen=events.append)
+    config = replace(SMALL, reach=reach)
+    result = build_map(world, positions, flat_floor, world.support, config, scan="test", listen=events.append)
     assert result.report["components"] == 2
-    assert any(isinstance(e, Warning) and "2 parts" in e.text for e in events)
+    said = [e.text for e in events if isinstance(e, Warning) and "2 parts" in e.text]
+    assert len(said) == 1 and re.search(why, said[0]) and said[0].count("nearest to another at x") == 1
 
 
 def test_search_stops_at_the_cap_and_far_from_the_walk_and_says_so() -> None:

@@ -1,0 +1,76 @@
+"""Why the parts of a graph do not reach each other: where two are nearest, what is refused there, and the remedy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Decision, Viewpoint
+from nvsim.mapping.corridor import SupportAt
+from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED
+from nvsim.mapping.survey import Survey
+
+_MOST = 2  # parts that something is said about
+_UPRIGHT = 3.0  # how much farther a metre upwards is than one along the floor
+_LOOKED = 0.02  # metres between places whose floor is asked for
+
+
+def why_parted(groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
+    """A sentence about each of the largest parts but the first (`groups` of ids, the largest first): the way between it
+    and the rest where they are nearest is looked at, if it is short enough for an edge. "" for one part."""
+    return " ".join(_why(group, groups, survey, support) for group in groups[1 : 1 + _MOST])
+
+
+def _why(group: list[str], groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
+    here, there = _nearest(group, [id for other in groups if other is not group for id in other], survey)
+    metres = math.dist(here.position[:2], there.position[:2])
+    which = f"The one of {len(group)}" if len(group) > 1 else "The single one"
+    begin = f"{which} is nearest to another at {_at(here.position)}, {metres:.1f} m from {_at(there.position)}"
+    if metres > survey.config.reach:
+        return f"{begin}, which is too far for an edge: photograph what lies between."
+    decision = _decision(here, there, survey)
+    if decision == OPEN:
+        return f"{begin}, and the way between them is free; add the edge by hand."
+    words, where = DECISIONS[decision], ""
+    if decision == "unknown":
+        where = f" around {_at(_unknown(here, there, survey, support))}"
+    free = "the way is free, but " if decision in SPARED else ""
+    return f"{begin}: {free}{words.clause}{where}; {words.remedy}."
+
+
+def _nearest(group: list[str], others: list[str], survey: Survey) -> tuple[Viewpoint, Viewpoint]:
+    from scipy.spatial import cKDTree
+
+    places = [survey.draft.viewpoints[id].position * np.array([1, 1, _UPRIGHT]) for id in others]
+    own = [survey.draft.viewpoints[id].position * np.array([1, 1, _UPRIGHT]) for id in group]
+    apart, nearest = cKDTree(places).query(own)
+    at = int(np.argmin(apart))
+    return survey.draft.viewpoints[group[at]], survey.draft.viewpoints[others[nearest[at]]]
+
+
+def _decision(here: Viewpoint, there: Viewpoint, survey: Survey) -> Decision:
+    """The first that speaks against an edge: of either way, or that it was left out afterwards."""
+    for a, b in ((here, there), (there, here)):
+        left_out = survey.left_out(a, b)
+        decision = left_out if left_out in SPARED else survey.way(a, b)
+        if decision != OPEN:
+            return decision
+    return OPEN
+
+
+def _unknown(here: Viewpoint, there: Viewpoint, survey: Survey, support: SupportAt) -> NDArray[np.float64]:
+    """(2,) the middle of what is not known of the floor of the corridor, world x, y."""
+    a, b = np.array(here.position), np.array(there.position)
+    along = (b - a) / max(math.dist(a[:2], b[:2]), 1e-9)
+    aside = np.array([-along[1], along[0], 0.0])
+    half = survey.config.half_width
+    lengths, widths = (np.arange(0.0, most, _LOOKED) for most in (math.dist(a[:2], b[:2]), 2 * half + _LOOKED))
+    places = a + lengths[:, None, None] * along + (widths[None, :, None] - half) * aside
+    unknown = ~np.asarray(support(places), bool)
+    return np.asarray(places[unknown].mean(axis=0)[:2] if unknown.any() else (a + b)[:2] / 2)
+
+
+def _at(place: NDArray[np.floating] | tuple[float, ...]) -> str:
+    return f"x {place[0]:.1f}, y {place[1]:.1f} m"
