@@ -8,10 +8,10 @@ SMALLEST = (480, 270)  # a moving image is never coarser than this
 class Pacing:
     """Learns what a pixel costs and answers with the image size that holds the pace.
 
-    target_ms   milliseconds from asking for a moving frame to having it (40: about 20 frames a second with painting)
+    target_ms   milliseconds from asking for a moving frame to having it (34: about 28 frames a second with painting)
     """
 
-    def __init__(self, target_ms: float = 40.0) -> None:
+    def __init__(self, target_ms: float = 34.0) -> None:
         self._target = target_ms
         self._area_share = 0.25
 

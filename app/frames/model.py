@@ -62,17 +62,17 @@ class FrameModel(QAbstractListModel):
             self._thumbnails.clear()
             self.endResetModel()
         elif "submaps" in parts:
-            self._on_state()
+            self._on_state(0, self.rowCount() - 1)
 
     def _on_thumbnail(self, frame: int) -> None:
         index = self.index(frame)
         self.dataChanged.emit(index, index, [Qt.ItemDataRole.DecorationRole])
 
-    def _on_state(self) -> None:
-        rows = self.rowCount()
-        if rows:
+    def _on_state(self, first: int, last: int) -> None:
+        last = min(last, self.rowCount() - 1)
+        if first <= last:
             roles = [COVERAGE_ROLE, CORRECTED_ROLE, SUBMAP_ROLE, HELD_OUT_ROLE, SCORE_ROLE]
-            self.dataChanged.emit(self.index(0), self.index(rows - 1), roles)
+            self.dataChanged.emit(self.index(first), self.index(last), roles)
 
     def rowCount(self, parent: _Index = _ROOT) -> int:
         capture = self._document.contents.capture

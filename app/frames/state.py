@@ -13,9 +13,9 @@ from nvsim.project.results import layout_of
 
 
 class FrameState(QObject):
-    """changed(): coverage, corrections or scores of some frames are others now."""
+    """changed(int first, int last): coverage, corrections or scores of some of these frames are others now."""
 
-    changed = Signal()
+    changed = Signal(int, int)
 
     def __init__(self, document: Document, link: FrameLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -31,13 +31,13 @@ class FrameState(QObject):
         """What a correction has just made of a frame."""
         self.coverage[frame] = share
         self.corrected = self.corrected | {frame} if corrected else self.corrected - {frame}
-        self.changed.emit()
+        self.changed.emit(frame, frame)
 
     def show_scores(self, scores: Scores) -> None:
         """What an evaluation measured of the frames."""
         if scores != self._scores:
             self._scores = scores
-            self.changed.emit()
+            self._all_changed()
 
     @property
     def held_out(self) -> frozenset[int]:
@@ -70,7 +70,7 @@ class FrameState(QObject):
             return
         if not parts & {"capture", "submaps"}:
             if "scene_stamp" in parts:  # the scores may be of earlier models now
-                self.changed.emit()
+                self._all_changed()
             return
         if "capture" in parts:
             self.coverage = {}
@@ -78,8 +78,14 @@ class FrameState(QObject):
         self.corrected = frozenset() if capture is None else corrected_frames(layout, capture.frames)
         if capture is not None and layout.masks.is_dir():
             self._link.ask_coverage()
-        self.changed.emit()
+        self._all_changed()
 
     def _on_coverage(self, shares: dict[int, float]) -> None:
+        # A batch of some frames: to look at all of many thousand for each would hold up the window.
         self.coverage.update(shares)
-        self.changed.emit()
+        if shares:
+            self.changed.emit(min(shares), max(shares))
+
+    def _all_changed(self) -> None:
+        capture = self._document.contents.capture
+        self.changed.emit(0, max(0, len(capture.frames) - 1) if capture is not None else 0)

@@ -5,12 +5,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.stored_arrays import read_arrays
+from nvsim.geometry import grid_values
+
+_FEW = 2  # places, for which a window that has not compiled anything does not wait for a second
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +53,10 @@ class FloorSurface:
     def height_at(self, xy: NDArray[np.floating]) -> NDArray[np.float32]:
         """Heights (...) at world x, y (..., 2): bilinear inside, the nearest border value outside. Of points (..., 3) z
         counts for nothing: there is one floor."""
-        from nvsim.geometry.grid_kernels import bilinear
-
         xy = np.asarray(xy)
         places = np.ascontiguousarray(xy.reshape(-1, xy.shape[-1]), np.float64)
         found = np.empty(len(places), np.float32)
-        bilinear(self.heights, *self.origin, self.spacing, places, found)
+        _values(len(places)).bilinear(self.heights, *self.origin, self.spacing, places, found)
         return found.reshape(xy.shape[:-1])
 
     def meet(
@@ -71,3 +73,12 @@ class FloorSurface:
                 height = self.height_at(origin[:2] + distance[..., None] * directions[..., :2])
                 distance = (origin[2] - height) / slope
         return np.where(down & (distance > 0), distance, np.inf).astype(np.float32)
+
+
+def _values(places: int) -> ModuleType:
+    """Who reads a grid at so many places."""
+    if places <= _FEW:
+        return grid_values
+    from nvsim.geometry import grid_kernels
+
+    return grid_kernels

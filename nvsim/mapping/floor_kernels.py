@@ -1,4 +1,4 @@
-"""The kernels of `FloorPixels`, `Corridor` and `Trodden`; imported where they are called, as numba takes its time."""
+"""The kernels of `FloorPixels` and `Trodden`; imported where they are called, as numba takes its time."""
 
 from __future__ import annotations
 
@@ -100,26 +100,6 @@ def read(
             top = flat[corners[0, i, j]] * (1 - u) + flat[corners[1, i, j]] * u
             bottom = flat[corners[2, i, j]] * (1 - u) + flat[corners[3, i, j]] * u
             found[i, j] = top * (1 - v) + bottom * v
-
-
-@njit(cache=True, nogil=True)
-def cells(
-    start: tuple[float, float],  # x, y, metres, world
-    forward: tuple[float, float],  # unit
-    near: float,  # metres ahead to the first row,
-    depth: float,  # of a row, and across all cells
-    width: float,
-    found: NDArray[
-        np.float64
-    ],  # (rows, cells, 2 or more) out: world x, y of the middles, from near to far and left to right
-) -> None:
-    count = found.shape[1]
-    for i in range(found.shape[0]):
-        along = near + (i + 0.5) * depth
-        for j in range(count):
-            across = ((j + 0.5) / count - 0.5) * width
-            found[i, j, 0] = start[0] + along * forward[0] + across * forward[1]
-            found[i, j, 1] = start[1] + along * forward[1] + across * -forward[0]
 
 
 @njit(cache=True, nogil=True)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 from scipy.ndimage import map_coordinates
 
@@ -29,3 +32,24 @@ def test_any_array_of_places_will_do() -> None:
     assert SURFACE.height_at(xy[0]).shape == () and float(SURFACE.height_at(xy[0])) == found[0]
     assert SURFACE.height_at(np.zeros((0, 2))).shape == (0,)
     assert np.isnan(SURFACE.height_at(np.array([np.nan, 0.0]))) and np.isfinite(SURFACE.height_at(np.array([9e99, 0])))
+
+
+def test_one_place_after_the_other_gives_what_many_give_to_the_last_bit() -> None:
+    xy = np.random.default_rng(3).uniform((-4, 1), (6, 9), (300, 2))
+    xy[::50] = np.nan
+    np.testing.assert_array_equal([float(SURFACE.height_at(place)) for place in xy], SURFACE.height_at(xy))
+
+
+def test_what_a_window_asks_of_a_graph_compiles_nothing() -> None:
+    """Importing numba takes a second, for which the window would stand still."""
+    program = (
+        "import sys, numpy as np\n"
+        "from nvsim.geometry.floor_surface import FloorSurface\n"
+        "from nvsim.mapping.corridor import Corridor\n"
+        "from nvsim.mapping.unmeasured import closed\n"
+        "floor = FloorSurface(np.ones((3, 3), np.float32), (0.0, 0.0), 1.0)\n"
+        "print(float(floor.height_at(np.zeros(2))), Corridor((0.0, 0.0), (1.0, 2.0)).cells().shape[1])\n"
+        "print('numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["1.0", "18", "False"]
