@@ -50,7 +50,8 @@ class GeometricConfig:
     filled_thin   as `filled`, where the cloud is of images: bare floor has few points there;
     usual_thin    and as `usual`: dark cupboards have few, too;
     filled_behind  there also what something hides: thin things are drawn too thick, a table where its floor is seen,
-    doubted       and below which what nothing hides is none: near walls have holes there
+    doubted       and below which what nothing hides is none: near walls have holes there,
+    never_thin    or, where the image's own depth is that of the floor, below this one: bare walls are taken for it
     """
 
     clearance: float = 0.05
@@ -76,6 +77,7 @@ class GeometricConfig:
     usual_thin: float = 0.85
     filled_behind: float = 0.8
     doubted: float = 0.05
+    never_thin: float = 0.0005
     appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
     glass: GlassConfig = GlassConfig()
@@ -178,7 +180,8 @@ class GeometricFloor:
                 beside = cv2.distanceTransform((~floor).astype(np.uint8), cv2.DIST_L2, 3) < self.config.edge
                 floor |= seen.hidden & beside & (small > self.config.filled_edge)
             else:
-                floor &= level | (small > self.config.doubted)
+                least = np.where(level, self.config.never_thin, self.config.doubted)
+                floor &= (small > least) | self._stairs.at(seen.ground)
                 floor |= seen.unsure & ~before & (small > self.config.filled_thin)
                 floor |= seen.hidden & ~before & (small > self.config.filled_behind)
         mask = refine(floor, seen.scale, image, self.config.refine)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ROLES: tuple[Role, ...] = ("semantic", "normals", "prompted")
 GEOMETRY, AUTO = "geometry", "auto"
-_VERSION = 4  # of fused and hybrid; raised when the same inputs give something else
+_VERSION = 5  # of fused and hybrid; raised when the same inputs give something else
 _PLAYED_BY_GEOMETRY: dict[Role, str] = {
     "semantic": "the floor's known looks", "normals": "the cloud", "prompted": "growing over the normals",
 }  # fmt: skip
