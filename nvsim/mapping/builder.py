@@ -91,8 +91,9 @@ def build_map(
     if len(trajectory) == 0 or not np.isfinite(trajectory).all():
         raise InputError("The trajectory has no camera with a finite position; check the capture with `nvsim check`.")
     started = time.monotonic()
-    if not scanned:
-        config = _closer_on_a_short_walk(config, trajectory)
+    in_one_room = not scanned and float(np.ptp(trajectory[:, :2], axis=0).max()) < _SHORT * config.merge_radius
+    if in_one_room:  # a merge radius holds all that the photographs show of its floor
+        config = replace(config, merge_radius=_CLOSER * config.merge_radius)
     known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
     measurements = Measurements(source, floor_at, support, config, lattice, known, Trodden(trajectory, scanned))
@@ -116,6 +117,8 @@ def build_map(
         explorer.beside()
         if not scanned:
             explorer.cover_closely()
+        if in_one_room:
+            explorer.begin_beside()
     draft, searched = search.draft, time.monotonic()
     if config.settle and not should_stop():
         Settling(survey, should_stop, explorer.settling).run()
@@ -161,13 +164,6 @@ def build_map(
     if sentence and not should_stop():
         listen(Warning(sentence, STAGE))
     return BuildResult(graph, report, measured())
-
-
-def _closer_on_a_short_walk(config: MappingConfig, trajectory: NDArray[np.floating]) -> MappingConfig:
-    """Where somebody turned about in one room, a merge radius holds all that the photographs show of its floor."""
-    if float(np.ptp(trajectory[:, :2], axis=0).max()) >= _SHORT * config.merge_radius:
-        return config
-    return replace(config, merge_radius=_CLOSER * config.merge_radius)
 
 
 def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) -> int:
@@ -267,22 +263,22 @@ class _Explorer:
     def beside(self) -> None:
         """Where the trajectory itself gave next to nothing, starts on the floor that was seen beside it."""
         if len(self._search.draft.viewpoints) < _FEW:
-            self._begin_beside()
+            self.begin_beside()
 
-    def _begin_beside(self) -> None:
+    def begin_beside(self) -> None:
+        """Starts on the floor that was seen beside the trajectory."""
         for place in self._walk.beside(self._config.half_width, _BESIDE):
             if self._should_stop():
                 return
             self.begin(place)
 
     def cover_closely(self) -> None:
-        """Where all this gave few viewpoints, starts at every place that none is nearer to than viewpoints merge, and
-        on the floor seen beside the trajectory: those of a room or two are seldom too many."""
+        """Where all this gave few viewpoints, starts at every place that none is nearer to than viewpoints merge: those
+        of a room or two are seldom too many."""
         if len(self._search.draft.viewpoints) < _A_DOZEN and self._config.merge_radius < self._reach:
             usual, self._reach = self._reach, self._config.merge_radius
             self.cover()
             self.bridge()
-            self._begin_beside()
             self._reach = usual
 
     def is_covered(self, place: NDArray[np.floating]) -> bool:
