@@ -12,6 +12,7 @@ from nvsim.training.config import TrainingConfig
 
 DepthUse = Literal["auto", "always", "never"]
 """Whether depth is estimated from the images: "auto" where the capture has no scan."""
+PoseUse = Literal["auto", "given", "refined"]
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,9 @@ class CaptureConfig:
     wrong pose, say."""
     images: str = ""
     """The folder that holds the images, where they do not lie where the capture says."""
+    poses: PoseUse = "auto"
+    """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
+    Auto: refined where no scan or depth comes with the images and they contradict the given poses."""
 
     @property
     def key(self) -> dict[str, dict[str, object]]:
@@ -55,6 +59,8 @@ class CaptureConfig:
         for later in ("leave_out", "images"):
             if not values[later]:
                 del values[later]
+        if values["poses"] == "auto":
+            del values["poses"]
         return {type(self).__name__: values}
 
 

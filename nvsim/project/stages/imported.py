@@ -7,13 +7,14 @@ import dataclasses
 import json
 import time
 from pathlib import Path
+from typing import get_args
 
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files.reading import reading
 from nvsim.project import ledger, results
-from nvsim.project.config import CaptureConfig
+from nvsim.project.config import CaptureConfig, PoseUse
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.work import StageName, lacks
@@ -67,19 +68,42 @@ def run(
             f"{source} has no metric scale: say how high the cameras are above the floor (--camera-height METRES) or "
             "how many metres a unit is (--scale METRES)."
         )
+    capture, adjusted = _posed(capture, config, listen)
     listen_to_what_is_replaced(project, STAGE, listen)
     with contextlib.suppress(InputError):  # a capture that cannot be read is what is imported again
         project.fix_cut()
     ledger.begin(project, STAGE, key)
     save_capture(capture, project.making(results.made_at(project.connection, STAGE)).layout.imported)
     points = 0 if capture.cloud is None else len(capture.cloud.points)
-    summary = {"frames": len(capture.frames), "points": points, "format": capture.format}
+    summary = {"frames": len(capture.frames), "points": points, "format": capture.format, **adjusted}
     understood = json.dumps(dataclasses.asdict(config))
     seconds = time.monotonic() - started
     ledger.finish(project, STAGE, seconds, summary, write=lambda c: results.put(c, _CONFIG, understood))
     listen(Progress(STAGE, 1, 1))
     listen(Done(STAGE, f"{len(capture.frames)} frames and {points} points from a {capture.format} capture", summary))
     return capture
+
+
+def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
+    """The capture with the poses that `config` asks for, and what of them belongs into the summary."""
+    from nvsim.poses.refinement import is_good, miss, refine
+
+    measured = capture.is_scanned or bool(capture.scans or capture.depths)
+    if config.poses == "given" or (config.poses == "auto" and (measured or is_good(miss(capture.frames)))):
+        return capture, {}
+    found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "what images have in common")))
+    if found is None:
+        listen(Log("The poses stay as they are: no others agree better with the images.", STAGE))
+        return capture, {}
+    text = (
+        f"The poses were adjusted: what images have in common lay {found.before:.2f} pixels apart by those given, and "
+        f"{found.after:.2f} now; cameras moved {1000 * found.metres:.0f} mm and {found.degrees:.2f} degrees "
+        "(medians; --poses given keeps them)."
+    )
+    listen(Log(text, STAGE))
+    figures = {"before_px": found.before, "after_px": found.after, "metres": found.metres, "degrees": found.degrees}
+    rounded = {f"poses_{name}": round(value, 4) for name, value in figures.items()}
+    return dataclasses.replace(capture, frames=found.frames), rounded
 
 
 def capture_config(project: Project) -> CaptureConfig:
@@ -93,6 +117,8 @@ def capture_config(project: Project) -> CaptureConfig:
         for length in (config.scale, config.camera_height):
             if length is not None and not (type(length) in (int, float) and 0 < length < 1e9):
                 raise ValueError(f"{length!r} metres")
+        if config.poses not in get_args(PoseUse):
+            raise ValueError(f"poses {config.poses!r}")
         if type(config.hold_out) is not int or not 0 <= config.hold_out < 1 << 31:
             raise ValueError(f"every {config.hold_out!r}th frame is held out")
     return config

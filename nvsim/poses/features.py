@@ -1,0 +1,61 @@
+"""Distinct places of an image that are found again in others (SIFT, Lowe 2004; compared as RootSIFT, Arandjelovic and
+Zisserman 2012)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+_MOST = 1000  # of an image
+_CONTRAST = 0.02
+_RATIO = 0.8  # of the distances to the best and to the second best
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """places       (N, 2) float64, pixels; (0.5, 0.5) is the middle of the first
+    descriptors  (N, 128) uint8: kept so small because those of all images are in memory
+    """
+
+    places: NDArray[np.float64]
+    descriptors: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+NOTHING = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
+
+
+def find_features(image: NDArray[np.uint8]) -> Features:
+    """Of an image (H, W, 3) uint8 RGB, at most 1000."""
+    finder = cv2.SIFT.create(_MOST, contrastThreshold=_CONTRAST)
+    keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None)
+    if found is None or not len(keys):
+        return NOTHING
+    places = np.array([key.pt for key in keys], np.float64) + 0.5
+    return Features(places, np.clip(np.rint(found), 0, 255).astype(np.uint8))
+
+
+def alike(one: Features, other: Features) -> NDArray[np.int64]:
+    """(M, 2) pairs of features, of one image and of another, that are each other's best and clearly so."""
+    if len(one) < 2 or len(other) < 2:
+        return np.zeros((0, 2), np.int64)
+    likeness = _roots(one) @ _roots(other).T
+    rows = np.arange(len(one))
+    best, back = likeness.argmax(axis=1), likeness.argmax(axis=0)
+    first = likeness[rows, best]
+    likeness[rows, best] = -1
+    second = likeness.max(axis=1)
+    # Unit vectors: the square of their distance is 2 - 2 times their product.
+    clear = (back[best] == rows) & (1 - first < _RATIO**2 * (1 - second))
+    return np.stack([rows[clear], best[clear]], axis=1)
+
+
+def _roots(features: Features) -> NDArray[np.float32]:
+    values = features.descriptors.astype(np.float32)
+    roots: NDArray[np.float32] = np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9))
+    return roots

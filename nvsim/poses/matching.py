@@ -1,0 +1,77 @@
+"""Which images to compare, and which of their features are of the same thing."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera
+from nvsim.poses.features import Features, alike
+
+_FARTHEST, _TURNED = 1.5, 35.0  # metres and degrees between two cameras that are compared
+_BASELINES = ((0.0, 0.12, 2), (0.12, 0.35, 3), (0.35, 0.8, 3), (0.8, _FARTHEST, 1))
+"""Metres from and to, and how many frames so far away each frame is compared with: near ones hold the rotation, far
+ones the position."""
+_A_METRE = 20.0  # degrees that are as bad as a metre
+_ASTRAY = 8.0  # pixels from its epipolar line beyond which a match is none, whatever the poses' error
+_OFF = 1.5  # pixels from that of the fundamental matrix that most matches agree on
+_LEAST = 10  # matches of a pair
+
+
+def pairs_to_compare(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Pairs of frames, the smaller index first, that likely show the same; poses (N, 4, 4) camera to world."""
+    from scipy.spatial import cKDTree
+
+    places, views = poses[:, :3, 3], poses[:, :3, 2]
+    around = cKDTree(places).query_ball_point(places, _FARTHEST, return_sorted=True)
+    pairs: set[tuple[int, int]] = set()
+    for i, near in enumerate(around):
+        others = np.array([j for j in near if j != i], np.int64)
+        metres = np.linalg.norm(places[others] - places[i], axis=1)
+        turned = np.degrees(np.arccos(np.clip(views[others] @ views[i], -1, 1)))
+        for low, high, count in _BASELINES:
+            fit = np.flatnonzero((metres >= low) & (metres < high) & (turned < _TURNED))
+            worse = turned[fit] + _A_METRE * np.abs(metres[fit] - (low + high) / 2)
+            for j in others[fit[np.argsort(worse, kind="stable")[:count]]]:
+                pairs.add((min(i, int(j)), max(i, int(j))))
+    return sorted(pairs)
+
+
+def matched(one: Features, other: Features, first: Camera, second: Camera) -> NDArray[np.int64]:
+    """(M, 2) pairs of features of the same thing, of the image of the `first` and of the `second` camera: alike, near
+    each other's epipolar lines, and of one motion of the camera; none where these are few."""
+    none = np.zeros((0, 2), np.int64)
+    pairs = alike(one, other)
+    a, b = one.places[pairs[:, 0]], other.places[pairs[:, 1]]
+    near = np.abs(epipolar_distances(a, b, first, second)) < _ASTRAY
+    pairs, a, b = pairs[near], a[near], b[near]
+    if len(pairs) < _LEAST:
+        return none
+    _, agree = cv2.findFundamentalMat(a, b, cv2.FM_RANSAC, _OFF, 0.995, 500)
+    if agree is None:
+        return none
+    pairs = pairs[agree.ravel() > 0]
+    return pairs if len(pairs) >= _LEAST else none
+
+
+def epipolar_distances(
+    a: NDArray[np.float64], b: NDArray[np.float64], first: Camera, second: Camera
+) -> NDArray[np.float64]:
+    """(N,) pixels, signed, by which places (N, 2) in the image of the `first` camera and (N, 2) in that of the `second`
+    miss being of one point: Sampson's distance (Hartley and Zisserman, Multiple View Geometry, eq. 11.9)."""
+    relative = second.world_to_camera @ first.camera_to_world
+    x, y, z = relative[:3, 3]
+    essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ relative[:3, :3]
+    fundamental = _inverse(second).T @ essential @ _inverse(first)
+    ones = np.ones((len(a), 1))
+    a, b = np.hstack([a, ones]), np.hstack([b, ones])
+    on_second, on_first = a @ fundamental.T, b @ fundamental
+    slopes = (on_second[:, :2] ** 2).sum(axis=1) + (on_first[:, :2] ** 2).sum(axis=1)
+    return np.asarray((b * on_second).sum(axis=1) / np.sqrt(np.maximum(slopes, 1e-24)))
+
+
+def _inverse(camera: Camera) -> NDArray[np.float64]:
+    """(3, 3) from pixels to directions."""
+    k = camera.intrinsics
+    return np.array([[1 / k.fx, 0, -k.cx / k.fx], [0, 1 / k.fy, -k.cy / k.fy], [0, 0, 1]])

@@ -1,0 +1,120 @@
+"""Poses as the images themselves have them, where those that came with them are worse: a hand's, an odometer's."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Frame
+from nvsim.errors import InputError
+from nvsim.geometry.camera import Camera
+from nvsim.poses.adjustment import adjust
+from nvsim.poses.features import NOTHING, Features, find_features
+from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare
+from nvsim.poses.tracks import tracks_of
+
+_LONGEST_SIDE = 640  # pixels of the images that are compared
+_SAMPLE = 40  # pairs of images that say how good the given poses are,
+_APART = (0.15, 0.8)  # metres between the cameras of each,
+_FEW = 8  # and how many of them say nothing
+_GOOD = 0.3  # pixels: poses that miss by less are good; exact ones miss by 0.1, those of an odometer by 0.6
+_BETTER = 0.7  # times as far off features must be in the end, or the given poses stay
+Told = Callable[[int, int], None]
+"""Told how much of how much is done."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """frames         with their new poses
+    before, after  pixels between features and their points, medians, by the given and by the new poses
+    metres         by which cameras moved, the median; `degrees` by which they turned
+    """
+
+    frames: tuple[Frame, ...]
+    before: float
+    after: float
+    metres: float
+    degrees: float
+
+
+def miss(frames: Sequence[Frame]) -> float | None:
+    """Pixels by which matched features of two images miss each other's epipolar lines, the median over a sample of
+    pairs of `frames`; None where too few images show the same."""
+    poses = np.stack([f.camera_to_world for f in frames]) if frames else np.zeros((0, 4, 4))
+    pairs = []
+    for i, j in pairs_to_compare(poses):
+        if _APART[0] <= np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3]) <= _APART[1]:
+            pairs.append((i, j))
+    chosen = [pairs[k] for k in np.unique(np.linspace(0, len(pairs) - 1, _SAMPLE).round().astype(int))] if pairs else []
+
+    def measured(pair: tuple[int, int]) -> float | None:
+        (one, first), (other, second) = (_seen(frames[k]) for k in pair)
+        found = matched(one, other, first, second)
+        if not len(found):
+            return None
+        off = epipolar_distances(one.places[found[:, 0]], other.places[found[:, 1]], first, second)
+        return float(np.median(np.abs(off)))
+
+    with ThreadPoolExecutor(_threads()) as pool:
+        told = [off for off in pool.map(measured, chosen) if off is not None]
+    return float(np.median(told)) if len(told) >= _FEW else None
+
+
+def is_good(missed: float | None) -> bool:
+    """Whether poses by which features `miss` so far are left as they are; those that nobody knows better are."""
+    return missed is None or missed < _GOOD
+
+
+def refine(frames: Sequence[Frame], told: Told = lambda done, of: None) -> Refined | None:
+    """The same frames with poses by which their images agree; None where nothing is gained, or nothing is shown by
+    several. Cameras stay within centimetres of where they were, and what the capture as a whole is turned by and how
+    large it is stays as it was."""
+    poses = np.stack([f.camera_to_world for f in frames]) if frames else np.zeros((0, 4, 4))
+    pairs, done = pairs_to_compare(poses), 0
+    seen: list[tuple[Features, Camera]] = []
+    matches: list[NDArray[np.int64]] = []
+    with ThreadPoolExecutor(_threads()) as pool:
+        for found in pool.map(_seen, frames):
+            seen.append(found)
+            told(done := done + 1, 2 * len(frames))
+
+        def compared(pair: tuple[int, int]) -> NDArray[np.int64]:
+            (one, first), (other, second) = (seen[k] for k in pair)
+            return matched(one, other, first, second)
+
+        for number, agree in enumerate(pool.map(compared, pairs)):
+            matches.append(agree)
+            told(len(frames) + number * len(frames) // max(1, len(pairs)), 2 * len(frames))
+    tracks = tracks_of([features for features, _ in seen], pairs, matches)
+    if not len(tracks.point):
+        return None
+    adjusted = adjust([camera for _, camera in seen], tracks)
+    if not adjusted.after < _BETTER * adjusted.before:
+        return None
+    from scipy.spatial.transform import Rotation
+
+    turned = Rotation.from_matrix(poses[:, :3, :3].transpose(0, 2, 1) @ adjusted.poses[:, :3, :3]).magnitude()
+    moved = np.linalg.norm(adjusted.poses[:, :3, 3] - poses[:, :3, 3], axis=1)
+    better = tuple(replace(f, camera_to_world=pose) for f, pose in zip(frames, adjusted.poses, strict=True))
+    medians = float(np.median(moved)), float(np.degrees(np.median(turned)))
+    return Refined(better, adjusted.before, adjusted.after, *medians)
+
+
+def _seen(frame: Frame) -> tuple[Features, Camera]:
+    """Nothing in an image that cannot be read: whoever needs it says so."""
+    size = frame.intrinsics.within(_LONGEST_SIDE)
+    camera = Camera(size, frame.camera_to_world)
+    try:
+        return find_features(read_image(frame, size)), camera
+    except InputError:
+        return NOTHING, camera
+
+
+def _threads() -> int:
+    return os.cpu_count() or 1

@@ -1,0 +1,101 @@
+"""Poses that the images contradict are adjusted when a capture is imported; others stay to the last bit."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from nvsim.building import BuildingConfig, generate
+from nvsim.capture.types import Capture
+from nvsim.events import Event, Log
+from nvsim.poses.refinement import miss, refine
+from nvsim.project import ledger
+from nvsim.project.config import CaptureConfig
+from nvsim.project.project import Project
+from nvsim.project.stages import imported
+from tests.benchmarks.images_only import shake, without_scan
+
+
+@pytest.fixture(scope="module")
+def captures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A small building with its scan, without it, and without it as a hand would have left it."""
+    folder = tmp_path_factory.mktemp("poses")
+    config = BuildingConfig(seed=3, size="small", width=240, height=180, people=False)
+    generate(folder, config)
+    for name in ("plain", "shaken"):
+        without_scan(folder / "capture", folder / name)
+    shake(folder / "shaken")
+    return {"scanned": folder / "capture", "plain": folder / "plain", "shaken": folder / "shaken"}
+
+
+def brought(folder: Path, source: Path, config: CaptureConfig | None = None) -> tuple[Capture, dict[str, object], str]:
+    events: list[Event] = []
+    with Project.create_or_open(folder) as project:
+        capture = imported.run(project, source, config or CaptureConfig(), events.append)
+        record = ledger.record(project, "import")
+        assert record is not None
+        np.testing.assert_array_equal(poses(project.need_capture()), poses(capture))
+    return capture, record.summary, " ".join(e.text for e in events if isinstance(e, Log))
+
+
+def poses(capture: Capture) -> NDArray[np.float64]:
+    return np.stack([f.camera_to_world for f in capture.frames])
+
+
+def steps_off(found: Capture, true: Capture) -> float:
+    """Metres by which the step from one camera to the next is off, the median."""
+    off = (poses(found) - poses(true))[:, :3, 3]
+    return float(np.median(np.linalg.norm(np.diff(off, axis=0), axis=1)))
+
+
+def test_poses_of_a_hand_are_adjusted_and_said_to_be(captures: dict[str, Path], tmp_path: Path) -> None:
+    true, summary, said = brought(tmp_path / "plain", captures["plain"])
+    assert "poses_before_px" not in summary and "poses" not in said
+    given, summary, _ = brought(tmp_path / "given", captures["shaken"], CaptureConfig(poses="given"))
+    assert "poses_before_px" not in summary
+    found, summary, said = brought(tmp_path / "found", captures["shaken"])
+    assert summary["poses_after_px"] < 0.7 * summary["poses_before_px"]  # type: ignore[operator]
+    assert "The poses were adjusted" in said and "--poses given" in said
+    assert steps_off(found, true) < 0.6 * steps_off(given, true)
+    assert [f.name for f in found.frames] == [f.name for f in given.frames]
+
+
+def test_poses_beside_a_scan_are_left_alone_unless_it_is_asked(captures: dict[str, Path], tmp_path: Path) -> None:
+    tree = json.loads((captures["shaken"] / "transforms.json").read_text())
+    tree["ply_file_path"] = str(captures["scanned"] / "points.ply")
+    (captures["shaken"] / "with_scan.json").write_text(json.dumps(tree))
+    _, summary, _ = brought(tmp_path / "auto", captures["shaken"] / "with_scan.json")
+    assert "poses_before_px" not in summary
+    _, summary, _ = brought(tmp_path / "asked", captures["shaken"] / "with_scan.json", CaptureConfig(poses="refined"))
+    assert "poses_before_px" in summary
+
+
+def test_an_image_that_is_missing_is_no_matter_of_poses(captures: dict[str, Path], tmp_path: Path) -> None:
+    capture, _, _ = brought(tmp_path / "given", captures["shaken"], CaptureConfig(poses="given"))
+    missing = tmp_path / "nowhere.jpg"
+    frames = [f if i else type(f)(f.name, missing, f.lens, f.camera_to_world) for i, f in enumerate(capture.frames)]
+    found = refine(frames)
+    assert found is not None
+    np.testing.assert_allclose(found.frames[0].camera_to_world, frames[0].camera_to_world, atol=1e-12)
+    assert miss(frames[:1]) is None and refine(frames[:1]) is None and refine([]) is None
+
+
+def test_what_was_asked_counts_in_the_key_only_where_it_is_not_the_usual(tmp_path: Path) -> None:
+    assert "poses" not in CaptureConfig().key["CaptureConfig"]
+    assert CaptureConfig(poses="given").key["CaptureConfig"]["poses"] == "given"
+
+
+@pytest.mark.data
+def test_a_real_office_agrees_better_with_itself(shared_data: Path, tmp_path: Path) -> None:
+    without_scan(shared_data / "office_walk", tmp_path / "office")
+    with Project.create_or_open(tmp_path / "office.nvsim") as project:
+        capture = imported.run(project, tmp_path / "office", CaptureConfig(poses="given"), lambda event: None)
+    some = capture.frames[:50]
+    given, found = miss(some), refine(some)
+    assert given is not None and found is not None
+    after = miss(found.frames)
+    assert after is not None and after < 0.7 * given and found.metres < 0.05
