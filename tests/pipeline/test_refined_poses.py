@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, generate
 from nvsim.capture.types import Capture
+from nvsim.cli.main import main
 from nvsim.events import Event, Log
 from nvsim.poses.refinement import miss, refine
 from nvsim.project import ledger
@@ -29,6 +30,9 @@ def captures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name in ("plain", "shaken"):
         without_scan(folder / "capture", folder / name)
     shake(folder / "shaken")
+    tree = json.loads((folder / "shaken" / "transforms.json").read_text())
+    tree["ply_file_path"] = str(folder / "capture" / "points.ply")
+    (folder / "shaken" / "with_scan.json").write_text(json.dumps(tree))
     return {"scanned": folder / "capture", "plain": folder / "plain", "shaken": folder / "shaken"}
 
 
@@ -65,13 +69,22 @@ def test_poses_of_a_hand_are_adjusted_and_said_to_be(captures: dict[str, Path], 
 
 
 def test_poses_beside_a_scan_are_left_alone_unless_it_is_asked(captures: dict[str, Path], tmp_path: Path) -> None:
-    tree = json.loads((captures["shaken"] / "transforms.json").read_text())
-    tree["ply_file_path"] = str(captures["scanned"] / "points.ply")
-    (captures["shaken"] / "with_scan.json").write_text(json.dumps(tree))
     _, summary, _ = brought(tmp_path / "auto", captures["shaken"] / "with_scan.json")
     assert "poses_before_px" not in summary
     _, summary, _ = brought(tmp_path / "asked", captures["shaken"] / "with_scan.json", CaptureConfig(poses="refined"))
     assert "poses_before_px" in summary
+
+
+def test_the_check_says_that_poses_contradict_the_images(
+    captures: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = {}
+    for name, path in (*captures.items(), ("beside", captures["shaken"] / "with_scan.json")):
+        assert main(["check", str(path)]) == 0
+        said[name] = capsys.readouterr().out
+    assert "the poses miss" not in said["plain"] + said["scanned"]
+    assert "note: the poses miss" in said["shaken"] and "adjusted when it is imported" in said["shaken"]
+    assert "warning: the poses miss" in said["beside"] and "--poses refined" in said["beside"]
 
 
 def test_an_image_that_is_missing_is_no_matter_of_poses(captures: dict[str, Path], tmp_path: Path) -> None:
