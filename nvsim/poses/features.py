@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_MOST = 1000  # of an image
+MOST = 1000  # of an image
 _CONTRAST = 0.02
 _RATIO = 0.8  # of the distances to the best and to the second best
 
@@ -30,9 +30,9 @@ class Features:
 NOTHING = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
 
 
-def find_features(image: NDArray[np.uint8]) -> Features:
-    """Of an image (H, W, 3) uint8 RGB, at most 1000."""
-    finder = cv2.SIFT.create(_MOST, contrastThreshold=_CONTRAST)
+def find_features(image: NDArray[np.uint8], most: int = MOST) -> Features:
+    """Of an image (H, W, 3) uint8 RGB."""
+    finder = cv2.SIFT.create(most, contrastThreshold=_CONTRAST)
     keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None)
     if found is None or not len(keys):
         return NOTHING

@@ -24,10 +24,12 @@ def pairs_to_compare(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
     from scipy.spatial import cKDTree
 
     places, views = poses[:, :3, 3], poses[:, :3, 2]
-    around = cKDTree(places).query_ball_point(places, _FARTHEST, return_sorted=True)
+    tree = cKDTree(places)
     pairs: set[tuple[int, int]] = set()
-    for i, near in enumerate(around):
-        others = np.array([j for j in near if j != i], np.int64)
+    for i in range(len(places)):
+        # One after the other: thousands of frames of one room would be millions of neighbours at once.
+        near = np.array(tree.query_ball_point(places[i], _FARTHEST, return_sorted=True), np.int64)
+        others = near[near != i]
         metres = np.linalg.norm(places[others] - places[i], axis=1)
         turned = np.degrees(np.arccos(np.clip(views[others] @ views[i], -1, 1)))
         for low, high, count in _BASELINES:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.poses.adjustment import adjust
-from nvsim.poses.features import NOTHING, Features, find_features
+from nvsim.poses.features import MOST, NOTHING, Features, find_features
 from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare
 from nvsim.poses.tracks import tracks_of
 
@@ -25,6 +27,8 @@ _APART = (0.15, 0.8)  # metres between the cameras of each,
 _FEW = 8  # and how many of them say nothing
 _GOOD = 0.3  # pixels: poses that miss by less are good; exact ones miss by 0.1, those of an odometer by 0.6
 _BETTER = 0.7  # times as far off features must be in the end, or the given poses stay
+_IN_ALL = 4_000_000  # features of all images, which are half a gigabyte,
+_LEAST = 200  # but so many of each
 Told = Callable[[int, int], None]
 """Told how much of how much is done."""
 
@@ -61,7 +65,7 @@ def miss(frames: Sequence[Frame]) -> float | None:
         off = epipolar_distances(one.places[found[:, 0]], other.places[found[:, 1]], first, second)
         return float(np.median(np.abs(off)))
 
-    with ThreadPoolExecutor(_threads()) as pool:
+    with _pool() as pool:
         told = [off for off in pool.map(measured, chosen) if off is not None]
     return float(np.median(told)) if len(told) >= _FEW else None
 
@@ -79,8 +83,9 @@ def refine(frames: Sequence[Frame], told: Told = lambda done, of: None) -> Refin
     pairs, done = pairs_to_compare(poses), 0
     seen: list[tuple[Features, Camera]] = []
     matches: list[NDArray[np.int64]] = []
-    with ThreadPoolExecutor(_threads()) as pool:
-        for found in pool.map(_seen, frames):
+    with _pool() as pool:
+        most = max(_LEAST, min(MOST, _IN_ALL // max(1, len(frames))))
+        for found in pool.map(partial(_seen, most=most), frames):
             seen.append(found)
             told(done := done + 1, 2 * len(frames))
 
@@ -106,15 +111,21 @@ def refine(frames: Sequence[Frame], told: Told = lambda done, of: None) -> Refin
     return Refined(better, adjusted.before, adjusted.after, *medians)
 
 
-def _seen(frame: Frame) -> tuple[Features, Camera]:
+def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
     """Nothing in an image that cannot be read: whoever needs it says so."""
     size = frame.intrinsics.within(_LONGEST_SIDE)
     camera = Camera(size, frame.camera_to_world)
     try:
-        return find_features(read_image(frame, size)), camera
+        return find_features(read_image(frame, size), most), camera
     except InputError:
         return NOTHING, camera
 
 
-def _threads() -> int:
-    return os.cpu_count() or 1
+@contextmanager
+def _pool() -> Iterator[ThreadPoolExecutor]:
+    """A thread for each core; who is interrupted does not wait for what has not begun."""
+    pool = ThreadPoolExecutor(os.cpu_count() or 1)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)

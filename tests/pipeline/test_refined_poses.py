@@ -10,9 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, generate
+from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
 from nvsim.cli.main import main
 from nvsim.events import Event, Log
+from nvsim.poses import refinement
 from nvsim.poses.refinement import miss, refine
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
@@ -95,6 +97,21 @@ def test_an_image_that_is_missing_is_no_matter_of_poses(captures: dict[str, Path
     assert found is not None
     np.testing.assert_allclose(found.frames[0].camera_to_world, frames[0].camera_to_world, atol=1e-12)
     assert miss(frames[:1]) is None and refine(frames[:1]) is None and refine([]) is None
+
+
+def test_who_interrupts_does_not_wait_for_all_images(
+    captures: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture, _, _ = brought(tmp_path / "given", captures["shaken"], CaptureConfig(poses="given"))
+    read: list[object] = []
+    monkeypatch.setattr(refinement, "read_image", lambda frame, size: (read.append(frame), read_image(frame, size))[1])
+
+    def interrupt(done: int, of: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        refine(capture.frames * 10, interrupt)
+    assert len(read) < 5 * len(capture.frames)
 
 
 def test_what_was_asked_counts_in_the_key_only_where_it_is_not_the_usual(tmp_path: Path) -> None:
