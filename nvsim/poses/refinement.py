@@ -27,7 +27,7 @@ _APART = (0.15, 0.8)  # metres between the cameras of each,
 _FEW = 8  # and how many of them say nothing
 _GOOD = 0.3  # pixels: poses that miss by less are good; exact ones miss by 0.1, those of an odometer by 0.6
 _BETTER = 0.7  # times as far off features must be in the end, or the given poses stay
-_IN_ALL = 4_000_000  # features of all images, which are half a gigabyte,
+_IN_ALL = 1_500_000  # features of all images: a building of 6,000 m2 takes 1.5 GB with so many,
 _LEAST = 200  # but so many of each
 Told = Callable[[int, int], None]
 """Told how much of how much is done."""
