@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.forms.editors import LineEditor
+from app.forms.editors import Editor, LineEditor, editor_of
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
 from app.look.labels import InkLabel, Label
@@ -110,9 +110,10 @@ class NewProjectDialog(QDialog):
         place = QPushButton("Place…", self)
         place.setEnabled(self._fixed is None)
         place.clicked.connect(self._browse_project)
-        self.camera_height = self._editor("camera_height")
-        self.scale = self._editor("scale")
-        self.hold_out = self._editor("hold_out")
+        self.camera_height = self._line("camera_height")
+        self.scale = self._line("scale")
+        self.hold_out = self._line("hold_out")
+        self.poses = self._editor("poses")
         grid = QGridLayout()
         grid.addWidget(Label("Capture", self), 0, 0)
         grid.addWidget(self.capture, 0, 1)
@@ -122,9 +123,8 @@ class NewProjectDialog(QDialog):
         grid.addWidget(Label("Project", self), 1, 0)
         grid.addWidget(self.project, 1, 1)
         grid.addWidget(place, 1, 2, 1, 3)
-        for row, (words, editor) in enumerate(
-            (("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)), start=2
-        ):
+        asked = ("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)
+        for row, (words, editor) in enumerate((*asked, ("Poses", self.poses)), start=2):
             name = Label(words, self)
             name.setToolTip(tip(editor.field.flag))
             help = Label(editor.field.help, self)
@@ -186,9 +186,9 @@ class NewProjectDialog(QDialog):
         self.project.textEdited.connect(self._on_named)
         self.project.textChanged.connect(lambda _: self._show_state())
 
-    def _editor(self, name: str) -> LineEditor:
+    def _editor(self, name: str) -> Editor:
         field: Field = self._options[name]
-        editor = LineEditor(field, self)
+        editor = editor_of(field, self)
         editor.show_value(field.default)
         editor.changed.connect(self._on_option)
         return editor
@@ -225,8 +225,14 @@ class NewProjectDialog(QDialog):
         """Raises ValueError with a sentence."""
         return {name: editor.value() for name, editor in self._editors().items()}
 
-    def _editors(self) -> dict[str, LineEditor]:
-        return {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
+    def _line(self, name: str) -> LineEditor:
+        editor = self._editor(name)
+        assert isinstance(editor, LineEditor)
+        return editor
+
+    def _editors(self) -> dict[str, Editor]:
+        lines = {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
+        return {**lines, "poses": self.poses}
 
     def _start_check(self) -> None:
         captures = self.captures()

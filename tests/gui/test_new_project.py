@@ -129,12 +129,14 @@ def test_several_captures_become_one_list_and_one_project(qtbot: QtBot, session:
     dialog = part_of(session).open_dialog(captures)
     assert dialog.captures() == captures
     dialog.project.setText(str(tmp_path / "house.nvsim"))
+    dialog.poses.show_value("given")
     ordered: list[list[str]] = []
     session.window.jobs.start = lambda verb, arguments, *_: ordered.append(arguments)  # type: ignore[method-assign]
     qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
     assert dialog.result_shown is not None and dialog.result_shown.refused  # neither is there
     dialog.show_result(CheckResult(False, ()))
     qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
+    assert ordered[0][-2:] == ["--poses", "given"]
     source = Path(ordered[0][0])
     assert source.parent == tmp_path / "house.nvsim"
     assert source.read_text().splitlines() == [str(c) for c in captures]
