@@ -125,7 +125,16 @@ def test_every_reader_says_what_is_wrong(house: Path, statement: str, read: Call
 
 @pytest.mark.parametrize(
     "text",
-    ["[]", "{", '{"shell": "x"}', '{"scale": "1"}', '{"hold_out": -1}', '{"camera_height": 1e999}', "[" * 99_999],
+    [
+        "[]",
+        "{",
+        '{"shell": "x"}',
+        '{"scale": "1"}',
+        '{"hold_out": -1}',
+        '{"poses": "x"}',
+        '{"camera_height": 1e999}',
+        "[" * 99_999,
+    ],
 )
 def test_what_is_stored_of_the_import_is_taken_only_as_what_it_must_be(house: Path, text: str) -> None:
     from nvsim.project.stages.imported import capture_config
