@@ -29,12 +29,13 @@ _ORDER = {"error": 0, "warning": 1, "note": 2}
 @dataclass(frozen=True)
 class Report:
     """Everything found in one capture, errors first. `format` is "" where none was recognised, `summary` None where
-    nothing could be read."""
+    nothing could be read, and `capture` where it cannot be brought into the aligned frame."""
 
     source: Path
     format: str
     findings: tuple[Finding, ...]
     summary: Summary | None = None
+    capture: Capture | None = None
 
     @property
     def refused(self) -> bool:
@@ -73,7 +74,7 @@ def check(
         capture = _check_geometry(raw, scale, camera_height, alignment, findings)
     names = {frame.where: (frame.name,) for frame in raw.frames}
     found = _sorted(replace(f, frames=f.frames or names.get(f.where, ())) for f in findings)
-    report = Report(raw.source, raw.format, found)
+    report = Report(raw.source, raw.format, found, capture=capture)
     return replace(report, summary=summary_of(raw, capture, frozenset(report.bad_frames)))
 
 

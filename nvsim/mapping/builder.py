@@ -132,7 +132,6 @@ def build_map(
     isolated = [] if config.isolated else alone
     for id in isolated:
         draft.remove(id)
-    parted = "" if should_stop() else why_parted(components(draft.graph()), survey, support)
     graph = keep_edits(draft.graph(), previous)
     if not should_stop():
         explorer.finish()
@@ -141,6 +140,7 @@ def build_map(
     for evidence in graph.evidence.values():
         words[evidence.decision] = words.get(evidence.decision, 0) + 1
     groups = components(graph)
+    parted = "" if should_stop() else why_parted(groups, survey, support)
     report = {
         "viewpoints": len(graph.viewpoints),
         "edges": len(graph.edges),

@@ -19,7 +19,10 @@ _LOOKED = 0.02  # metres between places whose floor is asked for
 
 def why_parted(groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
     """A sentence about each of the largest parts but the first (`groups` of ids, the largest first): the way between it
-    and the rest where they are nearest is looked at, if it is short enough for an edge. "" for one part."""
+    and the rest where they are nearest is looked at, if it is short enough for an edge. "" for one part. What a user
+    added, and the survey does not know, takes no part."""
+    known = ([id for id in group if id in survey.draft.viewpoints] for group in groups)
+    groups = [group for group in known if group]
     return " ".join(_why(group, groups, survey, support) for group in groups[1 : 1 + _MOST])
 
 

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress, Warning
+from nvsim.graph.components import components
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
+from nvsim.graph.types import edge as between
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.paths import segment_is_free
@@ -285,3 +287,27 @@ def test_without_a_scan_a_small_room_is_covered_more_closely() -> None:
     (usual, far), (closely, near) = farthest(True), farthest(False)
     assert near < far and len(closely.viewpoints) > len(usual.viewpoints)
     assert_valid(closely, occupancy)
+
+
+def test_parts_that_a_user_joined_are_one_and_what_a_user_added_is_no_part_to_explain() -> None:
+    occupancy = fill(room(12, 6), 5.9, 0, 6.1, 6, OCCUPIED)
+    world = Columns(occupancy)
+    positions = np.concatenate([walk((2, 1), (2, 5)), walk((10, 1), (10, 5))])
+    first = build_map(world, positions, flat_floor, world.support, SMALL, scan="test")
+    a, b = (min(group) for group in components(first.graph))
+    here = first.graph.viewpoints[a]
+    alone = replace(here, id="f" * 32, position=(6.0, 3.0, 1.2), origin="person")
+    added = replace(first.graph, viewpoints={**first.graph.viewpoints, alone.id: alone})
+    joined = replace(
+        first.graph, edges={**first.graph.edges, between(a, b).key: replace(between(a, b), origin="person")}
+    )
+    for previous, parts in ((added, 3), (joined, 1)):
+        events: list[Event] = []
+        known = {"previous": previous, "remembered": first.measured}
+        again = build_map(
+            world, positions, flat_floor, world.support, SMALL, scan="test", listen=events.append, **known
+        )
+        assert again.report["components"] == parts
+        said = " ".join(e.text for e in events if isinstance(e, Warning))
+        assert ("parts that do not reach" in said) == (parts > 1)
+        assert said.count("nearest to another") == (parts > 1)

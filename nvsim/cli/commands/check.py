@@ -12,7 +12,6 @@ from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.show import as_json
 
 if TYPE_CHECKING:
-    from nvsim.capture.findings import Finding
     from nvsim.capture.summary import Summary
 
 _PLACES = 3
@@ -42,10 +41,11 @@ def run(arguments: Arguments) -> int:
     from nvsim.capture.check import check
     from nvsim.capture.findings import grouped
     from nvsim.capture.left_out import write_names, written_out
+    from nvsim.poses.finding import of_poses
 
     leave_out = written_out(arguments.leave_out)
     report = check(arguments.capture, arguments.scale, arguments.camera_height, leave_out, images=arguments.images)
-    if not report.refused and (found := _of_poses(arguments, leave_out)) is not None:
+    if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))
     if arguments.bad_frames is not None:
         write_names(report.bad_frames, arguments.bad_frames)
@@ -66,15 +66,6 @@ def run(arguments: Arguments) -> int:
         else:
             print(f"Errors lie in {bad} frames: --bad-frames FILE lists them, --leave-out @FILE goes on without them.")
     return 2 if report.refused else 0
-
-
-def _of_poses(arguments: Arguments, leave_out: str) -> Finding | None:
-    from nvsim.capture.read import read
-    from nvsim.poses.finding import of_poses
-
-    a = arguments
-    height = a.camera_height
-    return of_poses(read(a.capture, scale=a.scale, camera_height=height, leave_out=leave_out, images=a.images))
 
 
 def words_of(summary: Summary) -> str:
