@@ -14,6 +14,7 @@ from nvsim.evaluation.frame_truth import FrameTruth, frame_truth
 from nvsim.events import Listener, Progress, silent
 from nvsim.networks.installed import BUNDLED, find_model
 from nvsim.perception.hybrid import HybridFloor
+from nvsim.perception.main_directions import StraightNormals
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.regions import RegionGrowing
 from nvsim.perception.segment import read_mask
@@ -61,7 +62,8 @@ def _alone(
     looks, faces = find_model("semantic", semantic), find_model("normals", normals)
     if looks is None or faces is None:
         raise InputError("The cues need networks; name them with --semantic and --normals, or say --cues 0.")
-    hybrid = HybridFloor(SemanticNetwork(looks.open()), NormalsNetwork(faces.open()), RegionGrowing())
+    straight = StraightNormals.of_capture(NormalsNetwork(faces.open()), project.need_capture().frames)
+    hybrid = HybridFloor(SemanticNetwork(looks.open()), straight, RegionGrowing())
     rows: dict[str, list[Judged]] = {"semantic": [], "normals": [], "hybrid": [], "masks": []}
     chosen = np.unique(np.linspace(0, len(known.frames) - 1, min(cues, len(known.frames))).round().astype(int))
     for done, at in enumerate(chosen):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +13,7 @@ from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera
+from nvsim.perception.main_directions import StraightNormals, straightened
 from nvsim.perception.normals_network import installed_normals
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
@@ -24,56 +24,66 @@ Float32 = NDArray[np.float32]
 Of = Literal["photographs", "renders"]
 
 
-def normal_figures(pairs: Iterable[tuple[Float32, Float32]]) -> dict[str, Any]:
-    """Of pairs of maps (H, W, 3), found and true, unit or zero where unknown: normal_deg and median_deg, the mean and
-    the median angle over all pixels that both know, degrees; up_deg, the mean over those that truly face up; within_11,
-    the share of angles up to 11.25 degrees; frames. Raises InputError where no pixel is known."""
-    angles, up, frames = [], [], 0
-    for found, true in pairs:
+class Angles:
+    """Angles between maps of normals (H, W, 3), found and true, unit or zero where unknown, over the pixels that both
+    know."""
+
+    def __init__(self) -> None:
+        self._angles: list[Float32] = []
+        self._up: list[Float32] = []
+
+    def add(self, found: Float32, true: Float32) -> None:
         there = found.any(axis=-1) & true.any(axis=-1)
         angle = np.degrees(np.arccos(np.clip((found * true).sum(axis=-1)[there], -1, 1)))
-        angles.append(angle)
-        up.append(angle[true[there][:, 2] > 0.9])
-        frames += 1
-    every, level = (np.concatenate(parts) if parts else np.empty(0) for parts in (angles, up))
-    if not len(every):
-        raise InputError("There is no true normal to compare with; give a folder with normals/, or say --from-scan.")
-    return {
-        "normal_deg": round(float(every.mean()), 2),
-        "median_deg": round(float(np.median(every)), 2),
-        "up_deg": round(float(level.mean()), 2) if len(level) else None,
-        "within_11": round(float((every <= _WITHIN).mean()), 4),
-        "frames": frames,
-    }
+        self._angles.append(angle)
+        self._up.append(angle[true[there][:, 2] > 0.9])
+
+    def figures(self) -> dict[str, Any]:
+        """normal_deg and median_deg, the mean and the median angle, degrees; up_deg, the mean over what truly faces up;
+        within_11, the share of angles up to 11.25 degrees; frames. Raises InputError where no pixel is known."""
+        every, level = (np.concatenate(parts) if parts else np.empty(0) for parts in (self._angles, self._up))
+        if not len(every):
+            raise InputError(
+                "No true normal is known to compare with; give a folder with normals/, or say --from-scan."
+            )
+        return {
+            "normal_deg": round(float(every.mean()), 2),
+            "median_deg": round(float(np.median(every)), 2),
+            "up_deg": round(float(level.mean()), 2) if len(level) else None,
+            "within_11": round(float((every <= _WITHIN).mean()), 4),
+            "frames": len(self._angles),
+        }
 
 
 def evaluate_project_normals(
     project: Project, model: str, of: Of, truth: Path | None, from_scan: bool, most: int, listen: Listener = silent
 ) -> dict[str, Any]:
-    """`normal_figures` of the network `model` over at most `most` frames spread over the walk, or renders from their
-    cameras. Raises InputError."""
+    """The figures of `Angles` of the role of normals, the network `model` straightened by the headings of the capture,
+    over at most `most` frames spread over the walk, or renders from their cameras; as network_deg the mean angle of
+    what the network alone says. Raises InputError."""
     known, network = frame_truth(project, truth, from_scan), installed_normals(model)
     capture = project.need_capture()
     chosen = np.unique(np.linspace(0, len(known.normals) - 1, min(most, len(known.normals))).round().astype(int))
     scene = project.scene() if of == "renders" else None
     if of == "renders" and scene is None:
         raise lacks(project.root, "train")
-
-    def pairs() -> Iterable[tuple[Float32, Float32]]:
+    if scene is not None:
         from nvsim.render.model import render_model
-
-        for done, at in enumerate(chosen):
-            i = known.normals[int(at)]
-            listen(Progress(STAGE, done, len(chosen)))
-            frame = capture.frames[i]
-            small = frame.intrinsics.within(640)
-            camera = Camera(small, frame.camera.camera_to_world)
-            if scene is None:
-                image = read_image(frame, small)
-            else:
-                rgb = render_model(scene.model_at(camera.position)[1], camera).rgb
-                assert rgb is not None
-                image = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
-            yield network.normals(image, camera), known.normal_map(i, small.width, small.height)
-
-    return normal_figures(pairs())
+    headings = StraightNormals.of_capture(network, capture.frames).headings
+    used, alone = Angles(), Angles()
+    for done, at in enumerate(chosen):
+        i = known.normals[int(at)]
+        listen(Progress(STAGE, done, len(chosen)))
+        frame = capture.frames[i]
+        small = frame.intrinsics.within(640)
+        camera = Camera(small, frame.camera.camera_to_world)
+        if scene is None:
+            image = read_image(frame, small)
+        else:
+            rgb = render_model(scene.model_at(camera.position)[1], camera).rgb
+            assert rgb is not None
+            image = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
+        seen, true = network.normals(image, camera), known.normal_map(i, small.width, small.height)
+        alone.add(seen, true)
+        used.add(straightened(seen, headings), true)
+    return used.figures() | {"network_deg": alone.figures()["normal_deg"]}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-from nvsim.capture.types import Cloud
+from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.networks.description import Role
 from nvsim.networks.installed import Model, bundled_model, find_model
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 ROLES: tuple[Role, ...] = ("semantic", "normals", "prompted")
 GEOMETRY, AUTO = "geometry", "auto"
-_VERSION = 5  # of fused and hybrid; raised when the same inputs give something else
+_VERSIONS = {"fused": 5, "hybrid": 6}
+"""Raised when the same inputs give something else."""
 _PLAYED_BY_GEOMETRY: dict[Role, str] = {
     "semantic": "the floor's known looks", "normals": "the cloud", "prompted": "growing over the normals",
 }  # fmt: skip
@@ -66,14 +67,15 @@ class FloorProvider:
         file that cannot be read."""
         if self.how == "geometry":
             return []
-        return [self.how, _VERSION, [[role, model.digest()] for role, model in sorted(self.models.items())]]
+        return [self.how, _VERSIONS[self.how], [[role, model.digest()] for role, model in sorted(self.models.items())]]
 
-    def open(self) -> Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None:
+    def open(self, capture: Capture) -> Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None:
         """What makes the provider of a geometric one, its networks opened; None for geometry alone. Raises InputError
-        for a network that cannot be used."""
+        for a network that cannot be used, and where it must look at the images of `capture` for one that cannot be
+        read."""
         if self.how == "geometry":
             return None
-        hybrid = Hybrid(self)
+        hybrid = Hybrid(self, capture)
         hybrid.open_all()
         return hybrid if self.how == "hybrid" else hybrid.fused
 
@@ -81,8 +83,8 @@ class FloorProvider:
 class Hybrid:
     """The hybrid with each of its networks opened once, when it is needed, for the floors of all submaps."""
 
-    def __init__(self, provider: FloorProvider) -> None:
-        self._models = provider.models
+    def __init__(self, provider: FloorProvider, capture: Capture) -> None:
+        self._models, self._capture = provider.models, capture
 
     @cached_property
     def semantic(self) -> SemanticFloor | None:
@@ -92,9 +94,13 @@ class Hybrid:
 
     @cached_property
     def normals(self) -> SurfaceNormals | None:
+        from nvsim.perception.main_directions import StraightNormals
         from nvsim.perception.normals_network import NormalsNetwork
 
-        return NormalsNetwork(self._models["normals"].open()) if "normals" in self._models else None
+        if "normals" not in self._models:
+            return None
+        network = NormalsNetwork(self._models["normals"].open())
+        return StraightNormals.of_capture(network, self._capture.frames)
 
     @cached_property
     def prompted(self) -> PromptedNetwork | None:

@@ -26,7 +26,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import lacks
 
-_VERSION = 3  # raised when the same inputs give something else
+_VERSION = 4  # raised when the same inputs give something else
 _FINE = 1024  # pixels: the size that prompted networks look at
 _FAILURES: tuple[Failure, ...] = get_args(Failure)
 _MASKS = ("semantic", "horizontal", "candidates", "prompted")
@@ -121,7 +121,7 @@ class CandidateMaker:
             raise InputError(f"{missing} is missing; run `nvsim floors --project` again.")
         if id(surface) not in self._hybrids:
             if self._opened is None:
-                self._opened = Hybrid(provider)
+                self._opened = Hybrid(provider, capture)
             members = [i for i, s in floors.items() if s is surface]
             self._hybrids[id(surface)] = self._opened(*learnt_floor(capture, members, surface, SegmentConfig()))
         return self._hybrids[id(surface)]
@@ -132,7 +132,7 @@ class CandidateMaker:
         if "prompted" not in provider.models:
             return None
         if provider != self._provider or self._opened is None:
-            self._provider, self._opened = provider, Hybrid(provider)
+            self._provider, self._opened = provider, Hybrid(provider, self._project.need_capture())
             self._hybrids.clear()
         return self._opened.prompted
 

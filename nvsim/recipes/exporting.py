@@ -12,6 +12,7 @@ import torch
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder, write_bytes, write_text
+from nvsim.files.reading import reading
 from nvsim.recipes.batches import MEAN, STD
 from nvsim.recipes.network import MULTIPLE, InteriorNetwork
 
@@ -58,10 +59,7 @@ _RESULTS = {
 def export(network: InteriorNetwork, folder: Path) -> Path:
     """Writes the ONNX file and semantic.toml and normals.toml beside it, and returns its path. Raises InputError where
     the package onnx is not installed, or the disk refuses."""
-    try:
-        import onnx
-    except ImportError as error:
-        raise InputError("Writing the network needs the package onnx; run pip install onnx.") from error
+    onnx = _onnx()
     network = network.eval().cpu()
     sides = {2: "height", 3: "width"}
     with torch.no_grad(), warnings.catch_warnings(), tempfile.TemporaryDirectory() as scratch:
@@ -84,6 +82,23 @@ def export(network: InteriorNetwork, folder: Path) -> Path:
         )  # fmt: skip
         write_text(folder / f"{role}.toml", said + rest)
     return path
+
+
+def exported_weights(path: Path) -> dict[str, torch.Tensor]:
+    """The weights of an ONNX file of `export`, by their names in the network, float32. Raises InputError."""
+    onnx = _onnx()
+    with reading(path, "an ONNX file of `nvsim models train`", "name one, or the folder of a training"):
+        tensors = {t.name.removesuffix("_16"): onnx.numpy_helper.to_array(t) for t in onnx.load(path).graph.initializer}
+    return {name: torch.from_numpy(values.astype("float32")) for name, values in tensors.items()}
+
+
+def _onnx() -> Any:
+    """The package. Raises InputError where it is not installed."""
+    try:
+        import onnx
+    except ImportError as error:
+        raise InputError("Networks are written and read with the package onnx; run pip install onnx.") from error
+    return onnx
 
 
 def _halved(model: Any, onnx: Any) -> Any:

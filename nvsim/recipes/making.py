@@ -16,7 +16,7 @@ from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
 from nvsim.recipes.exporting import export
 from nvsim.recipes.interiors import interior
-from nvsim.recipes.training import CHECKPOINT, STAGE, train
+from nvsim.recipes.training import STAGE, train, weights_of
 
 _UPRIGHT_EVERY = 5
 """One building in so many is seen in upright images."""
@@ -27,10 +27,11 @@ def make(
     listen: Listener = silent,
 ) -> Path:  # fmt: skip
     """The ONNX file that a training in `folder` ends with: examples of generated interiors, and of `projects` with a
-    dense cloud and floors. `start` is the folder of another training to begin with. Raises InputError."""
+    dense cloud and floors. `start` is the folder of another training to begin with, or its ONNX file. Raises
+    InputError."""
     need_weights()
-    if start is not None and not (start / CHECKPOINT).is_file():
-        raise InputError(f"{start} holds no training ({CHECKPOINT} is missing); name the folder of one.")
+    if start is not None:
+        weights_of(start)
     if len({name_of(p) for p in projects}) < len(projects):
         raise InputError("Two of the projects have the same name; rename one, as their examples are filed under it.")
     examples = folder / "examples"

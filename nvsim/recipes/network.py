@@ -126,11 +126,11 @@ class InteriorNetwork(nn.Module):
             y = mixed(features + functional.interpolate(y, scale_factor=2.0, mode="bilinear", align_corners=False))
         return self.floor(y), self.normals(y)
 
-    def learning(self) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
-        """The parameters of the trunk that learn, and those of the rest."""
-        trunk = {id(p) for p in (*self.stem.parameters(), *self.blocks.parameters())}
-        both = [p for p in self.parameters() if p.requires_grad]
-        return [p for p in both if id(p) in trunk], [p for p in both if id(p) not in trunk]
+    def learning(self) -> tuple[dict[str, nn.Parameter], dict[str, nn.Parameter]]:
+        """By their names the parameters of the trunk that learn, and those of the rest."""
+        both = {name: p for name, p in self.named_parameters() if p.requires_grad}
+        trunk = {name: p for name, p in both.items() if name.startswith(("stem.", "blocks."))}
+        return trunk, {name: p for name, p in both.items() if name not in trunk}
 
 
 def loss(

@@ -4,7 +4,7 @@ had."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from nvsim.files.reading import reading
 from nvsim.recipes.batches import batch
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Shards
+from nvsim.recipes.exporting import exported_weights
 from nvsim.recipes.network import InteriorNetwork, loss
 
 CHECKPOINT = "training.safetensors"
@@ -36,18 +37,24 @@ class Training:
         self.config, self.step = config, 0
         self.network = InteriorNetwork().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         trunk, rest = self.network.learning()
-        groups = [{"params": trunk, "rate": config.trunk_rate}, {"params": rest, "rate": config.rate}]
+        groups = [
+            {"params": list(trunk.values()), "rate": config.trunk_rate},
+            {"params": list(rest.values()), "rate": config.rate},
+        ]
         self._optimizer = torch.optim.AdamW(groups, lr=config.rate, weight_decay=1e-2)
-        self._learning = [*trunk, *rest]
-        self._averaged = [p.detach().clone() for p in self._learning]
+        self._learning = trunk | rest
+        self._averaged = {name: p.detach().clone() for name, p in self._learning.items()}
 
-    def take(self, weights: Path) -> None:
-        """Begins with the averaged weights of another training's checkpoint. Raises InputError."""
-        for parameter, name in zip(self._learning, range(len(self._learning))):
-            stored = _read(weights)[f"average/{name}"]
-            with torch.no_grad():
-                parameter.copy_(stored)
-        self._averaged = [p.detach().clone() for p in self._learning]
+    def take(self, weights: Mapping[str, Tensor], source: Path) -> None:
+        """Begins with the weights that `weights` of the file `source` has; what it lacks stays new. Raises InputError
+        where it has none of this network."""
+        shared = [n for n, p in self._learning.items() if n in weights and weights[n].shape == p.shape]
+        if 2 * len(shared) < len(self._learning):
+            raise InputError(f"{source} holds no network of this form; name a training, or its ONNX file.")
+        with torch.no_grad():
+            for name in shared:
+                self._learning[name].copy_(weights[name])
+        self._averaged = {name: p.detach().clone() for name, p in self._learning.items()}
 
     def update(self, shards: Shards, shares: Sequence[float]) -> dict[str, float]:
         """One step; its random numbers depend on its number alone. Returns the parts of the loss."""
@@ -61,28 +68,28 @@ class Training:
         total, parts = loss(found, floor, normals, known)
         self._optimizer.zero_grad(set_to_none=True)
         total.backward()
-        torch.nn.utils.clip_grad_norm_(self._learning, 1.0)
+        torch.nn.utils.clip_grad_norm_(list(self._learning.values()), 1.0)
         self._optimizer.step()
         self.step += 1
         keep = min(_AVERAGE, self.step / (self.step + 10))
-        torch._foreach_lerp_(self._averaged, [p.detach() for p in self._learning], 1 - keep)
+        torch._foreach_lerp_(list(self._averaged.values()), [p.detach() for p in self._learning.values()], 1 - keep)
         return {"loss": float(total.detach()), **parts}
 
     def finished(self) -> InteriorNetwork:
         """The network with the averaged weights."""
         with torch.no_grad():
-            for parameter, average in zip(self._learning, self._averaged):
-                parameter.copy_(average)
+            for name, parameter in self._learning.items():
+                parameter.copy_(self._averaged[name])
         return self.network.eval()
 
     def save(self, path: Path) -> None:
         """Raises InputError when the disk refuses."""
         state = self._optimizer.state_dict()["state"]
         tensors: dict[str, Tensor] = {}
-        for i, (parameter, average) in enumerate(zip(self._learning, self._averaged)):
-            tensors |= {f"weight/{i}": parameter.detach(), f"average/{i}": average}
+        for i, (name, parameter) in enumerate(self._learning.items()):
+            tensors |= {f"weight/{name}": parameter.detach(), f"average/{name}": self._averaged[name]}
             if i in state:
-                tensors |= {f"first/{i}": state[i]["exp_avg"], f"second/{i}": state[i]["exp_avg_sq"]}
+                tensors |= {f"first/{name}": state[i]["exp_avg"], f"second/{name}": state[i]["exp_avg_sq"]}
         whole = {name: tensor.contiguous() for name, tensor in tensors.items()}
         with replacing(path) as temporary:
             save_file(whole, temporary, {"step": str(self.step), "seed": str(self.config.seed)})
@@ -94,15 +101,15 @@ class Training:
             with safe_open(path, "pt") as file:
                 about = file.metadata() or {}
             self.step = int(about["step"])
-            for i, parameter in enumerate(self._learning):
-                parameter.copy_(tensors[f"weight/{i}"])
-                self._averaged[i].copy_(tensors[f"average/{i}"])
+            for name, parameter in self._learning.items():
+                parameter.copy_(tensors[f"weight/{name}"])
+                self._averaged[name].copy_(tensors[f"average/{name}"])
             if self.step:
                 state = self._optimizer.state_dict()
                 step = torch.tensor(float(self.step))
                 state["state"] = {
-                    i: {"step": step.clone(), "exp_avg": tensors[f"first/{i}"], "exp_avg_sq": tensors[f"second/{i}"]}
-                    for i in range(len(self._learning))
+                    i: {"step": step.clone(), "exp_avg": tensors[f"first/{n}"], "exp_avg_sq": tensors[f"second/{n}"]}
+                    for i, n in enumerate(self._learning)
                 }
                 self._optimizer.load_state_dict(state)
         if about.get("seed") != str(self.config.seed):
@@ -112,6 +119,18 @@ class Training:
 def _read(path: Path) -> dict[str, Tensor]:
     with reading(path, "a checkpoint of this network", "delete it to begin again"):
         return load_file(path)
+
+
+def weights_of(source: Path) -> tuple[Path, dict[str, Tensor]]:
+    """The file and the weights, by their names, of a finished training: those averaged in the checkpoint of a folder,
+    or those of an ONNX file. Raises InputError."""
+    if source.is_file():
+        return source, exported_weights(source)
+    checkpoint = source / CHECKPOINT
+    if not checkpoint.is_file():
+        raise InputError(f"{source} holds no training ({CHECKPOINT} is missing); name one, or its ONNX file.")
+    found = _read(checkpoint)
+    return checkpoint, {name.removeprefix("average/"): t for name, t in found.items() if name.startswith("average/")}
 
 
 def schedule(step: int, steps: int) -> float:
@@ -127,13 +146,14 @@ def train(
     listen: Listener = silent,
 ) -> InteriorNetwork:  # fmt: skip
     """The trained network; `folder` holds the checkpoint, from which it goes on. `start` is the folder of another
-    training whose weights it begins with. Raises InputError."""
+    training, or its ONNX file, whose weights it begins with. Raises InputError."""
     checkpoint = folder / CHECKPOINT
     training = Training(config)
     if checkpoint.is_file():
         training.restore(checkpoint)
     elif start is not None:
-        training.take(start / CHECKPOINT)
+        source, weights = weights_of(start)
+        training.take(weights, source)
     recent: list[dict[str, float]] = []
     listen(Progress(STAGE, training.step, config.steps))
     while training.step < config.steps:

@@ -16,7 +16,7 @@ from nvsim.building.scene import Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, normals
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.evaluation.normals import normal_figures
+from nvsim.evaluation.normals import Angles
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.mapping.config import MappingConfig
 from nvsim.networks.chain import Chain
@@ -77,12 +77,12 @@ def test_they_know_floor_and_normals_of_the_built_in_building(building: tuple[Sc
     assert looks is not None and faces is not None
     floor, surface = SemanticNetwork(looks.open("cpu")), NormalsNetwork(faces.open("cpu"))
     both = either = 0
-    pairs = []
+    angles = Angles()
     for camera, image, view in seen:
         found, true = floor.floor_probability(image, camera) > 0.5, floor_mask(scene, view)
         both, either = both + int((found & true).sum()), either + int((found | true).sum())
-        pairs.append((surface.normals(image, camera), normals(scene, view)))
-    figures = normal_figures(pairs)
+        angles.add(surface.normals(image, camera), normals(scene, view))
+    figures = angles.figures()
     assert both / either > 0.85
     assert figures["normal_deg"] < 15 and figures["median_deg"] < 8, figures
 

@@ -19,6 +19,7 @@ from nvsim.building.solids import Paint
 from nvsim.building.truth import floor_mask, normals
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
+from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.networks.installed import model_at
@@ -31,7 +32,7 @@ from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
 from nvsim.recipes.exporting import export
 from nvsim.recipes.interiors import interior
-from nvsim.recipes.training import CHECKPOINT, Training, train
+from nvsim.recipes.training import CHECKPOINT, Training, train, weights_of
 
 CONFIG = RecipeConfig(steps=2, batch=1, save_every=1)
 
@@ -95,8 +96,11 @@ def test_a_training_that_was_cut_off_ends_with_the_same_weights(shards: Shards, 
     for name, weight in whole.state_dict().items():
         assert torch.equal(weight, resumed.state_dict()[name]), name
     started = Training(CONFIG)
-    started.take(tmp_path / "a" / CHECKPOINT)
+    source, weights = weights_of(tmp_path / "a")
+    started.take(weights, source)
     assert torch.equal(started.network.floor[0].weight, whole.floor[0].weight)
+    with pytest.raises(InputError, match="no network of this form"):
+        started.take({"floor.0.weight": whole.floor[0].weight}, tmp_path)
     (tmp_path / "b" / CHECKPOINT).write_bytes(b"something else")
     with pytest.raises(Exception, match="delete it to begin again"):
         train(tmp_path / "b", shards, [1, 1], CONFIG)
@@ -113,6 +117,8 @@ def test_an_export_answers_as_the_network_does(views: list[Example], tmp_path: P
     shown = chain.show(example.image, lambda place: np.zeros((1, 3, place.rows, place.columns), np.float32))
     with torch.no_grad():
         logits, directions = network(*(torch.from_numpy(shown.values[n].astype(np.float32)) for n in ("photo", "rays")))
+    for name, weight in weights_of(path)[1].items():  # a later training may begin with the file
+        assert torch.allclose(weight, network.state_dict()[name], rtol=1e-3, atol=1e-4), name
     assert np.abs(shown.values["floor"] - logits.numpy()).max() < 0.02 * max(1, float(logits.abs().max()))
     assert probability.shape == example.floor.shape and 0 <= probability.min() <= probability.max() <= 1
     untrained = NormalsNetwork(model_at(tmp_path / "normals.toml").open("cpu"))

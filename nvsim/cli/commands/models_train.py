@@ -20,7 +20,7 @@ class Arguments:
     projects: tuple[Path, ...] = ()
     """Projects with a scan, or depth of images, and floors; renders are made of those that are trained."""
     start: Path | None = None
-    """The folder of another training, with whose weights this one begins."""
+    """The folder of another training, or its ONNX file, with whose weights this one begins."""
     json: bool = False
     """Print typed events as JSON lines."""
     config: Inline[RecipeConfig] = field(default_factory=RecipeConfig)

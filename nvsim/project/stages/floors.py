@@ -74,8 +74,8 @@ def run(
     from nvsim.perception.segment import segment_capture
 
     listen(Log(f"The floor is found {provider.words}.", STAGE))
-    other = provider.open()  # refused before anything is replaced
     capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
+    other = provider.open(capture)  # refused before anything is replaced
     if capture.cloud is None or not capture.cloud.is_dense:
         listen(Warning(_NOTHING_STANDS, STAGE))
     listen_to_what_is_replaced(project, STAGE, listen)

@@ -89,7 +89,7 @@ def segment_there(
             caller.tell,
             frames,
             depth_maps(project),
-            found.open(),
+            found.open(capture),
         )
         for index in frames:
             failed = failures.get(index, "")

@@ -1,0 +1,133 @@
+"""Most of what a building shows faces up, down, or one of four ways at right angles: normals that a network sees a
+little off are turned there.
+
+A network errs most in the heading of walls, and not alike in all images; the headings of a capture are those of many
+images together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Frame
+from nvsim.geometry.camera import Camera
+from nvsim.perception.roles import Float32, Image, SurfaceNormals
+
+_UPRIGHT = 0.5
+"""Greatest upward component of a wall's normal."""
+_WALL, _LEVEL = np.cos(np.radians(35.0)), np.cos(np.radians(20.0))
+"""Cosine of the angle up to which a normal is turned: to a heading, and up or down, where ramps are not so steep."""
+_NEAR, _OWN, _APART = np.radians(10.0), 0.7, np.radians(15.0)
+_LEAST = 0.3
+"""A heading is one of a capture's if so much of its walls lies within `_NEAR` of it (of round ones 0.22 do). An image
+of whose walls `_OWN` do so to another one, `_APART` from all of those, is left as it is: it shows a part of the
+building that is built askew."""
+_FRAMES, _SIDE = 24, 320
+"""Frames that the headings of a capture are taken from, and the longer side at which they are looked at, pixels."""
+_BINS = 90
+_QUARTER = np.pi / 2
+
+
+def main_headings(images: Iterable[Float32]) -> tuple[float, ...]:
+    """The headings, radians from 0 to pi / 2, of which and whose right angles most walls of a capture are, the most
+    frequent first; normals (..., 3) float32, world, of each of the images, which count alike. Empty where the walls
+    face all ways."""
+    walls = [found for found in map(_wall_headings, images) if len(found) >= _BINS]
+    if not walls:
+        return ()
+    headings = np.concatenate(walls)
+    weights = np.concatenate([np.full(len(found), 1 / len(found) / len(walls)) for found in walls])
+    left, found = np.ones(len(headings), bool), list[float]()
+    while True:
+        heading = _peak(headings[left], weights[left])
+        near = np.abs(_between(headings, heading)) < _NEAR
+        if weights[near & left].sum() < _LEAST:
+            return tuple(found)
+        found.append(heading)
+        left &= np.abs(_between(headings, heading)) > _APART
+        if not left.any():
+            return tuple(found)
+
+
+def straightened(normals: Float32, headings: tuple[float, ...]) -> Float32:
+    """(H, W, 3) float32: the unit normals (H, W, 3) of an image, world, those near the vertical or near one of the four
+    ways of the heading that fits the image best turned there; zeros stay zero."""
+    heading = _of_image(normals, headings)
+    ways = [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
+    least = [_LEVEL, _LEVEL]
+    if heading is not None:
+        angles = heading + _QUARTER * np.arange(4)
+        ways += [(float(np.cos(a)), float(np.sin(a)), 0.0) for a in angles]
+        least += [_WALL] * 4
+    turned = np.array(normals, np.float32)
+    for way, cosine in zip(np.array(ways, np.float32), least):
+        turned[normals @ way > cosine] = way
+    return turned
+
+
+def _of_image(normals: Float32, headings: tuple[float, ...]) -> float | None:
+    """The heading of an image; None where it shows none of `headings`."""
+    if not headings:
+        return None
+    walls = _wall_headings(normals)
+    if len(walls) < _BINS:
+        return headings[0]
+    own = _peak(walls, np.ones(len(walls)))
+    if _share(walls, own) > _OWN and min(abs(float(_between(own, h))) for h in headings) > _APART:
+        return None
+    return max(headings, key=lambda heading: _share(walls, heading))
+
+
+def _wall_headings(normals: Float32) -> NDArray[np.float32]:
+    """(N,) from 0 to pi / 2, of every fourth row and column."""
+    some = normals[::4, ::4] if normals.ndim == 3 else normals
+    walls = some[(np.abs(some[..., 2]) < _UPRIGHT) & some.any(axis=-1)]
+    return np.asarray(np.arctan2(walls[:, 1], walls[:, 0]) % _QUARTER, np.float32)
+
+
+def _peak(headings: NDArray[np.float32], weights: NDArray[np.float64]) -> float:
+    """The middle of the fullest 7 degrees."""
+    counts, _ = np.histogram(headings, _BINS, (0.0, _QUARTER), weights=weights)
+    smooth = sum(np.roll(counts, k) for k in range(-3, 4))
+    middle = (float(np.argmax(smooth)) + 0.5) * _QUARTER / _BINS
+    off = _between(headings, middle)
+    near = np.abs(off) < np.radians(6)
+    return float((middle + np.median(off[near])) % _QUARTER) if near.any() else middle
+
+
+def _between(a: NDArray[np.float32] | float, b: float) -> NDArray[np.float32]:
+    """The angle from `b` to `a`, from -pi / 4 to pi / 4."""
+    return np.asarray((a - b + _QUARTER / 2) % _QUARTER - _QUARTER / 2)
+
+
+def _share(headings: NDArray[np.float32], heading: float) -> float:
+    return float((np.abs(_between(headings, heading)) < _NEAR).mean())
+
+
+@dataclass(frozen=True)
+class StraightNormals:
+    """A SurfaceNormals: those of another, `straightened` by the headings of the capture."""
+
+    seen: SurfaceNormals
+    headings: tuple[float, ...]
+
+    @classmethod
+    def of_capture(cls, seen: SurfaceNormals, frames: Sequence[Frame]) -> StraightNormals:
+        """With the headings of what `seen` says of some frames spread over the walk. Raises InputError for an image
+        that cannot be read."""
+        chosen = np.unique(np.linspace(0, len(frames) - 1, min(_FRAMES, len(frames))).round().astype(int))
+
+        def looks() -> Iterator[Float32]:
+            for frame in (frames[int(i)] for i in chosen):
+                small = frame.intrinsics.within(_SIDE)
+                yield seen.normals(read_image(frame, small), Camera(small, frame.camera.camera_to_world))
+
+        return cls(seen, main_headings(looks()))
+
+    def normals(self, image: Image, camera: Camera) -> Float32:
+        return straightened(self.seen.normals(image, camera), self.headings)
