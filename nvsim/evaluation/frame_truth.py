@@ -47,10 +47,11 @@ class FrameTruth:
         return width, height
 
     def floor(self, index: int, width: int, height: int) -> tuple[Mask, Mask]:
-        """(H, W) the true floor, and where it is known. Raises InputError."""
+        """(H, W) the true floor, and where it is known: of a scan nowhere where it has another colour than the frame.
+        Raises InputError."""
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
-            said, _ = self.labels.of(frame.camera.scaled(width, height), self._floors[index])
+            said, _ = self._said(index, width, height)
             return said == FLOOR, said != UNKNOWN
         return read_mask(self._file("floor", frame.name), width, height), np.ones((height, width), bool)
 
@@ -61,8 +62,7 @@ class FrameTruth:
 
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
-            camera = frame.camera.scaled(width, height)
-            return self.labels.of(camera, self._floors[index], read_image(frame, camera.intrinsics))[1]
+            return self._said(index, width, height)[1]
         path = self._file("normals", frame.name)
         again = "a map of normals is a PNG of (n + 1) * 127.5, black where unknown"
         stored = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]
@@ -71,6 +71,13 @@ class FrameTruth:
         length = np.linalg.norm(found, axis=-1, keepdims=True)
         there = (sized.max(axis=-1, keepdims=True) > 0) & (np.abs(length - 1) < 0.1)
         return np.where(there, found / np.maximum(length, 1e-6), 0).astype(np.float32)
+
+    def _said(self, index: int, width: int, height: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """See CloudLabels.of. Raises InputError."""
+        assert self.labels is not None
+        frame = self.project.need_capture().frames[index]
+        camera = frame.camera.scaled(width, height)
+        return self.labels.of(camera, self._floors[index], read_image(frame, camera.intrinsics))
 
     def _file(self, kind: str, name: str) -> Path:
         assert self.folder is not None
