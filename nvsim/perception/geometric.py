@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,9 @@ class GeometricConfig:
     filled_behind  there also what something hides: thin things are drawn too thick, a table where its floor is seen,
     doubted       and below which what nothing hides is none: near walls have holes there,
     never_thin    or, where the image's own depth is that of the floor, below this one: bare walls are taken for it
+    wall          upward component of the normals that a network sees, below which it sees a wall or a front: where the
+                  image has no depth of its own, that is no floor which nothing confirms,
+    filled_wall   nor other floor below this probability
     """
 
     clearance: float = 0.05
@@ -78,6 +82,8 @@ class GeometricConfig:
     filled_behind: float = 0.8
     doubted: float = 0.05
     never_thin: float = 0.0005
+    wall: float = 0.2
+    filled_wall: float = 0.5
     appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
     glass: GlassConfig = GlassConfig()
@@ -103,6 +109,15 @@ class Projection:
     ground: Float32
     distance: Float32
     before: Float32
+
+
+class _OwnDepth(NamedTuple):
+    """What the depth of an image says of each pixel, (h, w) bool: where it is the floor's, where it shows something
+    before the floor, and where it is known."""
+
+    level: Mask
+    before: Mask
+    known: Mask
 
 
 class GeometricFloor:
@@ -146,30 +161,33 @@ class GeometricFloor:
         self._splats = self._splats.with_radii(radii)
 
     def segment(
-        self, camera: Camera, image: Image, depth: Float32 | None = None, looks: Float32 | None = None
-    ) -> FloorMask:
+        self, camera: Camera, image: Image, depth: Float32 | None = None, looks: Float32 | None = None,
+        upward: Float32 | None = None,
+    ) -> FloorMask:  # fmt: skip
         """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; where the image's own `depth` along
         the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows, and
         what looks like the floor there, though nothing confirms it, is doubtful. Where a network says how much the
         image `looks` like floor, (H, W), 0 to 1, it fills what nothing hides and nothing confirms, and decides at the
-        edges of what stands before floor."""
+        edges of what stands before floor. Where another says how far surfaces face `upward`, (H, W), the world's z of
+        their normals, fronts of which the image knows no depth are no floor."""
         import cv2
 
         seen = self.project(camera)
-        floor, level, before = seen.floor, np.zeros_like(seen.floor), np.zeros_like(seen.floor)
+        floor, own = seen.floor, _OwnDepth(*np.zeros((3, *seen.floor.shape), bool))
         if depth is not None:
-            floor, level, before = self._with_depth(seen, camera, depth)
+            floor, own = self._with_depth(seen, camera, depth)
         view = self._glimpse(seen, image)
-        small = None
+        small: Float32 | None = None
         if looks is not None and self.knows_floor:
-            small = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
+            shown = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
+            small = np.asarray(shown, np.float32)
         if self._is_sparse:
             floor = grow(floor, seen.floor | seen.unsure, view.image)
         elif self._appearance is not None:
             usual = ~self._appearance.strange(view)
             if small is not None:
                 usual |= small > (self.config.usual if depth is None else self.config.usual_thin)
-            floor = floor & (level | self._stairs.at(seen.ground) | usual)
+            floor = floor & (own.level | self._stairs.at(seen.ground) | usual)
             floor |= self._appearance.shining_through(view, seen.hidden)
         if small is not None:
             if depth is None:
@@ -180,21 +198,34 @@ class GeometricFloor:
                 beside = cv2.distanceTransform((~floor).astype(np.uint8), cv2.DIST_L2, 3) < self.config.edge
                 floor |= seen.hidden & beside & (small > self.config.filled_edge)
             else:
-                least = np.where(level, self.config.never_thin, self.config.doubted)
-                floor &= (small > least) | self._stairs.at(seen.ground)
-                floor |= seen.unsure & ~before & (small > self.config.filled_thin)
-                floor |= seen.hidden & ~before & (small > self.config.filled_behind)
+                floor = self._as_it_looks(floor, seen, own, small, upward)
         mask = refine(floor, seen.scale, image, self.config.refine)
         if depth is None or self._appearance is None:
             return FloorMask(mask, mask)
         alike = self._appearance.likeness(view) > _ALIKE
-        doubtful = ((seen.floor | seen.unsure) & ~before & alike).astype(np.uint8)
+        doubtful = ((seen.floor | seen.unsure) & ~own.before & alike).astype(np.uint8)
         sized = cv2.resize(doubtful, (mask.shape[1], mask.shape[0]), interpolation=cv2.INTER_NEAREST) > 0
         return FloorMask(mask, mask, doubtful=sized & ~mask)
 
-    def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> tuple[Mask, Mask, Mask]:
-        """The floor of a projection with what the depth of the image says of each pixel, where that is the floor's, and
-        where it shows something before the floor."""
+    def _as_it_looks(
+        self, floor: Mask, seen: Projection, own: _OwnDepth, looks: Float32, upward: Float32 | None
+    ) -> Mask:
+        """The `floor` beside depth of images with what networks add and take away, all (h, w) but `upward`, which may
+        have any size."""
+        import cv2
+
+        c, stairs = self.config, self._stairs.at(seen.ground)
+        floor = floor & ((looks > np.where(own.level, c.never_thin, c.doubted)) | stairs)
+        front = np.zeros_like(floor)
+        if upward is not None:
+            sized = cv2.resize(upward, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
+            front = cv2.erode((sized < c.wall).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        floor |= seen.unsure & ~own.before & ~front & (looks > c.filled_thin)
+        floor |= seen.hidden & ~own.before & ~front & (looks > c.filled_behind)
+        return np.asarray(floor & (~front | own.known | (looks >= c.filled_wall) | stairs))
+
+    def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> tuple[Mask, _OwnDepth]:
+        """The floor of a projection with what the depth of the image says of each pixel, and that."""
         import cv2
 
         height, width = seen.floor.shape
@@ -204,7 +235,8 @@ class GeometricFloor:
         known = (own > 0) & (ground > 0)
         level = known & (np.abs(own - ground) < self.config.level * ground)
         before = known & (own < (1 - self.config.before) * ground)
-        return _without_specks((seen.floor & ~before) | level, self.config.speck), level, before
+        floor = _without_specks((seen.floor & ~before) | level, self.config.speck)
+        return floor, _OwnDepth(level, before, own > 0)
 
     def likeness(self, camera: Camera, image: Image) -> Float32:
         """(h, w) float32 at the working size, 0 to 1: how much `image` (H, W, 3) looks like floor, by the colours that

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from nvsim.perception.fused import FusedFloor
     from nvsim.perception.geometric import GeometricFloor
     from nvsim.perception.hybrid import HybridFloor
+    from nvsim.perception.normals_network import NormalsNetwork
     from nvsim.perception.prompted_network import PromptedNetwork
     from nvsim.perception.roles import FloorSegmenter, SemanticFloor, SurfaceNormals
 
@@ -32,7 +33,8 @@ _PLAYED_BY_GEOMETRY: dict[Role, str] = {
 
 @dataclass(frozen=True)
 class FloorProvider:
-    """models   by role: of the hybrid those whose role no model plays are played by geometry; of fused the semantic one
+    """models   by role: of the hybrid those whose role no model plays are played by geometry; of fused that of looks,
+             and beside depth of images that of normals
     because  why `auto` took it, "" where it was said
     """
 
@@ -46,6 +48,8 @@ class FloorProvider:
         who = "geometry"
         if self.how == "fused":
             who = f"geometry, with {self.models['semantic'].name} where it leaves the floor open"
+            if "normals" in self.models:
+                who += f" and normals by {self.models['normals'].name} where the images give no depth"
         elif self.how == "hybrid":
             played = (f"{r} by {self._name(r)}" for r in ROLES)
             who = f"the hybrid: {', '.join(played)}"
@@ -58,7 +62,7 @@ class FloorProvider:
     @property
     def summary(self) -> dict[str, Any]:
         """For the record of the stage."""
-        asked = {"geometry": (), "fused": ("semantic",), "hybrid": ROLES}[self.how]
+        asked = {"geometry": (), "fused": tuple(self.models), "hybrid": ROLES}[self.how]
         names = {role: self.models[role].name if role in self.models else GEOMETRY for role in ROLES if role in asked}
         return {"provider": self.how, **{str(role): name for role, name in names.items()}}
 
@@ -77,7 +81,10 @@ class FloorProvider:
             return None
         hybrid = Hybrid(self, capture)
         hybrid.open_all()
-        return hybrid if self.how == "hybrid" else hybrid.fused
+        if self.how == "fused":
+            return hybrid.fused
+        _ = hybrid.normals
+        return hybrid
 
 
 class Hybrid:
@@ -95,12 +102,16 @@ class Hybrid:
     @cached_property
     def normals(self) -> SurfaceNormals | None:
         from nvsim.perception.main_directions import StraightNormals
+
+        network = self.seen_normals
+        return None if network is None else StraightNormals.of_capture(network, self._capture.frames)
+
+    @cached_property
+    def seen_normals(self) -> NormalsNetwork | None:
+        """What a network of normals says, not straightened: what is near an edge stays in doubt."""
         from nvsim.perception.normals_network import NormalsNetwork
 
-        if "normals" not in self._models:
-            return None
-        network = NormalsNetwork(self._models["normals"].open())
-        return StraightNormals.of_capture(network, self._capture.frames)
+        return NormalsNetwork(self._models["normals"].open()) if "normals" in self._models else None
 
     @cached_property
     def prompted(self) -> PromptedNetwork | None:
@@ -110,15 +121,14 @@ class Hybrid:
 
     def open_all(self) -> None:
         """Raises InputError for a network that cannot be used."""
-        for role in self._models:
-            getattr(self, role)
+        _ = self.semantic, self.seen_normals, self.prompted
 
     def fused(self, floor: GeometricFloor, cloud: Cloud | None) -> FusedFloor:
-        """Geometry with the network of looks."""
+        """Geometry with the networks of looks and, where there is one, of normals."""
         from nvsim.perception.fused import FusedFloor
 
         assert self.semantic is not None
-        return FusedFloor(floor, self.semantic)
+        return FusedFloor(floor, self.semantic, self.seen_normals)
 
     def __call__(self, floor: GeometricFloor, cloud: Cloud | None) -> HybridFloor:
         """The HybridFloor beside a GeometricFloor and its cloud, which play the roles that no network plays."""
@@ -151,18 +161,19 @@ def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvi
         models = _models(config, ROLES)
         return FloorProvider("hybrid", models, "" if models else "no networks are installed; geometry alone is better")
     looks = _models(config, ("semantic",), config.provider == "fused")
+    cloud = scan()
+    faces = _models(config, ("normals",), True) if cloud is not None and cloud.kind == "images" else {}
     if config.provider == "fused":
         if not looks:
             raise InputError("No network of looks is installed to be fused with geometry; `nvsim models` lists some.")
-        return FloorProvider("fused", looks)
-    cloud = scan()
+        return FloorProvider("fused", looks | faces)
     dense = cloud is not None and cloud.is_dense
     if not looks and dense:
         looks = _models(config, ("semantic",), True)
     if not looks:
         return FloorProvider("geometry", {}, "no network of looks is installed")
     if dense:
-        return FloorProvider("fused", looks, "a scan or depth shows what stands on the floor")
+        return FloorProvider("fused", looks | faces, "a scan or depth shows what stands on the floor")
     models = _models(config, ROLES)
     if "normals" not in models:
         return FloorProvider("geometry", {}, "no network of normals is installed")

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from nvsim.perception.main_directions import main_headings, straightened
 
 
-
 def noisy(normals: np.ndarray, degrees: float) -> np.ndarray:
     """(H, W, 3) float32 unit, each off by some degrees at random."""
     rng = np.random.Generator(np.random.PCG64(7))
