@@ -139,7 +139,7 @@ def main() -> None:
                 whole = replace(capture, cloud=cloud)
                 floor, calm = learnt_floor(whole, list(submap.core), surfaces[submap.index], SegmentConfig())
                 hybrid = HybridFloor(looks, faces or CloudNormals(floor, calm), RegionGrowing())
-                providers = {"geometry": floor, "fused": FusedFloor(floor, looks), "hybrid": hybrid}
+                providers = {"geometry": floor, "fused": FusedFloor(floor, looks, faces), "hybrid": hybrid}
                 for i in submap.core:
                     if i not in true:
                         continue

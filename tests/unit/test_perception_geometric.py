@@ -33,7 +33,7 @@ def camera(k: int) -> Camera:
     return Camera(INTRINSICS, look(np.array([x, y, 1.2]), heading))
 
 
-def truth(view: Camera, person: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def truth(view: Camera, person: np.ndarray | None = None, box: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Floor mask and image: tiles on the floor, plain walls, a red box (and a person)."""
     rays, eye = view.rays().astype(float), view.position
     with np.errstate(divide="ignore"):
@@ -43,7 +43,7 @@ def truth(view: Camera, person: np.ndarray | None = None) -> tuple[np.ndarray, n
     hit = eye + leave.min(axis=-1)[..., None] * rays
     tiles = (np.floor(hit[..., 0] / 0.4) + np.floor(hit[..., 1] / 0.4)) % 2
     image = np.where(floor, 90 + 60 * tiles, 200 + 15 * axis)[..., None].repeat(3, axis=-1)
-    for solid, color in [(BOX, (180, 40, 40))] + ([] if person is None else [(person, (30, 160, 50))]):
+    for solid, color in [(BOX, (180, 40, 40))] * box + ([] if person is None else [(person, (30, 160, 50))]):
         with np.errstate(divide="ignore"):
             a, b = (solid[0] - eye) / rays, (solid[1] - eye) / rays
         enter, out = np.minimum(a, b).max(axis=-1), np.maximum(a, b).min(axis=-1)
@@ -215,6 +215,24 @@ def test_beside_the_depth_of_images_a_network_says_what_the_cloud_draws_wrongly(
         along = np.where(rays[..., 2] < 0, -view.position[2] / rays[..., 2], 0)
     before = np.where(along > 0, 0.6 * along * (rays @ view.rotation[:, 2]), 0).astype(np.float32)
     assert not provider.segment(view, image, before, np.ones_like(sure)).mask.any(), "the image's own depth comes first"
+
+
+def test_a_front_of_which_an_image_knows_no_depth_is_no_floor_if_a_network_sees_that_it_stands() -> None:
+    """A box that the cloud lacks, of the floor's colour to a network of looks."""
+    points = scan().points
+    cloud = Cloud(points[~((points > BOX[0] - 0.02) & (points < BOX[1] + 0.02)).all(axis=1)])
+    provider, view = GeometricFloor(cloud, FLAT), camera(0)
+    floor, image = truth(view)
+    below = truth(view, box=False)[0]
+    box = below & ~floor
+    unknown, looks = np.zeros(floor.shape, np.float32), np.where(below, 0.4, 0.01).astype(np.float32)
+    blind = provider.segment(view, image, unknown, looks).mask
+    stands = np.where(box, 0.0, 1.0).astype(np.float32)
+    told = provider.segment(view, image, unknown, looks, stands).mask
+    assert (blind & box).sum() > 0.9 * box.sum() > 100 and (told & box).sum() < 0.1 * box.sum()
+    assert iou(told, floor) > 0.95 > iou(blind, floor)
+    sure = np.where(below, 0.99, 0.01).astype(np.float32)
+    assert (provider.segment(view, image, unknown, sure, stands).mask & box).sum() > 0.9 * box.sum(), "looks are sure"
 
 
 def test_refinement_moves_a_shifted_border_back_to_the_edge_of_the_image():

@@ -174,12 +174,20 @@ def dense() -> Cloud:
     return Cloud(np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]).astype(np.float32))
 
 
+def of_images() -> Cloud:
+    return replace(dense(), kind="images")
+
+
 def test_auto_takes_the_bundled_network_beside_a_scan_and_the_depth_of_images(models: Path) -> None:
     auto = FloorsConfig()
     found = choose(auto, dense)
     assert found.how == "fused" and found.models["semantic"].name == "bundled-floor"
     assert choose(FloorsConfig(semantic="geometry"), dense).how == "geometry"
     assert choose(FloorsConfig("fused"), dense).summary == {"provider": "fused", "semantic": "bundled-floor"}
+    images = choose(auto, of_images)
+    assert images.summary == {"provider": "fused", "semantic": "bundled-floor", "normals": "bundled-normals"}
+    assert "normals by bundled-normals where the images give no depth" in images.words
+    assert images.key() != found.key() and choose(FloorsConfig("fused"), of_images).key() == images.key()
     named = choose(FloorsConfig("hybrid", semantic="bundled", normals="bundled"), dense)
     assert named.summary == {
         "provider": "hybrid", "semantic": "bundled-floor", "normals": "bundled-normals", "prompted": "geometry",
