@@ -20,8 +20,9 @@ from nvsim.perception.roles import Float32, Image, SurfaceNormals
 
 _UPRIGHT = 0.5
 """Greatest upward component of a wall's normal."""
-_WALL, _LEVEL = np.cos(np.radians(35.0)), np.cos(np.radians(20.0))
-"""Cosine of the angle up to which a normal is turned: to a heading, and up or down, where ramps are not so steep."""
+_WALL, _LEVEL = np.cos(np.radians(35.0)), np.cos(np.radians(10.0))
+"""Cosine of the angle up to which a normal is turned: to a heading, and up or down, where more would let a prompted
+region run over the edges of low things, and ramps are not so steep."""
 _NEAR, _OWN, _APART = np.radians(10.0), 0.7, np.radians(15.0)
 _LEAST = 0.3
 """A heading is one of a capture's if so much of its walls lies within `_NEAR` of it (of round ones 0.22 do). An image

@@ -38,10 +38,10 @@ def distance(a: float, b: float) -> float:
 @settings(max_examples=40, deadline=None)
 @given(heading=st.floats(0, np.pi / 2), off=st.floats(-0.2, 0.2))
 def test_a_capture_corrects_the_heading_of_an_image(heading: float, off: float) -> None:
-    images = [noisy(room(heading), 8) for _ in range(5)]
+    images = [noisy(room(heading), 4) for _ in range(5)]
     headings = main_headings(images)
     assert len(headings) == 1 and distance(headings[0], heading) < 0.02
-    seen = noisy(room(heading, off), 8)
+    seen = noisy(room(heading, off), 4)
     found = straightened(seen, headings)
     assert angle_between(found, room(heading)) < 1.5 < angle_between(seen, room(heading))
     assert np.allclose(straightened(found, headings), found, atol=1e-6)
@@ -58,7 +58,7 @@ def test_two_wings_have_two_headings_and_each_image_is_of_one() -> None:
 
 def test_a_room_askew_keeps_its_walls() -> None:
     headings = main_headings([room(0.1)] * 9)
-    seen = noisy(room(0.6), 4)
+    seen = noisy(room(0.6), 2)
     found = straightened(seen, headings)
     assert np.array_equal(found[20:60], seen[20:60])
     assert np.array_equal(found[62:, :, 2], np.ones((18, 120), np.float32))  # floor is floor there too
