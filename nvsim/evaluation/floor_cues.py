@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import numpy as np
-
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.floor import Judged, floor_figures
 from nvsim.evaluation.frame_truth import FrameTruth, frame_truth
 from nvsim.events import Listener, Progress, silent
+from nvsim.geometry.spread import spread
 from nvsim.networks.installed import BUNDLED, find_model
 from nvsim.perception.hybrid import HybridFloor
 from nvsim.perception.main_directions import StraightNormals
@@ -65,9 +64,8 @@ def _alone(
     straight = StraightNormals.of_capture(NormalsNetwork(faces.open()), project.need_capture().frames)
     hybrid = HybridFloor(SemanticNetwork(looks.open()), straight, RegionGrowing())
     rows: dict[str, list[Judged]] = {"semantic": [], "normals": [], "hybrid": [], "masks": []}
-    chosen = np.unique(np.linspace(0, len(known.frames) - 1, min(cues, len(known.frames))).round().astype(int))
-    for done, at in enumerate(chosen):
-        i = known.frames[int(at)]
+    chosen = [known.frames[k] for k in spread(len(known.frames), cues)]
+    for done, i in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen), "cues"))
         frame, (width, height) = project.need_capture().frames[i], known.size(i)
         image = read_image(frame, frame.intrinsics.scaled(width, height))

@@ -13,6 +13,7 @@ from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.spread import spread
 from nvsim.perception.main_directions import StraightNormals, straightened
 from nvsim.perception.normals_network import installed_normals
 from nvsim.project.project import Project
@@ -63,7 +64,7 @@ def evaluate_project_normals(
     what the network alone says. Raises InputError."""
     known, network = frame_truth(project, truth, from_scan), installed_normals(model)
     capture = project.need_capture()
-    chosen = np.unique(np.linspace(0, len(known.normals) - 1, min(most, len(known.normals))).round().astype(int))
+    chosen = [known.normals[k] for k in spread(len(known.normals), most)]
     scene = project.scene() if of == "renders" else None
     if of == "renders" and scene is None:
         raise lacks(project.root, "train")
@@ -71,8 +72,7 @@ def evaluate_project_normals(
         from nvsim.render.model import render_model
     headings = StraightNormals.of_capture(network, capture.frames).headings
     used, alone = Angles(), Angles()
-    for done, at in enumerate(chosen):
-        i = known.normals[int(at)]
+    for done, i in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen)))
         frame = capture.frames[i]
         small = frame.intrinsics.within(640)

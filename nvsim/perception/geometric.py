@@ -14,6 +14,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.splatting import SplatCloud
+from nvsim.geometry.spread import spread
 from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, Glimpse
 from nvsim.perception.glass import GlassConfig, SeeThrough
 from nvsim.perception.growing import grow
@@ -135,16 +136,14 @@ class GeometricFloor:
         """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
         uint8 RGB of the camera at an index, at any size, in `threads` at once. Without it, what the cloud misses stays
         in the masks."""
-        chosen = np.unique(
-            np.linspace(0, len(cameras) - 1, min(len(cameras), self.config.glimpses)).round().astype(int)
-        )
+        chosen = spread(len(cameras), self.config.glimpses)
 
         def look(index: int) -> tuple[Projection, Glimpse]:
             projection = self.project(cameras[index])
             return projection, self._glimpse(projection, read(index))
 
         with ThreadPoolExecutor(threads) as pool:
-            looks = list(pool.map(look, map(int, chosen)))
+            looks = list(pool.map(look, chosen))
         seen, glimpses = [projection for projection, _ in looks], [glimpse for _, glimpse in looks]
         self._appearance = FloorAppearance.learn(glimpses, self.config.appearance)
         if self._appearance is None:

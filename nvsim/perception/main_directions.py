@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Frame
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.spread import spread
 from nvsim.perception.roles import Float32, Image, SurfaceNormals
 
 _UPRIGHT = 0.5
@@ -121,10 +122,9 @@ class StraightNormals:
     def of_capture(cls, seen: SurfaceNormals, frames: Sequence[Frame]) -> StraightNormals:
         """With the headings of what `seen` says of some frames spread over the walk. Raises InputError for an image
         that cannot be read."""
-        chosen = np.unique(np.linspace(0, len(frames) - 1, min(_FRAMES, len(frames))).round().astype(int))
 
         def looks() -> Iterator[Float32]:
-            for frame in (frames[int(i)] for i in chosen):
+            for frame in (frames[i] for i in spread(len(frames), _FRAMES)):
                 small = frame.intrinsics.within(_SIDE)
                 yield seen.normals(read_image(frame, small), Camera(small, frame.camera.camera_to_world))
 

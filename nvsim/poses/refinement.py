@@ -16,6 +16,7 @@ from nvsim.capture.images import read_image
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.spread import spread
 from nvsim.poses.adjustment import adjust
 from nvsim.poses.features import MOST, NOTHING, Features, find_features
 from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare
@@ -55,7 +56,7 @@ def miss(frames: Sequence[Frame]) -> float | None:
     for i, j in pairs_to_compare(poses):
         if _APART[0] <= np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3]) <= _APART[1]:
             pairs.append((i, j))
-    chosen = [pairs[k] for k in np.unique(np.linspace(0, len(pairs) - 1, _SAMPLE).round().astype(int))] if pairs else []
+    chosen = [pairs[k] for k in spread(len(pairs), _SAMPLE)]
 
     def measured(pair: tuple[int, int]) -> float | None:
         (one, first), (other, second) = (_seen(frames[k]) for k in pair)

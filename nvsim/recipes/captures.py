@@ -13,6 +13,7 @@ from nvsim.capture.images import read_image
 from nvsim.evaluation.cloud_truth import labels_of
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.spread import spread
 from nvsim.perception.cloud_labels import UNKNOWN, CloudLabels
 from nvsim.project.floor_heights import floors_seen
 from nvsim.project.project import Project
@@ -25,7 +26,7 @@ def photographs(project: Project, count: int, seed: int) -> Iterator[Example]:
     """Up to `count` of the project's images, spread over its trajectory; those of which the cloud knows little are left
     out. Raises InputError for a project without a dense cloud or without floors."""
     capture, labels, floors = project.need_capture(), labels_of(project), floors_seen(project)
-    for i in map(int, np.unique(np.linspace(0, len(capture.frames) - 1, count).round())):
+    for i in spread(len(capture.frames), count):
         frame = capture.frames[i]
         camera = Camera(_cut(frame.intrinsics), frame.camera.camera_to_world)
         if i in floors:

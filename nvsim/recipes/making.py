@@ -31,7 +31,7 @@ def make(
     InputError."""
     need_weights()
     if start is not None:
-        weights_of(start)
+        weights_of(start)  # refused before examples are made
     if len({name_of(p) for p in projects}) < len(projects):
         raise InputError("Two of the projects have the same name; rename one, as their examples are filed under it.")
     examples = folder / "examples"

@@ -4,7 +4,7 @@ had."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -45,15 +45,14 @@ class Training:
         self._learning = trunk | rest
         self._averaged = {name: p.detach().clone() for name, p in self._learning.items()}
 
-    def take(self, weights: Mapping[str, Tensor], source: Path) -> None:
-        """Begins with the weights that `weights` of the file `source` has; what it lacks stays new. Raises InputError
-        where it has none of this network."""
-        shared = [n for n, p in self._learning.items() if n in weights and weights[n].shape == p.shape]
-        if 2 * len(shared) < len(self._learning):
+    def take(self, source: Path) -> None:
+        """Begins with the weights of another training, its folder or ONNX file. Raises InputError."""
+        weights = weights_of(source)
+        if any(name not in weights or weights[name].shape != p.shape for name, p in self._learning.items()):
             raise InputError(f"{source} holds no network of this form; name a training, or its ONNX file.")
         with torch.no_grad():
-            for name in shared:
-                self._learning[name].copy_(weights[name])
+            for name, parameter in self._learning.items():
+                parameter.copy_(weights[name])
         self._averaged = {name: p.detach().clone() for name, p in self._learning.items()}
 
     def update(self, shards: Shards, shares: Sequence[float]) -> dict[str, float]:
@@ -121,16 +120,16 @@ def _read(path: Path) -> dict[str, Tensor]:
         return load_file(path)
 
 
-def weights_of(source: Path) -> tuple[Path, dict[str, Tensor]]:
-    """The file and the weights, by their names, of a finished training: those averaged in the checkpoint of a folder,
-    or those of an ONNX file. Raises InputError."""
+def weights_of(source: Path) -> dict[str, Tensor]:
+    """The weights of a finished training by their names: those averaged in the checkpoint of a folder, or those of an
+    ONNX file. Raises InputError."""
     if source.is_file():
-        return source, exported_weights(source)
+        return exported_weights(source)
     checkpoint = source / CHECKPOINT
     if not checkpoint.is_file():
         raise InputError(f"{source} holds no training ({CHECKPOINT} is missing); name one, or its ONNX file.")
     found = _read(checkpoint)
-    return checkpoint, {name.removeprefix("average/"): t for name, t in found.items() if name.startswith("average/")}
+    return {name.removeprefix("average/"): t for name, t in found.items() if name.startswith("average/")}
 
 
 def schedule(step: int, steps: int) -> float:
@@ -152,8 +151,7 @@ def train(
     if checkpoint.is_file():
         training.restore(checkpoint)
     elif start is not None:
-        source, weights = weights_of(start)
-        training.take(weights, source)
+        training.take(start)
     recent: list[dict[str, float]] = []
     listen(Progress(STAGE, training.step, config.steps))
     while training.step < config.steps:

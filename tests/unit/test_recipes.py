@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 
 from nvsim.building.config import BuildingConfig
 from nvsim.building.painting import paint_face
@@ -96,11 +97,11 @@ def test_a_training_that_was_cut_off_ends_with_the_same_weights(shards: Shards, 
     for name, weight in whole.state_dict().items():
         assert torch.equal(weight, resumed.state_dict()[name]), name
     started = Training(CONFIG)
-    source, weights = weights_of(tmp_path / "a")
-    started.take(weights, source)
+    started.take(tmp_path / "a")
     assert torch.equal(started.network.floor[0].weight, whole.floor[0].weight)
+    save_file({"average/floor.0.weight": whole.floor[0].weight}, tmp_path / CHECKPOINT)
     with pytest.raises(InputError, match="no network of this form"):
-        started.take({"floor.0.weight": whole.floor[0].weight}, tmp_path)
+        started.take(tmp_path)
     (tmp_path / "b" / CHECKPOINT).write_bytes(b"something else")
     with pytest.raises(Exception, match="delete it to begin again"):
         train(tmp_path / "b", shards, [1, 1], CONFIG)
@@ -117,7 +118,7 @@ def test_an_export_answers_as_the_network_does(views: list[Example], tmp_path: P
     shown = chain.show(example.image, lambda place: np.zeros((1, 3, place.rows, place.columns), np.float32))
     with torch.no_grad():
         logits, directions = network(*(torch.from_numpy(shown.values[n].astype(np.float32)) for n in ("photo", "rays")))
-    for name, weight in weights_of(path)[1].items():  # a later training may begin with the file
+    for name, weight in weights_of(path).items():  # a later training may begin with the file
         assert torch.allclose(weight, network.state_dict()[name], rtol=1e-3, atol=1e-4), name
     assert np.abs(shown.values["floor"] - logits.numpy()).max() < 0.02 * max(1, float(logits.abs().max()))
     assert probability.shape == example.floor.shape and 0 <= probability.min() <= probability.max() <= 1

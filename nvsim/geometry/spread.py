@@ -1,0 +1,13 @@
+"""Some of many, spread evenly from the first to the last."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def spread(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers from 0 to `count` - 1, ascending, the first and the last among them; none where
+    `count` is 0."""
+    if count == 0:
+        return []
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
