@@ -68,16 +68,17 @@ def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_
     """It is usable when the event loop comes round for the first time; what stands in the way of two seconds is what
     was imported until then, and what it did by itself."""
     project = demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=0)
+    settings = f"QSettings({str(tmp_path / 'settings.ini')!r}, QSettings.Format.IniFormat)"
     program = (
         "import sys, subprocess, threading, time; import app.start.main, app.start.application\n"
         "from pathlib import Path; from PySide6.QtCore import QSettings, QTimer\n"
-        "qt = app.start.application.make_application('dark', QSettings('/nonexistent', QSettings.Format.IniFormat))\n"
+        f"qt = app.start.application.make_application('dark', {settings})\n"
         "from app.session import Session\n"
         "started = []; begin = subprocess.Popen.__init__\n"
         "subprocess.Popen.__init__ = lambda self, *a, **k: (started.append(a), begin(self, *a, **k))[1]\n"
         "def heavy():\n"
         "    return [m for m in ('torch', 'numba', 'cv2', 'scipy', 'moderngl') if m in sys.modules]\n"
-        "session = Session(QSettings('/nonexistent', QSettings.Format.IniFormat))\n"
+        f"session = Session({settings})\n"
         "session.window.show()\n"
         "usable = (heavy(), len(started), threading.active_count())\n"
         f"session.open(Path({str(project)!r})); until = time.monotonic() + 60\n"
