@@ -96,14 +96,14 @@ class Worker:
                 return path
         import cv2
 
+        from nvsim.capture.images import decode_for_camera
         from nvsim.files.atomic import write_bytes
-        from nvsim.files.decoding import decoded
         from nvsim.files.regular import read_bytes
 
         data = read_bytes(image_path)
         # The decoder's own reduction is several times as fast as decoding everything.
         for reduced in (cv2.IMREAD_REDUCED_COLOR_8, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
-            image = decoded(data, image_path, reduced | cv2.IMREAD_IGNORE_ORIENTATION, size=(lens.width, lens.height))
+            image = decode_for_camera(data, image_path, reduced, (lens.width, lens.height))
             if min(image.shape[:2]) >= THUMBNAIL[1]:
                 break
         height, width = image.shape[:2]

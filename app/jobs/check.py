@@ -10,7 +10,7 @@ from typing import Any
 from PySide6.QtCore import QObject
 
 from app.jobs.question import Question
-from nvsim.capture.findings import IMAGE_MISSING, SCALE_UNKNOWN, SEVERITIES, Finding, Kind, grouped
+from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, SCALE_UNKNOWN, SEVERITIES, Finding, Kind, grouped
 from nvsim.capture.summary import Summary
 
 
@@ -31,7 +31,7 @@ class CheckResult:
     @property
     def wants_images(self) -> bool:
         """Images are not where the capture says."""
-        return any(k.message == IMAGE_MISSING for k in self.kinds)
+        return any(k.message in (IMAGE_MISSING, IMAGE_AMBIGUOUS) for k in self.kinds)
 
     @property
     def bad_frames(self) -> tuple[str, ...]:

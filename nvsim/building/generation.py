@@ -144,6 +144,7 @@ def _write_capture(capture: Path, scene: Scene, cloud: Cloud) -> None:
         "cx": k.cx,
         "cy": k.cy,
         **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+        "unit": "meter",
         "ply_file_path": "points.ply",
         "frames": frames,
     }

@@ -1,4 +1,5 @@
 """From the frame of the files to the aligned one: z up by the smallest rotation about the origin, scale kept apart.
+(`origin.py` takes the origin off first if the coordinates are far from it.)
 
 Up comes from the cameras (people and robots hold them level on average) and is refined by the dominant floor plane of
 the cloud, or of what the images show themselves where no cloud shows a floor. A capture whose up is within 2 degrees of
@@ -65,7 +66,7 @@ def align(
             raise InputError(f"The {name} {value:g} is not a positive number of metres; give one like 1.2.")
     poses = np.array([f.camera_to_world for f in raw.frames if f.camera_to_world is not None])
     if not len(poses):
-        return Alignment(np.eye(3), scale or 1.0, scale is not None), None
+        return Alignment(np.eye(3), scale or 1.0, scale is not None, raw.origin), None
     up, unsure = find_up(poses)
     positions = poses[:, :3, 3]
     floor = None if raw.cloud is None else find_floor(raw.cloud.points, positions, up, unsure)
@@ -86,7 +87,7 @@ def align(
             "the capture is turned about the origin so that z is up; exports can undo it",
         )
     units, known = _scale(raw, positions, floor, scale, camera_height, findings)
-    return Alignment(rotation, units, known), floor
+    return Alignment(rotation, units, known, raw.origin), floor
 
 
 def _scale(
@@ -109,6 +110,13 @@ def _scale(
                 raw.source.name,
                 "the metres of the capture are kept; give a scale to override them",
             )
+        if raw.metric_because:
+            by_that = "" if height is None else f"the cameras are {height:.2f} m above the floor by that; "
+            findings.note(
+                f"lengths are taken to be in meters because {raw.metric_because}",
+                raw.source.name,
+                f"{by_that}--scale METRES overrides it",
+            )
         return 1.0, True
     if raw.metric:
         findings.warning(
@@ -128,16 +136,19 @@ def _scale(
 
 def to_aligned_frame(points: NDArray[np.floating], alignment: Alignment) -> NDArray[np.float64]:
     """Points (..., 3) of the source in the aligned frame, metres."""
-    return np.asarray(alignment.scale * (np.asarray(points, np.float64) @ alignment.rotation.T))
+    return np.asarray(alignment.scale * ((np.asarray(points, np.float64) - alignment.origin) @ alignment.rotation.T))
 
 
 def to_capture_frame(points: NDArray[np.floating], alignment: Alignment) -> NDArray[np.float64]:
     """Points (..., 3) of the aligned frame back in the source's frame and unit: what `--frame capture` writes."""
-    return np.asarray((np.asarray(points, np.float64) / alignment.scale) @ alignment.rotation)
+    return np.asarray((np.asarray(points, np.float64) / alignment.scale) @ alignment.rotation + alignment.origin)
 
 
 def apply(raw: RawCapture, alignment: Alignment) -> Capture:
-    """The typed capture: frames with pose and lens, in the aligned frame. An identity leaves every number as it was."""
+    """The typed capture: frames with pose and lens, in the aligned frame. An identity leaves every number as it was.
+    `alignment` may have another origin than `raw`: that of a capture which this one is added to."""
+    known, (x, y, z) = alignment, np.subtract(alignment.origin, raw.origin)
+    alignment = replace(alignment, origin=(float(x), float(y), float(z)))  # of what is left of the coordinates
     frames = []
     for f in raw.frames:
         if f.camera_to_world is None or f.lens is None:
@@ -151,7 +162,7 @@ def apply(raw: RawCapture, alignment: Alignment) -> Capture:
     depths = [
         replace(d, camera_to_world=_turned(d.camera_to_world, alignment), scale=d.scale * scale) for d in raw.depths
     ]
-    return Capture(raw.source, raw.format, tuple(frames), cloud, alignment, tuple(scans), tuple(depths))
+    return Capture(raw.source, raw.format, tuple(frames), cloud, known, tuple(scans), tuple(depths))
 
 
 def _turned(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.float64]:

@@ -11,13 +11,10 @@ from pathlib import Path
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.far_frames import check_far_frames
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
-from nvsim.capture.formats import read_raw
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
-from nvsim.capture.image_folder import looked_for_in
 from nvsim.capture.images import decode
-from nvsim.capture.left_out import without
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
-from nvsim.capture.read import report_absent_image
+from nvsim.capture.read import read_usable, report_absent_image
 from nvsim.capture.summary import Summary, summary_of
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
@@ -64,7 +61,7 @@ def check(
     findings = Findings()
     path = Path(path)
     try:
-        raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
+        raw = read_usable(path, leave_out, images, findings)
     except InputError as error:
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return Report(path, "", _sorted(findings))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvsim.capture import colmap, kapture, multi_capture, nerfstudio
 from nvsim.capture.findings import Findings, shown
+from nvsim.capture.image_folder import find_moved_measurements
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
@@ -47,9 +48,10 @@ FORMATS: tuple[Format, ...] = (
     Format("kapture", "a kapture tree (sensors/sensors.txt)", kapture.find, kapture.read, lacks=kapture.lacks),
     Format(
         "nerfstudio transforms.json",
-        "a transforms.json (nerfstudio, instant-ngp)",
+        "a transforms.json (nerfstudio, instant-ngp) or transforms_train.json (Blender)",
         nerfstudio.find,
         nerfstudio.read,
+        lacks=nerfstudio.lacks,
         rather="COLMAP",  # they tell of the same walk, and the one that brings a cloud says more
     ),
     Format("a .captures list", "a file NAME.captures that lists several in one world", multi_capture.find, _read_list),
@@ -88,7 +90,7 @@ def read_raw(path: Path, findings: Findings) -> RawCapture:
     if is_empty:
         raise InputError(f"{shown(path)} is an empty folder; a capture is {words()}.")
     with reading(path, "a capture"):
-        return _settled(_read(resolved, findings), findings)
+        return find_moved_measurements(_settled(_read(resolved, findings), findings), findings)
 
 
 def _read(path: Path, findings: Findings) -> RawCapture:

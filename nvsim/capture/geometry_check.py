@@ -116,11 +116,12 @@ def check_floor_in_view(capture: Capture, floor: FloorPlane | None, findings: Fi
 
 
 def to_floor_points(capture: Capture, floor: FloorPlane) -> np.ndarray:
-    """Points (K, 3) of the cloud on the plane, aligned frame; a sample."""
+    """Points (K, 3) of the cloud on the plane, aligned frame; a sample. `floor` is of the source's coordinates
+    without the origin of the alignment."""
     assert capture.cloud is not None
     points = capture.cloud.points[:: max(1, len(capture.cloud.points) // _SAMPLE)].astype(np.float64)
     normal = capture.alignment.rotation @ floor.normal
-    anchor = to_aligned_frame(floor.normal * floor.offset, capture.alignment)
+    anchor = to_aligned_frame(floor.normal * floor.offset + capture.alignment.origin, capture.alignment)
     tolerance = 0.05 * float(np.median((capture.positions - anchor) @ normal))
     return np.asarray(points[np.abs((points - anchor) @ normal) < tolerance])
 

@@ -1,24 +1,34 @@
-"""The folder that holds the images, where they do not lie where the capture says."""
+"""Images, depth images and scans that are not where the capture says: in the folder that the user names, or found by
+their names below the folder of the capture."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+from nvsim.capture.findings import Findings
+from nvsim.capture.moved_files import FolderFiles, Relocation, report_moved
 from nvsim.capture.raw import RawCapture, RawFrame, file_size
 from nvsim.errors import InputError
 
 
 def looked_for_in(raw: RawCapture, folder: str) -> RawCapture:
     """`raw` with the images of `folder` for those that are not where it says: each by its name, then by ever shorter
-    ends of it. An image that is not there either stays missing. "" changes nothing. Raises InputError when there is no
-    such folder, or when two frames would share an image."""
+    ends of it, then as `FolderFiles` matches names. An image that is not there either stays missing. "" changes
+    nothing. Raises InputError when there is no such folder, or when two frames would share an image."""
     if not folder:
         return raw
     place = Path(folder).expanduser().absolute()
     if not place.is_dir():
         raise InputError(f"{place} is no folder; --images names the folder that holds the images of the capture.")
-    frames = tuple(_placed(frame, place) for frame in raw.frames)
+    frames = [_placed(frame, place) for frame in raw.frames]
+    missing = [place / frame.name for frame in frames if file_size(frame.image_path) is None]
+    relocation = FolderFiles(place).relocate(missing)
+    for i, frame in enumerate(frames):
+        listed = place / frame.name
+        if file_size(frame.image_path) is None and listed in relocation.found:
+            frames[i] = replace(frame, image_path=relocation.found[listed])
     taken: dict[Path, str] = {}
     for frame, before in zip(frames, raw.frames, strict=True):
         if frame is before:
@@ -29,7 +39,7 @@ def looked_for_in(raw: RawCapture, folder: str) -> RawCapture:
                 f"{frame.image_path} would be the image of {other} and of {frame.name}; name the folder above it, in "
                 "which the folders of the images lie as in the capture."
             )
-    return replace(raw, frames=frames)
+    return replace(raw, frames=tuple(frames))
 
 
 def _placed(frame: RawFrame, folder: Path) -> RawFrame:
@@ -41,3 +51,46 @@ def _placed(frame: RawFrame, folder: Path) -> RawFrame:
         if file_size(candidate) is not None:
             return replace(frame, image_path=candidate)
     return frame
+
+
+def find_moved_images(raw: RawCapture, findings: Findings) -> RawCapture:
+    """`raw` with images that are not where it says found by name below the folder of their capture, and a note about
+    them. A frame whose image several folders may hold keeps its path and names the folders (`choices`)."""
+    frames = list(raw.frames)
+    for root in dict.fromkeys(frame.root for frame in frames if frame.root is not None):
+        paths = [frame.image_path for frame in frames if frame.root == root]
+        relocation = _relocate("image", paths, root, raw.source, findings)
+        for i, frame in enumerate(frames):
+            if frame.root == root and frame.image_path in relocation.found:
+                frames[i] = replace(frame, image_path=relocation.found[frame.image_path])
+            elif frame.root == root and frame.image_path in relocation.ambiguous:
+                frames[i] = replace(frame, choices=relocation.ambiguous[frame.image_path])
+    return replace(raw, frames=tuple(frames))
+
+
+def find_moved_measurements(raw: RawCapture, findings: Findings) -> RawCapture:
+    """`raw` with depth images and scans found by name, likewise, and with the folder below which images are looked for
+    in each frame (`root`)."""
+    root = _search_root(raw)
+    depths = _relocate("depth image", [d.path for d in raw.depths], root, raw.source, findings).found
+    scans = _relocate("scan", [s.path for s in raw.scans], root, raw.source, findings).found
+    return replace(
+        raw,
+        frames=tuple(frame if frame.root is not None else replace(frame, root=root) for frame in raw.frames),
+        depths=tuple(replace(d, path=depths.get(d.path, d.path)) for d in raw.depths),
+        scans=tuple(replace(s, path=scans.get(s.path, s.path)) for s in raw.scans),
+    )
+
+
+def _relocate(kind: str, paths: Sequence[Path], root: Path, source: Path, findings: Findings) -> Relocation:
+    relocation = FolderFiles(root).relocate(paths)
+    report_moved(kind, relocation.found, source, findings)
+    return relocation
+
+
+def _search_root(raw: RawCapture) -> Path:
+    """The folder of a capture: its own, or that of a COLMAP model above `sparse`."""
+    root = raw.source if raw.source.is_dir() else raw.source.parent
+    while raw.format == "colmap" and (root.name.isdigit() or root.name.startswith("sparse")):
+        root = root.parent
+    return root

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,24 +15,68 @@ from nvsim.capture.raw import read_bytes
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.files.decoding import decoded, is_cut_off
-from nvsim.files.image_size import image_size_of
+from nvsim.files.image_size import image_size_of, orientation_of
+from nvsim.files.regular import opened
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
 
-# The pose belongs to the pixels as stored; a viewer's orientation tag has no part in it.
-_FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+_HEAD = 1 << 16  # bytes in which most images give their size
 _AGAIN = "copy it again from the source"
 
 
 def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB as stored. Raises InputError naming the file when it is missing, empty, truncated, not an
-    image, or not of the `size` (width, height) of its camera, where that is given. (Decoders fill what is missing with
-    grey, so the end mark is looked for.)"""
+    """(H, W, 3) uint8 RGB as stored, or as its orientation tag turns it where only that has the `size` (width, height)
+    of its camera, where that is given. Raises InputError naming the file when it is missing, empty, truncated, not an
+    image, or of neither size. (Decoders fill what is missing with grey, so the end mark is looked for.)"""
     data = read_bytes(path)
     if is_cut_off(data):
         raise InputError(f"{path} is truncated (its end mark is missing); {_AGAIN}.")
-    image = decoded(data, path, _FLAGS, size=size, then=_AGAIN)
+    image = decode_for_camera(data, path, cv2.IMREAD_COLOR, size)
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def decode_for_camera(data: bytes, path: Path, flags: int, size: tuple[int, int] | None) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR of the image `data` with OpenCV's `flags`, for a camera of `size` (width, height).
+
+    The pose belongs to the pixels as stored, so an orientation tag is not followed. Some programs turn photos before
+    they measure cameras, though: where the stored image has width and height swapped and the tag turns it by a
+    quarter, it is turned. Raises InputError as `decoded` does."""
+    flags |= cv2.IMREAD_IGNORE_ORIENTATION
+    found = image_size_of(data)
+    turn = orientation_of(data)
+    if size is None or found is None or not is_turned((found.width, found.height), turn, size):
+        return decoded(data, path, flags, size=size, then=_AGAIN)
+    image = decoded(data, path, flags, size=(size[1], size[0]), then=_AGAIN)
+    return np.ascontiguousarray(_TURNS[turn](image))
+
+
+_TURNS: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
+    5: lambda image: image.transpose(1, 0, 2),
+    6: lambda image: np.rot90(image, -1),
+    7: lambda image: np.rot90(image, 2).transpose(1, 0, 2),
+    8: lambda image: np.rot90(image, 1),
+}
+"""Exif orientation -> the turn that shows the image upright (H, W, 3)."""
+
+
+def is_turned(stored: tuple[int, int], orientation: int, size: tuple[int, int]) -> bool:
+    """Whether an image whose file is `stored` (width, height) fits a camera of `size` only as its Exif `orientation`
+    turns it."""
+    return orientation in _TURNS and stored != size and stored == (size[1], size[0])
+
+
+def image_header(path: Path) -> tuple[int, int, int] | None:
+    """Width and height in pixels and Exif orientation in the header of the image, None where it cannot be read."""
+    try:
+        with opened(path) as file:
+            data = file.read(_HEAD) or b""
+        if data.startswith(b"\x89PNG"):  # a chunk that ends beyond what was read is not a fault
+            found = image_size_of(data[:33])
+        else:
+            found = image_size_of(data) or image_size_of(read_bytes(path))
+    except (InputError, OSError):
+        return None
+    return None if found is None else (found.width, found.height, orientation_of(data))
 
 
 def image_size(path: Path) -> tuple[int, int]:

@@ -18,7 +18,7 @@ import numpy as np
 from nvsim.capture.findings import Findings
 from nvsim.capture.kapture_tree import Pose, Tree
 from nvsim.capture.lens_reading import read_lens
-from nvsim.capture.pointcloud import merge, read_cloud, usable_cloud
+from nvsim.capture.pointcloud import merge, read_cloud, stored_points, usable_cloud
 from nvsim.capture.raw import (
     RawCapture,
     RawFrame,
@@ -235,7 +235,7 @@ def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | 
         if pose is not None:
             to_world = inverse(pose)
             points = cloud.points.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3]
-            clouds.append(Cloud(points.astype(np.float32), cloud.colors))
+            clouds.append(Cloud(stored_points(points), cloud.colors))
             scans.append(ScanFile(path, fields[1], to_world))
         elif tree.ever_posed(fields[1]):
             findings.warning("the cloud has no pose at its timestamp", f"{fields[2]}, {where}", "it is left out")

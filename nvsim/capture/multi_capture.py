@@ -72,7 +72,7 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
     contradict each other about the unit."""
     sources = listed(path)
     raws = [read(source, findings) for source in sources]
-    if len({raw.metric for raw in raws}) > 1:
+    if {True, False} <= {raw.metric for raw in raws}:  # None is in the unit of the others, as it shares their world
         units = ", ".join(f"{raw.source.name}: {'metres' if raw.metric else 'unknown'}" for raw in raws)
         raise InputError(f"The captures of {path} are not in one unit ({units}); bring them into one world first.")
     frames = [
@@ -92,9 +92,9 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
         for label, raw in zip(labels(sources), raws, strict=True)
         for depth in raw.depths
     ]
-    return RawCapture(
-        path, f"several ({formats})", tuple(frames), _joined(clouds), raws[0].metric, tuple(scans), tuple(depths)
-    )
+    telling = next((raw for raw in raws if raw.metric is not None), raws[0])
+    unit = telling.metric, tuple(scans), tuple(depths), telling.metric_because
+    return RawCapture(path, f"several ({formats})", tuple(frames), _joined(clouds), *unit)
 
 
 def labels(sources: Sequence[Path]) -> list[str]:

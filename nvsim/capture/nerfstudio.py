@@ -1,53 +1,143 @@
-"""nerfstudio's transforms.json and its older relative, instant-ngp's.
+"""nerfstudio's transforms.json and its relatives: instant-ngp's, and transforms_train.json, transforms_val.json and
+transforms_test.json of Blender and NeRF, which are read as one capture.
 
 Camera axes in the file are OpenGL's (x right, y up, z back); poses are camera-to-world. `applied_transform` says what
 was once done to the original data: the saved poses and the saved cloud already agree, so it is not undone.
-
-Whether the unit is the metre: nerfstudio keeps the unit of its source, which is metric for scanners and phones, and
-arbitrary for COLMAP. So a file is metric unless it shows COLMAP's marks (`colmap_im_id`, `sparse_pc.ply`), was rescaled
-(`applied_scale` other than 1), or is instant-ngp's or the older synthetic kind, which never were.
 """
 
 from __future__ import annotations
 
 import math
+import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from nvsim.capture import json_tree
-from nvsim.capture.findings import Findings
+from nvsim.capture.findings import Findings, shown
 from nvsim.capture.json_tree import Tree
 from nvsim.capture.lens_reading import read_lens
+from nvsim.capture.moved_files import IMAGE_EXTENSIONS, FolderFiles, report_moved
+from nvsim.capture.nerfstudio_fields import (
+    LENS_FIELDS,
+    is_arbitrary,
+    is_feature_cloud,
+    is_instant_ngp,
+    report_unused,
+    unit_of,
+)
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size
-from nvsim.capture.types import DepthFile
+from nvsim.capture.types import Cloud, DepthFile
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
-_EXTENSIONS = (".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG")
+_EXTENSIONS = (*IMAGE_EXTENSIONS, *(extension.upper() for extension in IMAGE_EXTENSIONS))
+_KNOWN_ENDS = (*IMAGE_EXTENSIONS, ".ply", ".pcd")
+_SPLIT = ("transforms_train.json", "transforms_val.json", "transforms_test.json")
 _PERSPECTIVE = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV", "PERSPECTIVE"}
 _FISHEYE = {"OPENCV_FISHEYE", "FISHEYE"}
-_LENS_KEYS = (
-    *("camera_model", "is_fisheye", "w", "h", "camera_angle_x", "camera_angle_y"),
-    *("fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2"),
-)
+_OTHERS = {
+    "meta_data.json": "SDFStudio's meta_data.json, which NVSim does not read; convert it to a transforms.json",
+    "cameras.json": "a cameras.json, which NVSim does not read; name the capture that it was made from",
+    "keyframes": "keyframes of Polycam; convert them with ns-process-data polycam",
+    "EXR_RGBD": "an export of Record3D; convert it with ns-process-data record3d",
+}
+"""Files and folders of captures in formats that are not read: what they are, and what to do."""
 
 
 def find(path: Path) -> Path | None:
-    """The transforms.json of a folder; a file may have any name that ends in .json."""
+    """What `read` takes: the transforms.json of a folder, the folder itself if it has transforms_train.json or its
+    like, or the only file transforms_NAME.json in it. A file may have any name that ends in .json."""
     if not path.is_dir():
         return path if path.suffix.lower() == ".json" else None
-    return path / "transforms.json" if file_size(path / "transforms.json") is not None else None
+    if file_size(path / "transforms.json") is not None:
+        return path / "transforms.json"
+    if _split_files(path):
+        return path
+    named = _named_alike(path)
+    return named[0] if len(named) == 1 else None
+
+
+def lacks(folder: Path) -> str:
+    """The sentence about a folder with files that look like a capture and are not read; "" for one without."""
+    named = _named_alike(folder)
+    if len(named) > 1:
+        names = ", ".join(shown(path.name) for path in named[:5])
+        return f"{shown(folder)} has no transforms.json, but {names}; name the one to read."
+    for name, words in _OTHERS.items():
+        if os.path.lexists(folder / name):
+            return f"{shown(folder)} has no transforms.json; it holds {words}."
+    return ""
+
+
+def _split_files(folder: Path) -> list[Path]:
+    return [folder / name for name in _SPLIT if file_size(folder / name) is not None]
+
+
+def _named_alike(folder: Path) -> list[Path]:
+    """Files whose name is nearly transforms.json, sorted."""
+    try:
+        names = sorted(name for name in os.listdir(folder) if re.fullmatch(r"(?i)transforms?([-_ .].*)?\.json", name))
+    except OSError:
+        return []
+    return [folder / name for name in names if file_size(folder / name) is not None]
 
 
 def read(path: Path, findings: Findings) -> RawCapture:
-    """The capture of a transforms.json. What is wrong with a frame goes to `findings`; raises InputError when the file
-    as a whole cannot be read."""
+    """The capture of a transforms.json, or of a folder with transforms_train.json and its like. What is wrong with a
+    frame goes to `findings`; raises InputError when the file as a whole cannot be read."""
     with reading(path, "a transforms.json"):
+        if path.is_dir():
+            return _read_split(path, findings)
+        beside = [other.name for other in _split_files(path.parent) if other.name != path.name]
+        if beside and path.name in ("transforms.json", *_SPLIT):
+            findings.note(
+                f"{', '.join(beside)} beside {path.name} is not read", path.name, "name it to read it instead"
+            )
         return _read(path, findings)
+
+
+def _read_split(folder: Path, findings: Findings) -> RawCapture:
+    """The frames of all files of the split, those of the same image and pose once. In the order of their names, if no
+    name comes twice: a walk whose frames were dealt out to the files."""
+    raws = [_read(path, findings) for path in _split_files(folder)]
+    frames: list[RawFrame] = []
+    first: dict[str, RawFrame] = {}
+    for raw in raws:
+        for frame in raw.frames:
+            same = first.setdefault(frame.name, frame)
+            if same is frame or not _same_pose(same, frame):
+                frames.append(frame)
+    stems = [Path(frame.name).stem for frame in frames]
+    if len(set(stems)) == len(stems):
+        frames.sort(key=lambda frame: (_natural(Path(frame.name).stem), frame.name))
+    frames = [replace(frame, timestamp=float(i)) for i, frame in enumerate(frames)]
+    counts = ", ".join(f"{raw.source.name} ({len(raw.frames)})" for raw in raws)
+    findings.note(
+        f"{counts} are read as one capture" if len(raws) > 1 else f"{counts} is read",
+        folder.name,
+        "frames are held out of training by --hold-out, not by these files",
+    )
+    metric = next((raw for raw in raws if raw.metric), raws[0])
+    cloud = next((raw.cloud for raw in raws if raw.cloud is not None), None)
+    depths = tuple(depth for raw in raws for depth in raw.depths)
+    return replace(metric, source=folder, frames=tuple(frames), cloud=cloud, depths=depths)
+
+
+def _same_pose(a: RawFrame, b: RawFrame) -> bool:
+    if a.camera_to_world is None or b.camera_to_world is None:
+        return a.camera_to_world is b.camera_to_world
+    return np.array_equal(a.camera_to_world, b.camera_to_world)
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    """Digits as numbers, so that r_2 comes before r_10."""
+    return [(int(word[:18]), "") if word.isdecimal() else (-1, word) for word in re.split(r"([0-9]+)", text)]
 
 
 def _read(path: Path, findings: Findings) -> RawCapture:
@@ -57,40 +147,62 @@ def _read(path: Path, findings: Findings) -> RawCapture:
         raise InputError(f"{path} has no list 'frames', so it is not a transforms.json; choose another file.")
     read, depths = [], []
     lenses: dict[str, Lens | None] = {}
+    files = FolderFiles(path.parent)
     for i, entry in enumerate(frames):
         where = f"{path.name}, frame {i}"
         if not isinstance(entry, dict):
             findings.error("the frame is not a JSON object", where, LOST_FRAME)
             continue
-        frame = _frame(path, tree, entry, i, where, lenses, findings)
+        frame = _frame(path, tree, entry, i, where, lenses, files, findings)
         if frame is not None:
             read.append(frame)
             depths += _depth(path, entry, frame, where, findings)
-    if all("timestamp" in f for f in frames if isinstance(f, dict)):
+    entries = [f for f in frames if isinstance(f, dict)]
+    if all("timestamp" in f for f in entries):
         read.sort(key=lambda f: f.timestamp)
-    ngp = "aabb_scale" in tree or ("is_fisheye" in tree and "camera_model" not in tree)
-    if ngp:
+    if is_instant_ngp(tree):
         read.sort(key=lambda f: f.name)  # its converter lists them in the order in which they were registered
-    metric = not ngp and _is_metric(tree, [f for f in frames if isinstance(f, dict)])
-    cloud = None
+    report_unused(tree, entries, path.name, findings)
+    cloud = _cloud(path, tree, entries, files, findings)
+    metric, because = unit_of(tree, entries, cloud)
+    kind = "instant-ngp" if is_instant_ngp(tree) else "nerfstudio"
+    return RawCapture(path, kind, tuple(read), cloud, metric, (), tuple(depths), because)
+
+
+def _cloud(path: Path, tree: Tree, entries: list[Tree], files: FolderFiles, findings: Findings) -> Cloud | None:
+    """The cloud that the file names. A missing one is a warning, because images alone can be used."""
+    where = f"{path.name}, ply_file_path"
     try:
         listed = json_tree.text(tree, "ply_file_path", path.name)
-        if listed is not None:
-            cloud = read_cloud(_resolve(path.parent, listed), findings, kind="lidar" if metric else "sfm")
+        if listed is None:
+            return None
+        place = _resolve(path.parent, listed)
+        found = place if os.path.lexists(place) else files.find(place)
+        if found is None:
+            findings.warning(
+                f"the point cloud {shown(listed)} is named in the file but missing",
+                where,
+                "the capture is used as images alone",
+            )
+            return None
+        if found != place:
+            report_moved("point cloud", {place: found}, path, findings)
+        features = is_arbitrary(tree, entries) or is_feature_cloud(listed)
+        return read_cloud(found, findings, kind="sfm" if features else "lidar")
     except InputError as error:
-        findings.error(str(error).rstrip("."), f"{path.name}, ply_file_path", "there would be no floor to measure")
-    return RawCapture(path, "instant-ngp" if ngp else "nerfstudio", tuple(read), cloud, metric, (), tuple(depths))
-
-
-def _is_metric(tree: Tree, frames: list[Tree]) -> bool:
-    from_colmap = tree.get("ply_file_path") == "sparse_pc.ply" or any("colmap_im_id" in f for f in frames)
-    rescaled = tree.get("applied_scale", 1.0) != 1.0
-    own = "camera_model" in tree or "fl_x" in tree or any("fl_x" in f for f in frames)
-    return own and not from_colmap and not rescaled
+        findings.error(str(error).rstrip("."), where, "there would be no floor to measure")
+        return None
 
 
 def _frame(
-    path: Path, tree: Tree, entry: Tree, index: int, where: str, lenses: dict[str, Lens | None], findings: Findings
+    path: Path,
+    tree: Tree,
+    entry: Tree,
+    index: int,
+    where: str,
+    lenses: dict[str, Lens | None],
+    files: FolderFiles,
+    findings: Findings,
 ) -> RawFrame | None:
     try:
         listed = json_tree.text(entry, "file_path", where)
@@ -99,7 +211,7 @@ def _frame(
         name = _name(listed)
         where = f"{where} ({name})"
         image = _resolve(path.parent, listed)
-        lens = _lens(tree, entry, image, where, lenses, findings)
+        lens = _lens(tree, entry, image, where, lenses, files, findings)
         pose = None
         if entry.get("transform_matrix") is None:
             findings.error("the frame has no pose (no field 'transform_matrix')", where, "the frame cannot be placed")
@@ -134,7 +246,7 @@ def _name(listed: str) -> str:
 def _resolve(folder: Path, listed: str) -> Path:
     """Where `listed` lies: as written, with forward slashes, or with the extension that older files leave out."""
     candidates = [listed, listed.replace("\\", "/")]
-    if not Path(candidates[1]).suffix:
+    if not candidates[1].lower().endswith(_KNOWN_ENDS):
         candidates += [candidates[1] + extension for extension in _EXTENSIONS]
     for candidate in candidates:
         if file_size(folder / candidate) is not None:
@@ -143,22 +255,28 @@ def _resolve(folder: Path, listed: str) -> Path:
 
 
 def _lens(
-    tree: Tree, entry: Tree, image: Path, where: str, lenses: dict[str, Lens | None], findings: Findings
+    tree: Tree,
+    entry: Tree,
+    image: Path,
+    where: str,
+    lenses: dict[str, Lens | None],
+    files: FolderFiles,
+    findings: Findings,
 ) -> Lens | None:
     """The frame's own camera, or the file's; equal ones are one object, and a fault in one is reported once."""
-    own = {key: entry[key] for key in _LENS_KEYS if key in entry}
+    own = {key: entry[key] for key in LENS_FIELDS if key in entry}
     known = str(sorted(own.items()))
     if known not in lenses:
         place = where if own else where.split(",")[0]
         try:
-            lenses[known] = _parse_lens({**tree, **own}, image, place, findings)
+            lenses[known] = _parse_lens({**tree, **own}, image, place, files, findings)
         except InputError as error:
             findings.error(str(error).removeprefix(f"{place}: ").rstrip("."), place, "no frame can use this camera")
             lenses[known] = None
     return lenses[known]
 
 
-def _parse_lens(tree: Tree, image: Path, where: str, findings: Findings) -> Lens | None:
+def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, findings: Findings) -> Lens | None:
     def get(key: str, default: float) -> float:
         value = json_tree.number(tree, key, where)
         return default if value is None else value
@@ -167,7 +285,7 @@ def _parse_lens(tree: Tree, image: Path, where: str, findings: Findings) -> Lens
     if width is None or height is None:
         from nvsim.capture.images import image_size
 
-        width, height = image_size(image)
+        width, height = image_size(files.find(image) or image)
     fx = json_tree.number(tree, "fl_x", where)
     if fx is None:
         angle = json_tree.number(tree, "camera_angle_x", where)
@@ -179,6 +297,8 @@ def _parse_lens(tree: Tree, image: Path, where: str, findings: Findings) -> Lens
     pinhole = (fx, get("fl_y", by_angle), get("cx", width / 2), get("cy", height / 2))
     k = [get(f"k{i}", 0.0) for i in (1, 2, 3, 4)]
     p = [get("p1", 0.0), get("p2", 0.0)]
+    if tree.get("distortion_params") is not None:  # nerfstudio lets these precede the single fields
+        *k, p[0], p[1] = _distortion(tree["distortion_params"], where)
     model = json_tree.text(tree, "camera_model", where) or "OPENCV"
     fisheye = model in _FISHEYE or ("camera_model" not in tree and tree.get("is_fisheye") is True)
     if not fisheye and model not in _PERSPECTIVE:
@@ -193,3 +313,14 @@ def _parse_lens(tree: Tree, image: Path, where: str, findings: Findings) -> Lens
     if any(k) or any(p):
         return read_lens("OPENCV", width, height, (*pinhole, k[0], k[1], *p), where, findings)
     return read_lens("PINHOLE", width, height, pinhole, where, findings)
+
+
+def _distortion(values: object, where: str) -> list[float]:
+    """k1 to k4, p1, p2 of the field distortion_params. Raises InputError unless it is a list of these six numbers."""
+    numbers = dict(enumerate(values)) if isinstance(values, list) and len(values) == 6 else {}
+    found = [json_tree.number({"distortion_params": numbers.get(i)}, "distortion_params", where) for i in range(6)]
+    if any(value is None for value in found):
+        raise InputError(
+            f"{where}: 'distortion_params' is not a list of six numbers (k1, k2, k3, k4, p1, p2); correct it."
+        )
+    return [value for value in found if value is not None]

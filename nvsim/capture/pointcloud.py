@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from nvsim.capture import pcd, ply
 from nvsim.capture.findings import Findings
 from nvsim.capture.point_table import Columns
-from nvsim.capture.raw import FARTHEST, read_bytes
+from nvsim.capture.raw import FAR, FARTHEST, read_bytes
 from nvsim.capture.types import Cloud, CloudKind
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
@@ -50,7 +51,15 @@ def usable_cloud(
         left_out = int(np.count_nonzero(~good))
         findings.warning(f"{left_out} of {len(good)} points are not finite or too far", where, "they are left out")
         points, colors = points[good], None if colors is None else colors[good]
-    return Cloud(points.astype(np.float32), colors, kind)
+    return Cloud(stored_points(points), colors, kind)
+
+
+def stored_points(points: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Points (N, 3) as a cloud of a RawCapture keeps them: float32, but float64 where one is so far from the origin
+    that float32 is too coarse. `take_origin_off` makes them float32."""
+    if len(points) and np.abs(points).max() > FAR:
+        return cast(NDArray[np.float32], points)
+    return points.astype(np.float32)
 
 
 def _colors(columns: Columns) -> NDArray[np.uint8] | None:

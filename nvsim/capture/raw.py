@@ -16,14 +16,17 @@ from nvsim.files import regular
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion
 
-FARTHEST = 1e7  # source units; beyond it float32 points are coarser than a room
+FARTHEST = 2.1e7  # source units: web Mercator reaches 20,037,508 m, UTM 10,000,000 m, the earth's surface 6.4e6 m
+FAR = 1000.0  # source units; beyond it float32 is coarser than 0.1 mm, so points stay float64 until an origin is off
 LOST_FRAME = "the frame cannot be used, and a wrong one would spoil its submap"
 
 
 @dataclass(frozen=True, eq=False)
 class RawFrame:
     """One image as listed. `camera_to_world` (4, 4) float64 in the source's world with OpenCV axes, None where the
-    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame."""
+    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame.
+    `root` is the folder below which a moved image is looked for by name; `choices` are the folders that fit equally
+    well, so that none was taken."""
 
     name: str
     image_path: Path
@@ -32,19 +35,31 @@ class RawFrame:
     where: str
     sensor: str = "camera"
     timestamp: float = 0.0
+    root: Path | None = None
+    choices: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class RawCapture:
-    """`metric` says whether the source claims that its unit is the metre. `scans` and `depths` are in its own frame."""
+    """A capture before alignment.
+
+    metric          whether the source claims that its unit is the meter; None where nothing tells, False for another
+    scans, depths   in the source's own frame, as the poses and the cloud
+    metric_because  the mark that claims it, "" if the format does
+    origin          (x, y, z) source units, which was taken off all coordinates
+
+    The points of the cloud are float64 while they are far from the origin.
+    """
 
     source: Path
     format: str
     frames: tuple[RawFrame, ...]
     cloud: Cloud | None
-    metric: bool
+    metric: bool | None
     scans: tuple[ScanFile, ...] = ()
     depths: tuple[DepthFile, ...] = ()
+    metric_because: str = ""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:
@@ -52,7 +67,7 @@ def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> N
     if not np.isfinite(pose).all():
         findings.error("the pose holds a value that is not a finite number", where, LOST_FRAME)
     elif np.abs(pose).max() > FARTHEST:
-        findings.error(f"the pose is farther than {FARTHEST:.0e} units from the origin", where, LOST_FRAME)
+        findings.error(f"the pose is farther than {FARTHEST:.2g} units from the origin", where, LOST_FRAME)
     elif is_rigid(pose):
         return pose
     elif np.linalg.det(pose[:3, :3]) < 0:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
-from nvsim.capture.findings import IMAGE_MISSING, Findings
+from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings, shown
 from nvsim.capture.formats import read_raw
-from nvsim.capture.image_folder import looked_for_in
+from nvsim.capture.image_folder import find_moved_images, looked_for_in
+from nvsim.capture.image_sizes import fit_lenses
 from nvsim.capture.left_out import without
-from nvsim.capture.raw import LOST_FRAME, RawFrame, file_size
+from nvsim.capture.origin import take_origin_off
+from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture
 
 
@@ -34,7 +36,7 @@ def read(
     error found, missing and empty images among them; images are not decoded (`check` does that).
     """
     findings = Findings()
-    raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
+    raw = read_usable(path, leave_out, images, findings)
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)
@@ -43,11 +45,28 @@ def read(
     return apply(raw, alignment)
 
 
+def read_usable(path: Path, leave_out: str, images: str, findings: Findings) -> RawCapture:
+    """The capture at `path` as `check` and `read` work on it: without the frames that `leave_out` names, its files
+    found, its lenses of the size of their images, and its coordinates near their origin. Raises InputError when
+    nothing can be read."""
+    raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
+    raw = fit_lenses(find_moved_images(raw, findings), findings)
+    return take_origin_off(raw, findings)
+
+
 def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
     """Whether the image is missing or empty, which becomes an error finding."""
     size = file_size(frame.image_path)
-    if size is None:
-        findings.error(IMAGE_MISSING, frame.where, f"{LOST_FRAME}; looked for {frame.image_path}")
+    if size is None and frame.choices:
+        folders = ", ".join(shown(folder) for folder in frame.choices[:4])
+        findings.error(IMAGE_AMBIGUOUS, frame.where, f"{LOST_FRAME}; found in {folders}")
+    elif size is None:
+        place = f", and for its name below {shown(frame.root)}" if frame.root is not None else ""
+        findings.error(
+            IMAGE_MISSING,
+            frame.where,
+            f"{LOST_FRAME}; looked for {shown(frame.image_path)}{place}; --images FOLDER names another place",
+        )
     elif size == 0:
         findings.error("the image is empty (0 bytes)", frame.where, LOST_FRAME)
     return not size

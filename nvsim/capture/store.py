@@ -48,6 +48,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
             "rotation": capture.alignment.rotation.tolist(),
             "scale": capture.alignment.scale,
             "scale_known": capture.alignment.scale_known,
+            "origin": list(capture.alignment.origin),
         },
         "cloud": None if capture.cloud is None else {"file": cloud_name, "kind": capture.cloud.kind},
         "lenses": [{"model": n.model, "width": n.width, "height": n.height, "params": n.params} for n in lenses],
@@ -101,9 +102,10 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
         raise ValueError("no frame, or a name twice")
     rotation = np.array(tree["alignment"]["rotation"], np.float64).reshape(3, 3)
     scale = _finite(tree["alignment"]["scale"])
+    x, y, z = (_finite(v) for v in tree["alignment"].get("origin", (0, 0, 0)))  # older files have none
     if not np.isfinite(rotation).all() or scale <= 0:
         raise ValueError("an alignment that is none")
-    alignment = Alignment(rotation, scale, bool(tree["alignment"]["scale_known"]))
+    alignment = Alignment(rotation, scale, bool(tree["alignment"]["scale_known"]), (x, y, z))
     cloud = None if tree["cloud"] is None else _load_cloud(folder, tree["cloud"]["file"], _text(tree["cloud"]["kind"]))
     return Capture(Path(_text(tree["source"])), _text(tree["format"]), frames, cloud, alignment)
 
@@ -168,7 +170,8 @@ def fingerprint(capture: Capture) -> str:
         state.update(json.dumps([*words, f.lens.params, stamp]).encode())
         state.update(np.ascontiguousarray(f.camera_to_world).tobytes())
     state.update(np.ascontiguousarray(capture.alignment.rotation).tobytes())
-    state.update(json.dumps([capture.alignment.scale, capture.alignment.scale_known]).encode())
+    origin = list(capture.alignment.origin) if any(capture.alignment.origin) else []
+    state.update(json.dumps([capture.alignment.scale, capture.alignment.scale_known, *origin]).encode())
     if capture.cloud is not None:
         state.update(_cloud_hash(capture.cloud).digest())
     return state.hexdigest()

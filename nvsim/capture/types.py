@@ -124,16 +124,18 @@ class DepthFile:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """aligned = scale * (rotation @ source): a rotation about the origin and a scale, kept apart.
+    """aligned = scale * (rotation @ (source - origin)): an origin, a rotation about it and a scale, kept apart.
 
     rotation      (3, 3) float64, the identity for a capture whose up was within 2 degrees of z
     scale         metres per source unit
     scale_known   False while nobody has said what a unit is
+    origin        (x, y, z) source units, taken off coordinates that are far from the source's own origin (UTM)
     """
 
     rotation: NDArray[np.float64]
     scale: float = 1.0
     scale_known: bool = True
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @staticmethod
     def identity() -> Alignment:
@@ -141,7 +143,7 @@ class Alignment:
 
     @property
     def is_identity(self) -> bool:
-        return bool(self.scale == 1.0 and np.array_equal(self.rotation, np.eye(3)))
+        return bool(self.scale == 1.0 and not any(self.origin) and np.array_equal(self.rotation, np.eye(3)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.alignment import to_aligned_frame
 from nvsim.capture.images import decode
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
@@ -99,7 +100,7 @@ def aligned_pose(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.
     """A camera-to-world pose (4, 4) of the capture's own frame in the aligned one."""
     result = np.eye(4)
     result[:3, :3] = alignment.rotation @ pose[:3, :3]
-    result[:3, 3] = alignment.scale * alignment.rotation @ pose[:3, 3]
+    result[:3, 3] = to_aligned_frame(pose[:3, 3], alignment)
     return result
 
 

@@ -87,14 +87,22 @@ def maps_in_aligned_frame(
         return maps
     if alignment.rotation[2, 2] < np.cos(np.radians(2.0)):
         raise InputError(f"{path} cannot be in the capture's frame, which is not z-up; use --map-frame aligned.")
-    turn, scale = alignment.rotation[:2, :2], alignment.scale
+    turn, scale, (left, down, low) = alignment.rotation[:2, :2], alignment.scale, alignment.origin
+    shift = (-left, -down)
+
+    def moved(found: OccupancyMap) -> OccupancyMap:
+        near = replace(found, origin=(found.origin[0] - left, found.origin[1] - down))
+        return turned(near, turn, scale=scale)
+
     if isinstance(maps, OccupancyMap):
-        return turned(maps, turn, scale=scale)
+        return moved(maps)
     return StoreyMaps(
-        tuple(StoreyMap(scale * s.floor, turned(s.occupancy, turn, scale=scale)) for s in maps.storeys),
-        tuple(replace(s, outline=_turned(s.outline, scale * turn)) for s in maps.stairs),
+        tuple(StoreyMap(scale * (s.floor - low), moved(s.occupancy)) for s in maps.storeys),
+        tuple(replace(s, outline=_turned(s.outline, scale * turn, shift)) for s in maps.stairs),
     )
 
 
-def _turned(outline: tuple[tuple[float, float], ...], turn: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
-    return tuple((float(x), float(y)) for x, y in np.array(outline) @ turn.T)
+def _turned(
+    outline: tuple[tuple[float, float], ...], turn: NDArray[np.float64], shift: tuple[float, float]
+) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in (np.array(outline) + shift) @ turn.T)

@@ -50,6 +50,54 @@ def image_size_of(data: bytes) -> ImageSize | None:
     return None
 
 
+def orientation_of(data: bytes) -> int:
+    """The Exif orientation of a JPEG or PNG, from 1 (as stored) to 8; 5 to 8 swap width and height. 1 where the image
+    has none."""
+    try:
+        if data.startswith(b"\xff\xd8"):
+            return _orientation_in(_jpeg_exif(data))
+        if data.startswith(b"\x89PNG\r\n\x1a\n"):
+            return _orientation_in(_png_exif(data))
+    except (struct.error, IndexError):
+        pass  # the header ends early, so it says nothing
+    return 1
+
+
+def _jpeg_exif(data: bytes) -> bytes:
+    """The TIFF structure in the first APP1 segment with Exif (Exif 3.0, 4.7.2); b"" without one."""
+    at = 2
+    while data[at] == 0xFF and data[at + 1] not in (0xD9, 0xDA):
+        (length,) = struct.unpack_from(">H", data, at + 2)
+        if data[at + 1] == 0xE1 and data[at + 4 : at + 10] == b"Exif\0\0":
+            return data[at + 10 : at + 2 + length]
+        at += 2 + max(2, length)
+    return b""
+
+
+def _png_exif(data: bytes) -> bytes:
+    at = 8
+    while at + 8 <= len(data):
+        (length,) = struct.unpack_from(">I", data, at)
+        if data[at + 4 : at + 8] == b"eXIf":
+            return data[at + 8 : at + 8 + length]
+        at += 12 + length
+    return b""
+
+
+def _orientation_in(exif: bytes) -> int:
+    if exif[:4] not in (b"II*\0", b"MM\0*"):
+        return 1
+    order = "<" if exif[:2] == b"II" else ">"
+    (at,) = struct.unpack_from(order + "I", exif, 4)
+    (count,) = struct.unpack_from(order + "H", exif, at)
+    for i in range(count):
+        tag, kind, number = struct.unpack_from(order + "HHI", exif, at + 2 + 12 * i)
+        if tag == 0x0112 and kind == 3 and number == 1:
+            (value,) = struct.unpack_from(order + "H", exif, at + 10 + 12 * i)
+            return int(value) if 1 <= value <= 8 else 1
+    return 1
+
+
 def _says_too_much(data: bytes) -> bool:
     """Whether a chunk of a PNG is said to be longer than the file, for which OpenCV takes the memory at once."""
     at = 8

@@ -74,6 +74,16 @@ class Lens:
     def is_distorted(self) -> bool:
         return self.is_fisheye or any(abs(k) > 1e-12 for k in self.distortion)
 
+    def resized(self, width: int, height: int) -> Lens:
+        """The lens of the same images at another size in pixels. Distortion is of normalized coordinates, so it stays;
+        a single focal length is scaled by the geometric mean of both sides."""
+        x, y = width / self.width, height / self.height
+        cx, cy = self.principal_point
+        focal = (
+            (self.focal[0] * (x * y) ** 0.5,) if self.model in _ONE_FOCAL else (self.focal[0] * x, self.focal[1] * y)
+        )
+        return Lens(self.model, width, height, (*focal, cx * x, cy * y, *self.distortion))
+
     @cached_property
     def pinhole(self) -> Intrinsics:
         """The pinhole of the undistorted image: same size, principal point and, where that leaves no pixel outside the

@@ -18,7 +18,7 @@ def found(report: Report, text: str) -> list:
 
 
 def test_a_good_capture_has_no_finding(tmp_path: Path) -> None:
-    report = check(sample.write_nerfstudio(tmp_path, sample.walk(), sample.room()))
+    report = check(sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(), unit="meter"))
     assert report.findings == () and not report.refused and report.format == "nerfstudio"
 
 
@@ -78,7 +78,7 @@ def test_cameras_far_from_all_others_are_named(tmp_path: Path, together: int) ->
     poses = sample.walk(30)
     for i in range(together):
         poses[4 + i, :3, 3] += [80.0, i * 0.2, 0]
-    report = check(sample.write_nerfstudio(tmp_path, poses, sample.room()))
+    report = check(sample.write_nerfstudio(tmp_path, poses, sample.room(), unit="meter"))
     assert [f.where for f in found(report, "outlier")] == [
         f"transforms.json, frame {4 + i} (images/{4 + i:03d}.png)" for i in range(together)
     ]
@@ -89,7 +89,7 @@ def test_a_long_corridor_has_no_outlier(tmp_path: Path) -> None:
     poses = sample.walk(60)
     poses[:, 0, 3], poses[:, 1, 3] = np.linspace(0, 60, 60), 0
     points = np.concatenate([sample.room() + [x, 0, 0] for x in range(0, 61, 6)]).astype(np.float32)
-    assert check(sample.write_nerfstudio(tmp_path, poses, points)).findings == ()
+    assert check(sample.write_nerfstudio(tmp_path, poses, points, unit="meter")).findings == ()
 
 
 def test_a_camera_hanging_upside_down_is_named(tmp_path: Path) -> None:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import capture_samples as sample
 import cv2
 import numpy as np
 import pytest
 
-from nvsim.capture.images import read_image
+from nvsim.capture.check import check
+from nvsim.capture.images import decode, read_image
+from nvsim.capture.read import read
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
+from nvsim.files.image_size import orientation_of
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
 
@@ -114,3 +118,65 @@ def test_a_missing_image_a_text_and_one_of_another_size_are_refused_by_name(tmp_
     one.image_path.unlink()
     with pytest.raises(InputError, match="image.png"):
         read_image(one, one.intrinsics)
+
+
+def tagged(image: np.ndarray, orientation: int) -> bytes:
+    """A JPEG with an Exif orientation."""
+    data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 100])[1].tobytes()
+    tag = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0" + bytes([orientation]) + b"\0\0\0\0\0\0\0"
+    return data[:2] + b"\xff\xe1" + (len(tag) + 2).to_bytes(2, "big") + tag + data[2:]
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_an_image_that_fits_its_camera_only_turned_is_turned_as_opencv_does(tmp_path: Path, orientation: int) -> None:
+    path = tmp_path / "phone.jpg"
+    path.write_bytes(tagged(smooth(), orientation))
+    assert orientation_of(path.read_bytes()) == orientation
+    if orientation < 5:  # width and height stay, so the pixels are those that the pose belongs to
+        with pytest.raises(InputError, match="pixels but its camera is"):
+            decode(path, (HEIGHT, WIDTH))
+        return
+    upright = cv2.imread(str(path))[..., ::-1]
+    np.testing.assert_array_equal(decode(path, (HEIGHT, WIDTH)), upright)
+    np.testing.assert_array_equal(decode(path, (WIDTH, HEIGHT)), decode(path))
+
+
+def test_a_turned_capture_is_read_with_a_note(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    for name in (f"{i:03d}.png" for i in range(12)):  # the content decides, not the extension
+        (tmp_path / "images" / name).write_bytes(tagged(np.zeros((sample.WIDTH, sample.HEIGHT, 3), np.uint8), 6))
+    report = check(path)
+    assert not report.refused
+    assert any(f.message.startswith("12 images fit their camera only as") for f in report.findings)
+    frame = read(path).frames[0]
+    assert read_image(frame, frame.intrinsics).shape == (sample.HEIGHT, sample.WIDTH, 3)
+
+
+@pytest.mark.parametrize("size", [(32, 24), (31, 24), (16, 12), (128, 96), (48, 36)])
+def test_a_lens_is_scaled_to_images_of_the_same_proportions(tmp_path: Path, size: tuple[int, int]) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(), k1=0.1, cx=30.0)
+    sample.write_images(tmp_path / "images", 12, *size)
+    lens = read(path).frames[0].lens
+    across, down = size[0] / sample.WIDTH, size[1] / sample.HEIGHT
+    assert (lens.width, lens.height) == size and lens.distortion[0] == 0.1
+    np.testing.assert_allclose(lens.params[:4], (40 * across, 40 * down, 30 * across, 24 * down))
+    (note,) = [f.message for f in check(path).findings if "their camera is" in f.message]
+    assert note == f"12 images are {size[0]}x{size[1]} pixels and their camera is 64x48"
+
+
+@pytest.mark.parametrize("size", [(48, 64), (40, 24), (62, 48), (60, 45)])
+def test_an_image_of_other_proportions_or_cropped_a_little_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    sample.write_images(tmp_path / "images", 12, *size)
+    assert any(f"{size[0]}x{size[1]} pixels but its camera is 64x48" in f.message for f in check(path).findings)
+    assert check(path).refused
+
+
+def test_a_resized_lens_sees_the_same_view() -> None:
+    for lens in (
+        Lens("OPENCV", 640, 480, (500, 490, 320, 250, 0.1, -0.05, 0.001, 0.002)),
+        Lens("SIMPLE_RADIAL", 640, 480, (500, 320, 250, 0.1)),
+    ):
+        half = lens.resized(320, 240)
+        rays = np.random.default_rng(0).uniform(-0.4, 0.4, (50, 2))
+        np.testing.assert_allclose(half.distort(rays), lens.distort(rays) / 2)

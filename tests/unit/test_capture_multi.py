@@ -18,8 +18,8 @@ from nvsim.errors import InputError
 def walks(tmp_path: Path) -> list[Path]:
     points = room()
     first, second = walk(seed=0), walk(count=7, seed=1)
-    write_nerfstudio(tmp_path / "one", first, points)
-    write_nerfstudio(tmp_path / "two", second, points[:100])
+    write_nerfstudio(tmp_path / "one", first, points, unit="meter")
+    write_nerfstudio(tmp_path / "two", second, points[:100], unit="meter")
     return [tmp_path / "one", tmp_path / "two"]
 
 

@@ -33,7 +33,8 @@ def export_splats(
 ) -> list[Path]:
     """Writes `submap_NNN` with the format's suffix, `submap_NNN_floor.glb` where the model has a floor texture, and
     splats.json; returns what was written. Colours that depend on the camera's position are those seen from the middle
-    of the submap's cameras. `frame` "capture" undoes the alignment.
+    of the submap's cameras. `frame` "capture" undoes the alignment, except for the origin of far coordinates: splat
+    files hold 32-bit numbers, which are too coarse there, so splats.json names the origin to add.
 
     Raises InputError when a submap is unknown or not trained, or the disk refuses.
     """
@@ -86,6 +87,8 @@ def export_splats(
         "up": (back @ [0.0, 0.0, 1.0] if moved else np.array([0.0, 0.0, 1.0])).round(9).tolist(),
         "metres_per_unit": alignment.scale if moved else 1.0,
         "metric": alignment.scale_known,
+        "origin": list(alignment.origin) if moved else [0.0, 0.0, 0.0],
+        "origin_means": "add it to every coordinate of the files to get those of the capture" if moved else "",
         "axes_of_spz_files": "right, up, back; the other files keep the frame's own axes",
         "submaps": notes,
     }

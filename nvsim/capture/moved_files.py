@@ -1,0 +1,211 @@
+"""Files of a capture that are not where it says: found by their names below a folder.
+
+A capture that was copied keeps the paths of the machine that wrote it: absolute ones, Windows ones, `Images/` for
+`images/`, `.JPG` for `.jpg`. Files of one listed folder move together, so a folder is matched as a whole: the one that
+has the names, and whose path ends most like the listed one. Case and `.jpeg` for `.jpg` do not matter.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nvsim.capture.findings import Findings, shown
+from nvsim.capture.raw import file_size
+
+IMAGE_EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
+_MOST_FILES = 300_000  # below a folder; with more it is no folder of a capture, and names are not unique
+_DOWNSCALED = re.compile(r"images_(2|4|8|16)")  # copies of `images` that nerfstudio and mip-NeRF 360 make
+_CONTENT = {
+    **dict.fromkeys(("depth", "depths", "depthmap", "depthmaps"), "depth"),
+    **dict.fromkeys(("mask", "masks"), "mask"),
+    **dict.fromkeys(("normal", "normals"), "normal"),
+    **dict.fromkeys(("semantic", "semantics", "segmentation", "segmentations", "label", "labels"), "semantic"),
+    **dict.fromkeys(("confidence", "confidences"), "confidence"),
+}
+
+
+@dataclass(frozen=True)
+class Relocation:
+    """found      listed path -> the file that was found for it
+    ambiguous  listed path -> the folders that fit equally well, of which none was taken
+    """
+
+    found: dict[Path, Path] = field(default_factory=dict)
+    ambiguous: dict[Path, tuple[Path, ...]] = field(default_factory=dict)
+
+
+def report_moved(kind: str, found: Mapping[Path, Path], source: Path, findings: Findings) -> None:
+    """A note about the files of a `kind` ("image") that were `found` by name; none without such files."""
+    if not found:
+        return
+    listed, place = next(iter(found.items()))
+    count = f"{len(found)} {kind}s are" if len(found) > 1 else f"{'an' if kind[0] in 'aeiou' else 'a'} {kind} is"
+    option = "; --images FOLDER names another folder" if kind == "image" else ""
+    findings.note(
+        f"{count} not where the capture says, and found by name",
+        source.name,
+        f"{shown(listed)} is read from {shown(place)}{option}",
+    )
+
+
+@dataclass(frozen=True)
+class _Folder:
+    parts: tuple[str, ...]  # of its path below the root, casefolded
+    content: frozenset[str]
+    files: dict[str, list[str]]  # key of a name -> the names
+
+
+class FolderFiles:
+    """The files below `root`, by name. The folder is walked when the first file is looked for; links are followed
+    once, hidden folders and NVSim projects are skipped."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._folders: dict[Path, _Folder] | None = None
+
+    def find(self, listed: Path) -> Path | None:
+        """The file that `listed` names: itself, or the only one that fits by name; None without one."""
+        if file_size(listed) is not None:
+            return listed
+        return self.relocate([listed]).found.get(listed)
+
+    def relocate(self, listed: Iterable[Path]) -> Relocation:
+        """Looks for the files among `listed` that do not exist. A listed folder of which some files exist was not
+        moved: its missing files are looked for beside the others only, under other case or extension. No file is
+        found for two listed ones, or for one when another listed one is that file."""
+        paths = list(dict.fromkeys(listed))
+        present = {path for path in paths if file_size(path) is not None}
+        groups: dict[Path, list[Path]] = {}
+        for path in paths:
+            groups.setdefault(path.parent, []).append(path)
+        found: dict[Path, Path] = {}
+        ambiguous: dict[Path, tuple[Path, ...]] = {}
+        for folder, members in groups.items():
+            missing = [path for path in members if path not in present]
+            if not missing:
+                continue
+            if len(missing) < len(members):
+                best = [folder.resolve()] if folder.resolve() in self._walked else []
+            else:
+                best = self._best_folders(folder, missing)
+            if len(best) > 1:
+                ambiguous.update(dict.fromkeys(missing, tuple(best)))
+            elif best:
+                for path in missing:
+                    names = _matching(self._walked[best[0]], path.name)
+                    if len(names) == 1:
+                        found[path] = best[0] / names[0]
+        users: dict[Path, list[Path]] = {}
+        for path, file in found.items():
+            users.setdefault(file, []).append(path)
+        taken = {path.resolve() for path in present}
+        for file, of in users.items():
+            if len(of) > 1 or file in taken:
+                for path in of:
+                    del found[path]
+        return Relocation(found, ambiguous)
+
+    def _best_folders(self, listed: Path, missing: Sequence[Path]) -> list[Path]:
+        """The folders that fit best: of those that have at least half as many of the names as any, the one whose path
+        ends most like the listed one, then the one with most of the names, then the one that is not downscaled."""
+        folders = self._walked
+        below = listed.relative_to(self.root) if listed.is_relative_to(self.root) else listed
+        parts = tuple(part.casefold() for part in _parts(below))
+        of_listed, of_end = _content(parts), _content(parts[-2:])
+        fitting = {
+            path: sum(len(_matching(folder, p.name)) == 1 for p in missing)
+            for path, folder in folders.items()
+            if of_end <= folder.content <= of_listed
+        }
+        most = max(fitting.values(), default=0)
+        if most == 0:
+            return []
+        rank = {
+            path: (_common_end(folders[path].parts, parts), count, -_reduction(path.name))
+            for path, count in fitting.items()
+            if 2 * count >= most
+        }
+        best = max(rank.values())
+        return sorted(path for path, value in rank.items() if value == best)
+
+    @property
+    def _walked(self) -> dict[Path, _Folder]:
+        if self._folders is None:
+            self._folders = _walk(self.root)
+        return self._folders
+
+
+def _walk(root: Path) -> dict[Path, _Folder]:
+    """Resolved path -> folder, for `root` and the folders below it that have files; none when there are too many."""
+    folders: dict[Path, _Folder] = {}
+    waiting: list[tuple[Path, tuple[str, ...]]] = [(root, ())]
+    seen: set[Path] = set()
+    count = 0
+    while waiting:
+        place, parts = waiting.pop()
+        files: dict[str, list[str]] = {}
+        try:
+            place = place.resolve()
+            if place in seen:
+                continue
+            seen.add(place)
+            with os.scandir(place) as entries:
+                for entry in entries:
+                    count += 1
+                    if count > _MOST_FILES:
+                        return {}
+                    if entry.is_dir():
+                        if not entry.name.startswith(".") and not entry.name.endswith(".nvsim"):
+                            waiting.append((place / entry.name, (*parts, entry.name.casefold())))
+                    elif entry.is_file():
+                        files.setdefault(_key(entry.name), []).append(entry.name)
+        except (OSError, RuntimeError):
+            continue  # a folder that cannot be read has no file to find
+        if files:
+            folders[place] = _Folder(parts, _content(parts), files)
+    return folders
+
+
+def _matching(folder: _Folder, name: str) -> list[str]:
+    """The names in `folder` that `name` may mean: itself, or those that differ in case, in .jpeg for .jpg, or by an
+    image's extension that the listed name leaves out."""
+    name = name.replace("\\", "/").rsplit("/", 1)[-1]
+    names = folder.files.get(_key(name), [])
+    if name in names:
+        return [name]
+    if not names and not name.lower().endswith(IMAGE_EXTENSIONS):
+        keys = dict.fromkeys(_key(name + extension) for extension in IMAGE_EXTENSIONS)
+        names = [found for key in keys for found in folder.files.get(key, [])]
+    return names
+
+
+def _key(name: str) -> str:
+    name = name.casefold()
+    return name.removesuffix(".jpeg") + ".jpg" if name.endswith(".jpeg") else name
+
+
+def _parts(path: Path) -> list[str]:
+    return [p for p in str(path).replace("\\", "/").split("/") if p not in ("", ".", "..")]
+
+
+def _content(parts: Sequence[str]) -> frozenset[str]:
+    """What a folder holds beside images, by the words in its name: a depth map never stands in for an image."""
+    words = [word for part in parts for word in re.split(r"[^a-z]+", part)]
+    return frozenset(_CONTENT[word] for word in words if word in _CONTENT)
+
+
+def _common_end(a: Sequence[str], b: Sequence[str]) -> int:
+    count = 0
+    while count < min(len(a), len(b)) and a[-1 - count] == b[-1 - count]:
+        count += 1
+    return count
+
+
+def _reduction(name: str) -> int:
+    """How many times smaller the images of a folder are by its name: 4 of images_4, 1 of others."""
+    matched = _DOWNSCALED.fullmatch(name.casefold())
+    return int(matched[1]) if matched else 1

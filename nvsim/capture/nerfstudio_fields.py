@@ -1,0 +1,144 @@
+"""The fields of a transforms.json: which NVSim uses, which it names as unused, and which of them say what the unit is.
+
+nerfstudio keeps the unit of its source, which is metric for scanners and phones and arbitrary for reconstructions from
+images. So the unit is unknown without a mark of a metric source: a field `unit`, depth images of a sensor, or a scan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePosixPath
+
+from nvsim.capture.findings import Findings, shown
+from nvsim.capture.json_tree import Tree
+from nvsim.capture.types import Cloud
+
+LENS_FIELDS = (
+    *("camera_model", "is_fisheye", "w", "h", "camera_angle_x", "camera_angle_y", "distortion_params"),
+    *("fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2"),
+)
+_DEPTH = ("depth_file_path", "depth_path")
+_USED = {
+    *LENS_FIELDS,
+    *_DEPTH,
+    *("integer_depth_scale", "depth_unit_scale_factor", "mask_path"),
+    *("frames", "file_path", "transform_matrix", "timestamp", "ply_file_path"),
+    *("applied_scale", "colmap_im_id", "aabb_scale", "unit", "units"),
+}
+_BOOKKEEPING = {
+    # Of what was done to the data before, which the poses already have.
+    *("applied_transform", "orientation_override", "auto_scale_poses_override", "worldtogt", "pairs"),
+    # Of a region or a range of depth for rendering.
+    *("aabb", "scene_box", "render_aabb", "render_aabb_to_local", "near", "far", "radius", "collider_type"),
+    *("scale", "offset", "up", "n_extra_learnable_dims", "white_transparent", "black_transparent", "fix_premult"),
+    *("enable_depth_loading", "enable_ray_loading", "sharpness_discard_threshold", "has_mono_prior"),
+    # Names, and what a program measured of an image.
+    *("sharpness", "blur_score", "motion_blur_score", "rotation", "colmap_id", "camera_id", "cam_id", "image_id"),
+    *("id", "name", "frame_id", "image_name", "img_name", "camera_label", "has_mask", "camera", "date", "version"),
+}
+_UNUSED = {
+    **dict.fromkeys(
+        ("normal_path", "normal_file_path", "mono_normal_path", "sensor_normal_path", "file_path_normal", "normals"),
+        "surface normals",
+    ),
+    **dict.fromkeys(("mono_depth_path", "sensor_depth_path", "file_path_depth", "depth"), "depth under another name"),
+    **dict.fromkeys(("confidence_path", "confidence_file_path", "depth_confidence_path"), "confidence of depth"),
+    **dict.fromkeys(
+        ("semantics", "semantic_path", "semantics_path", "semantic_file_path", "segmentation_path", "label_path"),
+        "labels of pixels",
+    ),
+    **dict.fromkeys(
+        ("panoptics", "panoptic_path", "panoptic_file_path", "panoptic_classes", "instance_path", "instances"),
+        "labels of objects",
+    ),
+    **dict.fromkeys(
+        ("sky_mask_path", "sky_mask", "foreground_mask", "dynamic_mask_path", "dynamic_masks", "masks", "mask"),
+        "masks; NVSim reads mask_path",
+    ),
+    "mask_color": "a color that stands for ignored pixels",
+    **dict.fromkeys(
+        ("rolling_shutter", "rolling_shutter_time", "exposure_time", "transform_matrix_start", "transform_matrix_end"),
+        "motion during the exposure; every row has the pose of the image",
+    ),
+    **dict.fromkeys(
+        ("camera_linear_velocity", "camera_angular_velocity", "velocities"),
+        "motion of the camera; every row has the pose of the image",
+    ),
+    "time": "the time of a moving scene, which is taken to stand still",
+    "fisheye_crop_radius": "the circle outside which a fisheye image is black",
+    **dict.fromkeys(("latlong", "lens_mode", "ftheta_p0"), "another lens; the images are read as perspective"),
+    **dict.fromkeys(
+        ("train_filenames", "val_filenames", "test_filenames"), "a split; --hold-out says what is held out"
+    ),
+    "test_frames": "frames of a test set, which are not read",
+    "is_bad": "frames marked as bad, which are used; --leave-out leaves frames out",
+    **dict.fromkeys(("light", "light_direction", "driver_parameters", "envmap"), "the lighting"),
+}
+"""Fields that other programs write and NVSim does not use: what they hold."""
+_LISTED = 20
+_FEATURE_CLOUDS = ("sparse", "points3d", "sfm", "colmap", "reconstruction")  # beginnings of names
+_LEAST_SCAN = 1000  # points
+_METERS = {"m", "meter", "meters", "metre", "metres"}
+
+
+def report_unused(tree: Tree, frames: Sequence[Tree], where: str, findings: Findings) -> None:
+    """A warning that names the fields of other programs that NVSim does not use, and a note that names those that it
+    does not know. Fields without a value count as absent."""
+    fields = dict.fromkeys(_filled(tree))
+    for frame in frames:
+        fields.update(dict.fromkeys(_filled(frame)))
+    unused = [f"{field} ({_UNUSED[field]})" for field in fields if field in _UNUSED]
+    if unused:
+        findings.warning(
+            f"NVSim does not use {_listed(unused)}",
+            where,
+            "what these fields hold has no effect on the map",
+        )
+    known = _USED | _BOOKKEEPING | _UNUSED.keys()
+    unknown = [shown(field, 40) for field in fields if field not in known]
+    if unknown:
+        findings.note(f"NVSim does not know the fields {_listed(unknown)}", where, "they are ignored")
+
+
+def is_arbitrary(tree: Tree, frames: Sequence[Tree]) -> bool:
+    """Whether the unit is one of a reconstruction from images: COLMAP's marks, a scale that was applied, files of
+    instant-ngp, and the synthetic kind that has an angle for its lens."""
+    from_colmap = tree.get("ply_file_path") == "sparse_pc.ply" or any("colmap_im_id" in f for f in frames)
+    rescaled = tree.get("applied_scale", 1.0) != 1.0
+    has_lens = "camera_model" in tree or "fl_x" in tree or any("fl_x" in f for f in frames)
+    return from_colmap or rescaled or not has_lens or is_instant_ngp(tree)
+
+
+def is_instant_ngp(tree: Tree) -> bool:
+    return "aabb_scale" in tree or ("is_fisheye" in tree and "camera_model" not in tree)
+
+
+def is_feature_cloud(listed: str) -> bool:
+    """Whether a cloud's name is one that programs give to the features of images."""
+    return PurePosixPath(listed.replace("\\", "/")).name.lower().startswith(_FEATURE_CLOUDS)
+
+
+def unit_of(tree: Tree, frames: Sequence[Tree], cloud: Cloud | None) -> tuple[bool | None, str]:
+    """Whether the unit is the meter, None where nothing tells, and the mark that makes it likely ("" without one,
+    or if a field says it)."""
+    for field in ("unit", "units"):
+        unit = tree.get(field)
+        if isinstance(unit, str) and unit.lower() in _METERS:
+            return True, ""
+    if is_arbitrary(tree, frames):
+        return False, ""
+    if any(f.get(field) for f in frames for field in _DEPTH):
+        return True, "depth images of a sensor come with the images"
+    if cloud is not None and cloud.is_dense and len(cloud.points) >= _LEAST_SCAN:
+        return True, f"the cloud {shown(tree.get('ply_file_path'), 60)} seems to be a scan"
+    return None, ""
+
+
+def _filled(tree: Mapping[str, object]) -> Iterator[str]:
+    """The fields that hold something: not null, false, zero or empty."""
+    return (field for field, value in tree.items() if value)
+
+
+def _listed(words: Sequence[str]) -> str:
+    more = f" and {len(words) - _LISTED} more" if len(words) > _LISTED else ""
+    return ", ".join(words[:_LISTED]) + more
