@@ -7,6 +7,7 @@ from pathlib import Path
 from app.state.graph_files import ForeignGraph
 from app.state.loading import Contents, prepared
 from app.state.occupancy_child import OccupancyChild
+from nvsim.files.placeholders import is_metadata_name
 from nvsim.graph.foreign import ForeignFile, connectivity_files
 
 
@@ -36,4 +37,6 @@ class GraphSource:
 
 def _siblings(path: Path) -> list[Path]:
     """The connectivity files in the folder of one, in order of their names."""
-    return sorted(path.parent.glob("*_connectivity.json")) if path.is_file() else [path]
+    if not path.is_file():
+        return [path]
+    return sorted(p for p in path.parent.glob("*_connectivity.json") if not is_metadata_name(p.name))

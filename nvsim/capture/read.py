@@ -11,6 +11,7 @@ from nvsim.capture.image_folder import looked_for_in
 from nvsim.capture.left_out import without
 from nvsim.capture.raw import LOST_FRAME, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture
+from nvsim.files.placeholders import absence
 
 
 def read(
@@ -47,7 +48,9 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
     """Whether the image is missing or empty, which becomes an error finding."""
     size = file_size(frame.image_path)
     if size is None:
-        findings.error(IMAGE_MISSING, frame.where, f"{LOST_FRAME}; looked for {frame.image_path}")
+        why = absence(frame.image_path)
+        looked = f"{LOST_FRAME}; looked for {frame.image_path}" + (f", which {why}" if why else "")
+        findings.error(IMAGE_MISSING, frame.where, looked)
     elif size == 0:
         findings.error("the image is empty (0 bytes)", frame.where, LOST_FRAME)
     return not size
