@@ -24,13 +24,16 @@ class GraphSource:
         """Reads it, and a map and a cloud beside it. Raises InputError with the entry and the reason."""
         file = ForeignFile.open(self.path)
         child = None if file.beside.map is None else OccupancyChild(file.beside.map)
+        cloud = file.beside.points()
+        occupancy = None if child is None else child.result()
         return prepared(
             Contents(
                 self.path,
                 graph=file.graph,
                 graph_file=ForeignGraph(file, self.scans),
-                cloud=file.beside.points(),
-                occupancy=None if child is None else child.result(),
+                cloud=cloud,
+                occupancy=occupancy,
+                notes=() if occupancy is None else occupancy.notes,
             )
         )
 
