@@ -116,8 +116,8 @@ class _Keys:
             where = f"{path}, line {key.start_mark.line + 1}"
             if name == "<<":
                 raise InputError(f"{where}: merged keys (<<) are not read; write the keys out.")
-            if name in self._nodes:
-                raise InputError(f"{where}: {shown(name)} is given twice; remove one of the lines.")
+            if name in self._nodes and _seen(self._nodes[name]) != _seen(value):
+                raise InputError(f"{where}: {shown(name)} is given twice with other values; remove one of the lines.")
             self._nodes[name] = value
 
     def wrong(self, name: str, words: str) -> InputError:

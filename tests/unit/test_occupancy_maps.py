@@ -223,7 +223,7 @@ def test_written_map_reads_back(
         (YAML.replace("image: map.pgm", "image:"), "line 1: image names no file"),
         (YAML.replace("image: map.pgm", "image: [map.pgm]"), "line 1: image"),
         (YAML.replace("map.pgm", '"C:\\maps\\map.pgm"'), "line 1: this is not YAML .*escape"),
-        (YAML + "origin: [0, 0, 0]\n", "line 7: origin is given twice"),
+        (YAML + "origin: [0, 0, 0]\n", "line 7: origin is given twice with other values"),
         ("base: &b {negate: 0}\n<<: *b\n" + YAML, "line 2: merged keys"),
         (YAML + "---\n" + YAML, "not YAML"),
         (YAML.replace("negate: 0", "negate:\t0\n\tx: 1"), "line 4: this is not YAML"),
