@@ -103,7 +103,10 @@ class Session(QObject):
 
     def _show_next(self) -> None:
         if self._arrived:
-            self.document.set_contents(self._arrived.popleft())
+            contents = self._arrived.popleft()
+            self.document.set_contents(contents)
+            for note in contents.notes:
+                self.notices.warning(note)
         if self._arrived:
             self._next.start()
 

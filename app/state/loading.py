@@ -55,6 +55,7 @@ class Contents:
     outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
     cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
+    notes         sentences for the user about a file that was opened, shown once
     arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
     """
 
@@ -79,6 +80,7 @@ class Contents:
     results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
     graph_file: GraphFile | None = None
     cloud: Cloud | None = None
+    notes: tuple[str, ...] = ()
     arrays: GraphArrays | None = None
     arrays_of: NavGraph | None = None
     dots: Dots | None = None

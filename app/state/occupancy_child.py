@@ -28,7 +28,8 @@ class OccupancyChild:
             return None
         with np.load(io.BytesIO(found)) as data:
             x, y = data["origin"].tolist()
-            return OccupancyMap(data["cells"], float(data["resolution"]), (x, y))
+            notes = tuple(map(str, data["notes"]))
+            return OccupancyMap(data["cells"], float(data["resolution"]), (x, y), notes)
 
     def kill(self) -> None:
         """Ends it; from any thread, also when it has ended."""
@@ -50,7 +51,8 @@ def _answer(path: Path) -> bytes:
     """The map, nothing where there is none."""
     found, written = _read(path), io.BytesIO()
     if found is not None:
-        np.savez(written, cells=found.cells, resolution=found.resolution, origin=found.origin)
+        notes = np.array(found.notes, np.str_)
+        np.savez(written, cells=found.cells, resolution=found.resolution, origin=found.origin, notes=notes)
     return written.getvalue()
 
 

@@ -32,18 +32,16 @@ class SplatFile:
 
     def contents(self) -> Contents:
         """What the window shows: where the Gaussians are. Raises InputError when the file cannot be read."""
-        gaussians, _ = self._read()
-        return Contents(self.path, scene_stamp=self, outline=outline_of(gaussians))
+        splats = read_splats(self.path)
+        outline = outline_of(upright(splats.gaussians, self.up))
+        return Contents(self.path, scene_stamp=self, outline=outline, notes=splats.notes)
 
     def open(self) -> Models:
         """Raises InputError when the file cannot be read."""
-        gaussians, antialiased = self._read()
-        model = SubmapModel(gaussians, None, None, FloorSurface.flat(0.0), bool(antialiased))
+        splats = read_splats(self.path)
+        gaussians = upright(splats.gaussians, self.up)
+        model = SubmapModel(gaussians, None, None, FloorSurface.flat(0.0), bool(splats.antialiased))
         return Models(lambda camera: (0, model))
-
-    def _read(self) -> tuple[Gaussians, bool | None]:
-        gaussians, antialiased = read_splats(self.path)
-        return upright(gaussians, self.up), antialiased
 
 
 def outline_of(gaussians: Gaussians) -> np.ndarray:

@@ -13,6 +13,7 @@ from nvsim.capture.left_out import without
 from nvsim.capture.origin import take_origin_off
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture
+from nvsim.files.placeholders import absence
 
 
 def read(
@@ -61,12 +62,10 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
         folders = ", ".join(shown(folder) for folder in frame.choices[:4])
         findings.error(IMAGE_AMBIGUOUS, frame.where, f"{LOST_FRAME}; found in {folders}")
     elif size is None:
-        place = f", and for its name below {shown(frame.root)}" if frame.root is not None else ""
-        findings.error(
-            IMAGE_MISSING,
-            frame.where,
-            f"{LOST_FRAME}; looked for {shown(frame.image_path)}{place}; --images FOLDER names another place",
-        )
+        why = absence(frame.image_path)
+        looked = f"{LOST_FRAME}; looked for {shown(frame.image_path)}" + (f", which {why}" if why else "")
+        below = f", and for its name below {shown(frame.root)}" if frame.root is not None else ""
+        findings.error(IMAGE_MISSING, frame.where, f"{looked}{below}; --images FOLDER names another place")
     elif size == 0:
         findings.error("the image is empty (0 bytes)", frame.where, LOST_FRAME)
     return not size

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from nvsim.cli import show
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def sources(
         from nvsim.occupancy.read import read_map
 
         map = read_map(occupancy, heights)
+        show.notes(map.notes)
     if is_project(path):
         from nvsim.mapping.edge_doubts import margin
         from nvsim.project.graph_context import context_of
@@ -72,7 +74,9 @@ def sources(
 
     for file in connectivity_files(path):
         foreign = ForeignFile.open(file)
-        context = foreign.context(limits, foreign.beside.occupancy() if map is None else map)
+        beside = foreign.beside.occupancy() if map is None else None
+        show.notes(() if beside is None else beside.notes)
+        context = foreign.context(limits, beside if map is None else map)
         yield Source(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
 
 

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from nvsim.cli import show
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
@@ -128,6 +129,11 @@ class GraphTarget:
         return ForeignFile.open(self.path)
 
     def _occupancy(self) -> OccupancyMap | None:
+        found = self._read_occupancy()
+        show.notes(() if found is None else found.notes)
+        return found
+
+    def _read_occupancy(self) -> OccupancyMap | None:
         if self._map is not None:
             from nvsim.occupancy.read import read_map
 

@@ -1,10 +1,11 @@
-"""Results on the screen: a JSON object, or a small table."""
+"""Results on the screen: a JSON object, or a small table; notes about what was read."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 
@@ -31,6 +32,12 @@ def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> Non
         return
     flat = {k: v for k, v in values.items() if not isinstance(v, list | dict | tuple)}
     table(("figure", "value"), [(k, _text(v)) for k, v in flat.items()], title)
+
+
+def notes(sentences: Iterable[str]) -> None:
+    """Prints what a reader noticed about a file, each sentence once, on stderr, so that results stay undisturbed."""
+    for sentence in dict.fromkeys(sentences):
+        print(f"note: {sentence}", file=sys.stderr, flush=True)
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], title: str = "") -> None:

@@ -9,7 +9,9 @@ from pathlib import Path
 
 from nvsim.errors import InputError
 from nvsim.files.opening import stay_inside
+from nvsim.files.regular import refuse_stand_in
 
+_SMALLEST = 1024  # bytes; every database of NVSim is larger
 _SUPER = bytes.fromhex("d9d505f920a163d7")  # ends a rollback journal that names another file to be deleted
 
 
@@ -29,6 +31,9 @@ def check_files(path: Path) -> None:
         if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
             what = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "no file of its own"
             raise InputError(f"{file} is {what}, which is not opened here; put the file itself in its place.")
+        if not suffix and 0 < found.st_size < _SMALLEST:
+            # A larger file is left alone: closing a second descriptor would release the locks that SQLite holds on it.
+            refuse_stand_in(file)
         if suffix == "-journal" and found.st_size >= len(_SUPER):
             with contextlib.suppress(OSError), open(file, "rb") as journal:
                 journal.seek(-len(_SUPER), os.SEEK_END)

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from nvsim.errors import InputError
+from nvsim.files.placeholders import absence
 
 _REASONS = {
     errno.ENOENT: "it does not exist; check the path",
@@ -27,6 +28,8 @@ _REASONS = {
 
 def as_reading_error(path: Path, error: OSError) -> InputError:
     """The sentence for a `path` that the system will not let us read."""
+    if error.errno == errno.ENOENT and (why := absence(path)):
+        return InputError(f"{path} {why}.")
     reason = _REASONS.get(error.errno or 0, f"{error.strerror or error}; check the path")
     return InputError(f"Cannot read {path}: {reason}.")
 

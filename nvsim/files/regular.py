@@ -1,5 +1,5 @@
 """Opening files that anybody may have named: regular files only, so that a pipe or a device is refused and not waited
-for, and never more of one than its reader expects."""
+for, never a pointer or a web page in place of the file, and never more of one than its reader expects."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.files.placeholders import HEAD, stand_in
 from nvsim.files.reading import as_reading_error, reading
 
 LARGEST_JSON = 1 << 28
@@ -23,8 +24,9 @@ _BYTES_PER_BRACKET = 16
 
 @contextmanager
 def opened(path: Path) -> Iterator[FileIO]:
-    """The regular file at `path`, unbuffered, for reading. Raises InputError when it is none or cannot be opened; what
-    fails inside the block is the block's."""
+    """The regular file at `path`, unbuffered, for reading. Raises InputError when it is none, cannot be opened, or has
+    other content than its name says, such as a Git LFS pointer or a web page; what fails inside the block is the
+    block's."""
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
     try:
         _refuse_unless_regular(path, os.stat(path))  # before it is opened: to open a device may have an effect
@@ -34,12 +36,22 @@ def opened(path: Path) -> Iterator[FileIO]:
     except ValueError as error:  # a NUL in the name
         raise InputError(f"Cannot read {str(path)!r}: no file can have this name; check the path.") from error
     try:
-        _refuse_unless_regular(path, os.fstat(descriptor))  # another may have been put in its place
+        found = os.fstat(descriptor)
+        _refuse_unless_regular(path, found)  # another may have been put in its place
+        if words := stand_in(os.pread(descriptor, HEAD, 0), found.st_size):
+            raise InputError(f"{path} {words}.")
     except (OSError, InputError) as error:
         os.close(descriptor)
         raise error if isinstance(error, InputError) else as_reading_error(path, error) from error
     with FileIO(descriptor, "rb") as file:
         yield file
+
+
+def refuse_stand_in(path: Path) -> None:
+    """Checks a file before a library opens it by name; one that is missing passes. Raises InputError like `opened`."""
+    if is_regular(path):
+        with opened(path):
+            pass
 
 
 def _refuse_unless_regular(path: Path, found: os.stat_result) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.nofollow import read_regular
+from nvsim.files.placeholders import stand_in
 from nvsim.files.reading import as_reading_error
 from nvsim.graph.delta import Delta, delta_between
 from nvsim.graph.edits import EditError
@@ -69,7 +70,10 @@ def write_script(path: Path, lines: Iterable[str]) -> None:
 def script_lines(path: Path) -> list[str]:
     """The lines of a script. Raises InputError where it is no text, or too long."""
     try:
-        return read_regular(path, _MOST_BYTES).decode("utf-8").splitlines()
+        data = read_regular(path, _MOST_BYTES)
+        if words := stand_in(data, len(data)):
+            raise InputError(f"{path} {words}.")
+        return data.decode("utf-8").splitlines()
     except OSError as error:
         raise as_reading_error(path, error) from error
     except UnicodeDecodeError as error:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, make_folder, write_text
+from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import as_reading_error
 from nvsim.files.regular import is_regular, opened
 from nvsim.networks.description import Description, File
@@ -48,7 +49,8 @@ def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
     for path in paths:
         if path.is_dir():
             try:
-                every += [p for p in sorted(path.iterdir()) if p.suffix.lower() in (".onnx", ".toml")]
+                inside = sorted(p for p in path.iterdir() if p.suffix.lower() in (".onnx", ".toml"))
+                every += [p for p in inside if not is_metadata_name(p.name)]
             except OSError as error:
                 raise as_reading_error(path, error) from error
         else:

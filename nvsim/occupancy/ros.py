@@ -21,6 +21,7 @@ from nvsim.occupancy.ros_description import (
     FREE_THRESHOLD,
     OCCUPIED_THRESHOLD,
     description_text,
+    find_image,
     parse_description,
     quoted,
 )
@@ -31,8 +32,8 @@ _GREY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
 
 
 def read_ros_map(yaml_path: Path) -> OccupancyMap:
-    """The map of `yaml_path` and the image that it names (PGM, PNG, ...). One whose origin is turned is brought upright
-    as `turned` does it.
+    """The map of `yaml_path` and the image that it names (PGM, PNG, ...), which is also found by its name beside the
+    YAML file; a note of the map says so. A map with a turned origin is brought upright by `turned`.
 
     Raises InputError when a file is missing or unreadable, or a key is missing or not a number.
     """
@@ -51,7 +52,7 @@ def read_provenance(yaml_path: Path) -> Provenance | None:
 
 def _read(yaml_path: Path) -> OccupancyMap:
     description = parse_description(yaml_path, description_text(yaml_path))
-    image_path = yaml_path.parent / description.image
+    image_path, note = find_image(yaml_path, description.image)
     picture = _read_picture(image_path, yaml_path)
     # Every grey is judged once; a map has far more cells than greys.
     grey = np.linspace(0.0, 255.0, np.iinfo(picture.dtype).max + 1)
@@ -64,10 +65,11 @@ def _read(yaml_path: Path) -> OccupancyMap:
         states[occupancy > description.occupied] = OCCUPIED
         states[occupancy < description.free] = FREE
     x, y, yaw = description.origin
+    notes = (note,) if note else ()
     if yaw == 0:
-        return OccupancyMap(states[picture[::-1]], description.resolution, (x, y))
+        return OccupancyMap(states[picture[::-1]], description.resolution, (x, y), notes)
     turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-    return turned(OccupancyMap(states[picture[::-1]], description.resolution, (0.0, 0.0)), turn, (x, y))
+    return turned(OccupancyMap(states[picture[::-1]], description.resolution, (0.0, 0.0), notes), turn, (x, y))
 
 
 def write_ros_map(occupancy: OccupancyMap, yaml_path: Path, provenance: Provenance | None = None) -> Path:

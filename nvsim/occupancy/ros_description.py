@@ -1,21 +1,26 @@
-"""The YAML file of a ROS map: a flat mapping, whose only list, the origin, may be in brackets or in dashes."""
+"""The YAML file of a ROS map (wiki.ros.org/map_server, section 2): which keys it needs and what they may be."""
 
 from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
+
+import yaml
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_bytes
+from nvsim.files.regular import is_regular, read_bytes, shown
 
 # 0.196 keeps grey 205, whose occupancy is 0.19608, unknown.
 OCCUPIED_THRESHOLD, FREE_THRESHOLD = 0.65, 0.196
-_LONGEST = 1_000_000  # bytes
+_LONGEST = 1 << 16  # bytes
+_MOST_ENTRIES = 100_000  # of the folder in which an image is looked for
 _FINEST, _COARSEST, _FARTHEST = 1e-4, 1e3, 1e7  # metres
 _PLAIN = re.compile(r"[A-Za-z0-9_./+-]+")
+_YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class Description:
     origin          x and y in metres and yaw in radians, counter-clockwise, of the lower left corner of the image
     negate          whether white is occupied
     occupied, free  shares of black above and below which a cell is occupied or free
-    raw             whether grey values are per cent of occupancy
+    raw             whether gray values are percent of occupancy
     """
 
     image: str
@@ -40,9 +45,11 @@ class Description:
 def description_text(path: Path) -> str:
     """The text of the YAML file. Raises InputError."""
     try:
-        return read_bytes(path, _LONGEST).decode("utf-8")
+        return read_bytes(path, _LONGEST).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"Cannot read the map {path}: it is not text; name the .yaml file of a ROS map.") from error
+        raise InputError(
+            f"Cannot read the map {path}: it is not text in UTF-8; name the .yaml file of a ROS map."
+        ) from error
 
 
 def quoted(name: str) -> str:
@@ -51,105 +58,160 @@ def quoted(name: str) -> str:
 
 
 def parse_description(path: Path, text: str) -> Description:
-    """What `text` of the file `path` says. Raises InputError with the line where a key is missing or no number."""
-    values = _values(path, text)
-
-    def number_of(name: str, default: float | None = None) -> float:
-        if name not in values:
-            if default is None:
-                raise InputError(f"{path} has no line '{name}:'; add it (see the ROS map_server format).")
-            return default
-        line, value = values[name]
-        return _number(value, f"{path}, line {line}: {name}")
-
-    for name in ("image", "origin"):
-        if name not in values:
-            raise InputError(f"{path} has no line '{name}:'; add it (see the ROS map_server format).")
-    if not values["image"][1] or not values["image"][1].isprintable() or len(values["image"][1]) > 500:
-        raise InputError(
-            f"{path}, line {values['image'][0]}: image names no file; write the name of the map's image there."
-        )
-    line, value = values["origin"]
-    parts = [p for p in value.strip("[]").split(",") if p.strip()]
-    where = f"{path}, line {line}: origin"
-    if len(parts) not in (2, 3):
-        raise InputError(f"{where} is {value[:60]!r}; it must be [x, y, yaw].")
-    x, y, yaw = (*(_number(p.strip(), where) for p in parts), 0.0)[:3]
-    if max(abs(x), abs(y)) > _FARTHEST:
-        raise InputError(f"{where} is {value[:60]!r}, more than {_FARTHEST:.0e} m away; write it in metres.")
-    resolution = number_of("resolution")
+    """The values in the `text` of the file `path`. Raises InputError with the line if the text is not YAML, a key is
+    missing or given twice, or a value is not what it must be."""
+    keys = _Keys(path, _root(path, text))
+    image = keys.text("image", None)
+    if not image or image in ("~", "null") or not image.isprintable() or len(image) > 500:
+        raise keys.wrong("image", "names no file; write the name of the map's image there")
+    resolution = keys.number("resolution", None)
     if not _FINEST <= resolution <= _COARSEST:
-        raise InputError(
-            f"{path}, line {values['resolution'][0]}: resolution is {resolution}; it must be positive, in metres per "
-            "cell."
-        )
-    mode = values.get("mode", (0, "trinary"))
-    if mode[1] not in ("trinary", "scale", "raw"):
-        raise InputError(f"{path}, line {mode[0]}: mode {mode[1][:60]!r} is unknown; write trinary, scale or raw.")
-    negate = values.get("negate", (0, "0"))
-    if negate[1].lower() not in ("0", "1", "true", "false"):
-        raise InputError(f"{path}, line {negate[0]}: negate is {negate[1][:60]!r}; write 0 or 1.")
+        raise keys.wrong("resolution", f"is {resolution}; it must be positive, in metres per cell")
+    mode = keys.text("mode", "trinary").lower()
+    if mode not in ("trinary", "scale", "raw"):
+        raise keys.wrong("mode", f"{shown(mode)!r} is unknown; write trinary, scale or raw")
+    negate = keys.text("negate", "0").lower()
+    if negate not in (*_YES, *_NO):
+        raise keys.wrong("negate", f"is {shown(negate)!r}; write 0 or 1")
     return Description(
-        values["image"][1],
+        image,
         resolution,
-        (x, y, math.remainder(yaw, 2 * math.pi)),
-        negate[1].lower() in ("1", "true"),
-        number_of("occupied_thresh", OCCUPIED_THRESHOLD),
-        number_of("free_thresh", FREE_THRESHOLD),
-        mode[1] == "raw",
+        keys.origin(),
+        negate in _YES,
+        keys.share("occupied_thresh", OCCUPIED_THRESHOLD),
+        keys.share("free_thresh", FREE_THRESHOLD),
+        mode == "raw",
     )
 
 
-def _values(path: Path, text: str) -> dict[str, tuple[int, str]]:
-    """Key -> the number of its line, and its value."""
-    values: dict[str, tuple[int, str]] = {}
-    items: list[str] = []
-    key = ""
-    for number, raw in enumerate(text.splitlines(), 1):
-        content = _without_remark(raw)
-        if not content or content in ("---", "..."):
-            continue
-        if content.startswith("-") and key == "origin" and ":" not in content:
-            items.append(content[1:].strip())
-            continue
-        name, colon, value = content.partition(":")
-        if not colon:
-            raise InputError(f"{path}, line {number}: expected 'key: value', found {content[:60]!r}.")
-        key = name.strip()
-        values[key] = (number, _plain(value.strip()))
-    if items and "origin" in values:
-        values["origin"] = (values["origin"][0], "[" + ", ".join(items) + "]")
-    return values
-
-
-def _without_remark(line: str) -> str:
-    """A # begins a remark at the beginning of a line and after a space, where it is not in quotes."""
-    quote = ""
-    for i, c in enumerate(line):
-        if quote:
-            quote = "" if c == quote and line[i - 1] != "\\" else quote
-        elif c in "'\"" and line[:i].rstrip().endswith(":"):
-            quote = c
-        elif c == "#" and (i == 0 or line[i - 1].isspace()):
-            return line[:i].strip()
-    return line.strip()
-
-
-def _plain(value: str) -> str:
-    """The value without its quotes."""
-    if len(value) >= 2 and value[0] == value[-1] == '"':
-        try:
-            return str(json.loads(value))
-        except ValueError:
-            return value[1:-1]
-    return value.strip("'\"")
-
-
-def _number(text: str, where: str) -> float:
+def _root(path: Path, text: str) -> yaml.MappingNode:
+    """The nodes of the text. They are never turned into Python objects: tags have no effect, an alias stays a reference
+    to its node, and a number is read by us, as YAML 1.1 takes 1e-3 for text."""
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{where} is {text[:60]!r}; it must be a number.")
-    return value
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{path}, line {mark.line + 1}" if mark is not None else str(path)
+        reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "it cannot be parsed"
+        raise InputError(
+            f"{where}: this is not YAML ({shown(reason)}); correct the line or export the map again."
+        ) from error
+    except RecursionError as error:
+        raise InputError(f"{path} is nested too deeply for a ROS map; export the map again.") from error
+    if isinstance(root, yaml.MappingNode):
+        return root
+    if root is None:
+        raise InputError(f"{path} has no line 'image:'; add it (see the ROS map_server format).")
+    raise InputError(f"{path}, line {root.start_mark.line + 1}: expected 'key: value', found {_seen(root)!r}.")
+
+
+class _Keys:
+    """Values by key, each with its line in the sentence about it."""
+
+    def __init__(self, path: Path, root: yaml.MappingNode) -> None:
+        self._path = path
+        self._nodes: dict[str, yaml.Node] = {}
+        for key, value in root.value:
+            name = key.value if isinstance(key, yaml.ScalarNode) else ""
+            where = f"{path}, line {key.start_mark.line + 1}"
+            if name == "<<":
+                raise InputError(f"{where}: merged keys (<<) are not read; write the keys out.")
+            if name in self._nodes and _seen(self._nodes[name]) != _seen(value):
+                raise InputError(f"{where}: {shown(name)} is given twice with other values; remove one of the lines.")
+            self._nodes[name] = value
+
+    def wrong(self, name: str, words: str) -> InputError:
+        """The error about the value of a key that is there."""
+        node = self._nodes.get(name)
+        line = "" if node is None else f", line {node.start_mark.line + 1}"
+        return InputError(f"{self._path}{line}: {name} {words}.")
+
+    def _needed(self, name: str) -> yaml.Node:
+        if name not in self._nodes:
+            raise InputError(f"{self._path} has no line '{name}:'; add it (see the ROS map_server format).")
+        return self._nodes[name]
+
+    def text(self, name: str, default: str | None) -> str:
+        if name not in self._nodes and default is not None:
+            return default
+        node = self._needed(name)
+        if not isinstance(node, yaml.ScalarNode):
+            raise self.wrong(name, f"is {_seen(node)}; it must be a single value")
+        return str(node.value).rstrip("\n")  # which a block has at its end
+
+    def number(self, name: str, default: float | None) -> float:
+        if name not in self._nodes and default is not None:
+            return default
+        return self._number(name, self._needed(name))
+
+    def share(self, name: str, default: float) -> float:
+        value = self.number(name, default)
+        if not 0 <= value <= 1:
+            raise self.wrong(name, f"is {value}; it must be between 0 and 1")
+        return value
+
+    def origin(self) -> tuple[float, float, float]:
+        node = self._needed("origin")
+        if not isinstance(node, yaml.SequenceNode) or len(node.value) not in (2, 3):
+            raise self.wrong("origin", f"is {_seen(node)}; it must be [x, y, yaw]")
+        x, y, yaw = (*(self._number("origin", part) for part in node.value), 0.0)[:3]
+        if max(abs(x), abs(y)) > _FARTHEST:
+            raise self.wrong("origin", f"is {_seen(node)}, more than {_FARTHEST:.0e} m away; write it in metres")
+        return x, y, math.remainder(yaw, 2 * math.pi)
+
+    def _number(self, name: str, node: yaml.Node) -> float:
+        try:
+            value = float(node.value) if isinstance(node, yaml.ScalarNode) else math.nan
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            where = f"{self._path}, line {node.start_mark.line + 1}"
+            raise InputError(f"{where}: {name} is {_seen(node)}; it must be a number.")
+        return value
+
+
+def _seen(node: yaml.Node) -> str:
+    """A value for a sentence, shortened; of a list the values that are no lists themselves."""
+    if isinstance(node, yaml.SequenceNode):
+        parts = (shown(n.value) if isinstance(n, yaml.ScalarNode) else "..." for n in node.value[:4])
+        return f"[{', '.join(parts)}{', ...' if len(node.value) > 4 else ''}]"[:80]
+    return repr(shown(node.value)) if isinstance(node, yaml.ScalarNode) else "a table"
+
+
+# The image ------------------------------------------------------------------------------------------------------
+
+
+def find_image(path: Path, image: str) -> tuple[Path, str]:
+    """The image that the YAML file `path` names, and a note for the user if it is not where the file says, else "".
+
+    Maps are moved with their image, but map_saver writes absolute paths. If there is no file at the path, it is looked
+    for by its name in the folder of the YAML file: under the same relative folder, then beside it, each also with other
+    upper and lower case. Paths of Windows are understood. If nothing is found, the path itself is returned. Raises
+    InputError if several files differ from the name only in case.
+    """
+    named = path.parent / image
+    if is_regular(named):
+        return named, ""
+    relative = PureWindowsPath(image)  # it takes both kinds of slashes
+    places = [path.parent.joinpath(*relative.parent.parts), path.parent] if not relative.anchor else [path.parent]
+    for folder in dict.fromkeys(places):
+        found = (
+            [folder / relative.name] if is_regular(folder / relative.name) else _ignoring_case(folder, relative.name)
+        )
+        if len(found) > 1:
+            raise InputError(
+                f"{path}: its image {shown(image)} is not there, and {', '.join(p.name for p in found[:4])} beside it "
+                "differ only in case; write the name of one of them in the line 'image:'."
+            )
+        if found:
+            return found[0], f"{path}: its image {shown(image)} is not there; {found[0]} is used."
+    return named, ""
+
+
+def _ignoring_case(folder: Path, name: str) -> list[Path]:
+    try:
+        with os.scandir(folder) as entries:
+            names = [e.name for _, e in zip(range(_MOST_ENTRIES), entries) if e.name.casefold() == name.casefold()]
+    except (OSError, ValueError):
+        return []
+    return [folder / each for each in sorted(names) if is_regular(folder / each)]

@@ -70,6 +70,11 @@ class StoreyMaps:
     storeys: tuple[StoreyMap, ...]
     stairs: tuple[Stair, ...] = ()
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of all maps."""
+        return tuple(note for storey in self.storeys for note in storey.occupancy.notes)
+
     def nearest(self, floors: NDArray[np.floating]) -> NDArray[np.int64]:
         """(N,) the storeys whose floors are nearest to the heights (N,), metres, world z."""
         levels = np.array([s.floor for s in self.storeys])

@@ -37,9 +37,10 @@ def turned(
         low = middle - np.array(cells.shape[::-1]) * resolution / 2
         if quarter == 0:
             low = scale * np.array(occupancy.origin) @ turn.T + shift
-        return OccupancyMap(cells, resolution, (float(low[0]), float(low[1])))
+        return OccupancyMap(cells, resolution, (float(low[0]), float(low[1])), occupancy.notes)
     shape = np.ceil((high - low) / resolution - 1e-9).astype(int)[::-1]
-    new = OccupancyMap(np.full(shape, UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
+    corner = float(low[0]), float(low[1])
+    new = OccupancyMap(np.full(shape, UNKNOWN, np.uint8), resolution, corner, occupancy.notes)
     for first in range(0, len(new.cells), _ROWS):
         part = new.cells[first : first + _ROWS]
         strip = OccupancyMap(part, resolution, (new.origin[0], new.origin[1] + first * resolution))

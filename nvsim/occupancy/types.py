@@ -16,11 +16,13 @@ class OccupancyMap:
     """cells       (rows, columns) uint8, FREE, OCCUPIED or UNKNOWN; row 0 has the lowest y, column 0 the lowest x
     resolution  metres per cell
     origin      (x, y) metres of the lower corner of cell [0, 0]
+    notes       sentences for the user about how the file was read, such as an image that was found elsewhere
     """
 
     cells: NDArray[np.uint8]
     resolution: float
     origin: tuple[float, float]
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def room(self) -> NDArray[np.float32]:

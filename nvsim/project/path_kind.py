@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, opened
 from nvsim.occupancy.read import OCTOMAP, ROS
@@ -82,7 +83,7 @@ def _folder_kind(folder: Path) -> PathKind:
         return "project"
     try:
         with os.scandir(folder) as entries:
-            names = {entry.name for entry in itertools.islice(entries, _MOST_ENTRIES)}
+            names = {e.name for e in itertools.islice(entries, _MOST_ENTRIES) if not is_metadata_name(e.name)}
     except OSError:
         return "unreadable"
     if is_regular(folder / "scans.txt") or any(name.endswith(SUFFIX) for name in names):

@@ -56,7 +56,7 @@ def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: Prepared) -> Ga
                 f"{path} is truncated: {count} Gaussians announced, {at + len(block)} present; copy it again."
             )
         values = _numbers(path, block, numbers, len(names))
-        with np.errstate(over="ignore"):  # what becomes infinite is refused
+        with np.errstate(over="ignore"):  # what becomes infinite is left out afterwards
             for column, target in columns:
                 target[at : at + len(block)] = values[:, column]
         at += len(block)

@@ -21,7 +21,7 @@ import safetensors.numpy
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import opened, read_json, shown
+from nvsim.files.regular import opened, read_json, refuse_stand_in, shown
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance_files import describe, read_appearance, tensors_of
 from nvsim.splats.blocks import read_gaussians
@@ -186,6 +186,7 @@ def _check_sizes(paths: tuple[Path, ...], files: dict[str, Any]) -> None:
     # Before anything is read: a file that was cut off says so at once.
     for path in paths:
         if path.stat().st_size != files[path.name]["bytes"]:
+            refuse_stand_in(path)
             raise InputError(f"{path} is not as it was written; train this submap again.")
 
 

@@ -73,8 +73,9 @@ def _write(file: FileIO, data: bytes) -> None:
 def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
     """The Gaussians, and whether the file says that they are to be drawn antialiased (None when it does not say).
 
-    Properties may come in any order and with others between them; normals may be missing. A binary file is read block
-    by block, so that a megabyte is held beside the result. Raises InputError naming the file and what is wrong with it.
+    Properties may come in any order and with others between them; normals may be missing. Values that are not finite
+    are kept. A binary file is read block by block, so that a megabyte is held beside the result. Raises InputError
+    naming the file and what is wrong with it.
     """
     with opened(path) as file, reading(path, "a PLY file of Gaussians"):
         begin = file.read(_LONGEST_HEADER)
@@ -90,10 +91,9 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
             for first in range(0, rows.count, len(block)):
                 part = block[: min(len(block), rows.count - first)]
                 _fill(path, file, part)
-                with np.errstate(over="ignore"):  # a double beyond our range becomes infinite, and is refused
+                with np.errstate(over="ignore"):  # a double beyond our range becomes infinite
                     for name, target in targets.items():
                         target[first : first + len(part)] = part[name]
-    _refuse_infinite(path, gaussians)
     return gaussians, _render_mode(begin)
 
 
@@ -128,23 +128,6 @@ def _fill(path: Path, file: FileIO, rows: NDArray[np.void]) -> None:
         if not got:
             raise InputError(f"{path} became shorter while it was read; try again when it is written.")
         left = left[got:]
-
-
-def _refuse_infinite(path: Path, g: Gaussians) -> None:
-    bad, first = 0, -1
-    for begin in range(0, len(g), _ROWS):
-        part = slice(begin, begin + _ROWS)
-        finite = np.isfinite(g.opacity_logits[part])
-        for array in (g.means, g.log_scales, g.quats, g.sh):
-            finite &= np.isfinite(array[part]).reshape(len(finite), -1).all(axis=1)
-        if not finite.all():
-            first = begin + int(np.argmin(finite)) if bad == 0 else first
-            bad += len(finite) - int(finite.sum())
-    if bad:
-        raise InputError(
-            f"{path} holds {bad} Gaussians with values that are not finite, the first is number {first}; export it"
-            " again without them."
-        )
 
 
 def _render_mode(data: bytes) -> bool | None:

@@ -98,6 +98,39 @@ def test_a_session_opens_a_file_and_turns_it(spz: Path, settings: QSettings, qtb
         qtbot.waitUntil(lambda: not session.window.scene.link.ready, timeout=20_000)
 
 
+def test_window_says_how_many_gaussians_are_left_out(settings: QSettings, qtbot: QtBot, tmp_path: Path) -> None:
+    gaussians = pole()
+    gaussians.means[:3] = np.nan
+    write_splats(tmp_path / "pole.ply", gaussians, False, "ply")
+    session = Session(settings)
+    qtbot.addWidget(session.window)
+    session.window.show()
+    try:
+        session.open(tmp_path / "pole.ply")
+        qtbot.waitUntil(lambda: any("3 of 400" in t for t in session.window.notice_area.texts), timeout=20_000)
+    finally:
+        session.close()
+        qtbot.waitUntil(lambda: not session.window.scene.link.ready, timeout=20_000)
+
+
+def test_window_says_where_the_image_of_a_moved_map_was_found(tmp_path: Path) -> None:
+    from app.state.graph_source import GraphSource
+
+    (tmp_path / "s_connectivity.json").write_text("[]")
+    (tmp_path / "map.yaml").write_text("image: /home/ann/map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    (tmp_path / "map.pgm").write_bytes(b"P5\n1 1\n255\n\xfe")
+    (note,) = GraphSource(tmp_path).contents().notes
+    assert "/home/ann/map.pgm is not there" in note
+
+
+def test_web_page_under_the_name_of_a_splat_file_does_not_open_the_window(tmp_path: Path) -> None:
+    from nvsim.project.path_kind import check_openable
+
+    (tmp_path / "a.splat").write_bytes(b"<!DOCTYPE html>\n<html>404</html>".ljust(320))
+    with pytest.raises(InputError, match="is a web page, not the file"):
+        check_openable(tmp_path / "a.splat")
+
+
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     from nvsim.project.path_kind import check_openable
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,131 @@ def test_raw_mode_takes_values_as_percent(tmp_path: Path) -> None:
     assert found.cells.tolist() == [[FREE, OCCUPIED, UNKNOWN, UNKNOWN]]
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("[-1.0, 2.0, 0.0]", "[-1.0,\n  2.0, 0.0]"),
+        ("[-1.0, 2.0, 0.0]", "[\n  -1.0, # x\n  2.0,   # y\n  0.0\n ]"),
+        ("[-1.0, 2.0, 0.0]", "\n- -1.0\n- 2.0\n- 0.0"),
+        ("[-1.0, 2.0, 0.0]", "[-1, 2e0, '0.0']"),
+        ("[-1.0, 2.0, 0.0]", "[-1.0, 2.0]"),
+        ("[-1.0, 2.0, 0.0]", "[-10e-1, +2, 0.]   # yaw is 0"),
+        ("origin: [-1.0, 2.0, 0.0]", "start: &o [-1.0, 2.0, 0.0]\norigin: *o"),
+        ("origin: [-1.0, 2.0, 0.0]", '"origin" : !!seq [-1.0, 2.0, !!float 0]'),
+        ("resolution: 0.1", "resolution: 1e-1"),
+        ("resolution: 0.1", 'resolution: "0.1"'),
+        ("resolution: 0.1", "resolution: 1E-01 # m"),
+        ("map.pgm", "'map.pgm'"),
+        ("map.pgm", '"map.pgm"   # the image'),
+        ("map.pgm", "./map.pgm"),
+        ("map.pgm", ">-\n  map.pgm"),
+        ("negate: 0", "negate: false"),
+        ("negate: 0", "negate: No"),
+        ("negate: 0\n", ""),
+        ("image", "---\nimage"),
+        ("image", "%YAML 1.1\n---\n# a map\nimage"),
+        ("\n", "\r\n"),
+        ("image", "\ufeffimage"),
+        ("negate: 0", "negate: 0\nmode: Trinary\nother: {a: [1, 2], b: text}"),
+    ],
+    ids=range(23),
+)
+def test_every_way_to_write_the_same_map_in_yaml_reads_the_same(tmp_path: Path, change: tuple[str, str]) -> None:
+    found = read_map(ros_pair(tmp_path, YAML.replace(*change), [[0, 254], [205, 254]]))
+    assert (found.origin, found.resolution, found.notes) == ((-1.0, 2.0), 0.1, ())
+    assert found.cells.tolist() == [[UNKNOWN, FREE], [OCCUPIED, FREE]]
+
+
+@pytest.mark.parametrize("text", ["1", "true", "True", "yes", "on", "'1'"])
+def test_negate_is_understood_as_yaml_writes_it(tmp_path: Path, text: str) -> None:
+    found = read_map(ros_pair(tmp_path, YAML.replace("negate: 0", f"negate: {text}"), [[255, 0, 128]]))
+    assert found.cells.tolist() == [[OCCUPIED, FREE, UNKNOWN]]
+
+
+def test_whole_map_as_one_flow_mapping(tmp_path: Path) -> None:
+    text = "{image: map.pgm, resolution: 0.1, origin: [-1.0, 2.0, 0.0]}"
+    assert read_map(ros_pair(tmp_path, text, [[0]])).origin == (-1.0, 2.0)
+
+
+def test_aliases_of_aliases_take_neither_time_nor_memory(tmp_path: Path) -> None:
+    bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n"
+    bomb += "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 40))
+    began = time.process_time()
+    assert read_map(ros_pair(tmp_path, bomb + YAML, [[0]])).origin == (-1.0, 2.0)
+    with pytest.raises(InputError, match="origin is"):
+        read_map(ros_pair(tmp_path, bomb + YAML.replace("[-1.0, 2.0, 0.0]", "*a39"), [[0]]))
+    assert time.process_time() - began < 2
+
+
+def test_tags_of_python_run_nothing(tmp_path: Path) -> None:
+    text = YAML + f"x: !!python/object/apply:os.mkdir [{tmp_path / 'made'}]\n"
+    assert read_map(ros_pair(tmp_path, text, [[0]])).origin == (-1.0, 2.0)
+    assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        "/home/ann/map.pgm",
+        r"C:\maps\map.pgm",
+        r"'C:\maps\map.pgm'",
+        "C:/maps/map.pgm",
+        r"\\server\share\map.pgm",
+        "old/folder/map.pgm",
+        "../maps/map.pgm",
+        r"maps\map.pgm",
+        "MAP.PGM",
+        "/home/ann/Map.pgm",
+        "file:///home/ann/map.pgm",
+    ],
+)
+def test_image_of_a_moved_map_is_found_by_its_name_with_a_note(tmp_path: Path, image: str) -> None:
+    found = read_map(ros_pair(tmp_path, YAML.replace("map.pgm", image), [[0, 254]]))
+    assert found.cells.tolist() == [[OCCUPIED, FREE]]
+    (note,) = found.notes
+    assert "is not there" in note and str(tmp_path / "map.pgm") in note
+
+
+def test_note_about_a_moved_image_stays_with_a_map_that_is_turned(tmp_path: Path) -> None:
+    text = YAML.replace("map.pgm", "/home/ann/map.pgm").replace("2.0, 0.0]", "2.0, 0.3]")
+    assert len(read_map(ros_pair(tmp_path, text, [[0, 254]])).notes) == 1
+
+
+def test_image_in_a_folder_of_windows_is_taken_before_one_beside(tmp_path: Path) -> None:
+    path = ros_pair(tmp_path, YAML.replace("map.pgm", r"maps\map.pgm"), [[0, 254]])
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "map.pgm").write_bytes(b"P5\n1 1\n255\n\xfe")
+    assert read_map(path).cells.tolist() == [[FREE]]
+
+
+def test_absolute_path_that_exists_is_taken_without_a_note(tmp_path: Path) -> None:
+    (tmp_path / "away").mkdir()
+    (tmp_path / "away" / "map.pgm").write_bytes(b"P5\n1 1\n255\n\xfe")
+    found = read_map(ros_pair(tmp_path, YAML.replace("map.pgm", str(tmp_path / "away" / "map.pgm")), [[0, 254]]))
+    assert (found.cells.tolist(), found.notes) == ([[FREE]], ())
+
+
+def test_images_that_differ_only_in_case_are_not_guessed_between(tmp_path: Path) -> None:
+    path = ros_pair(tmp_path, YAML.replace("map.pgm", "Map.PGM"), [[0]])
+    (tmp_path / "MAP.pgm").write_bytes((tmp_path / "map.pgm").read_bytes())
+    with pytest.raises(InputError, match="MAP.pgm, map.pgm beside it differ only in case"):
+        read_map(path)
+
+
+def test_image_that_is_nowhere_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"Cannot read /home/ann/other.pgm: it does not exist.*map.yaml names it"):
+        read_map(ros_pair(tmp_path, YAML.replace("map.pgm", "/home/ann/other.pgm"), [[0]]))
+
+
+def test_comparison_prints_the_note_about_a_moved_image(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from nvsim.cli.main import main
+
+    moved = ros_pair(tmp_path, YAML.replace("map.pgm", "/home/ann/map.pgm"), [[0, 254]])
+    assert main(["occupancy", "compare", str(moved), str(moved), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert out.count("\n") == 1 and err.count("note: ") == 1 and "/home/ann/map.pgm is not there" in err
+
+
 def test_origin_may_be_a_list_of_dashes(tmp_path: Path) -> None:
     text = YAML.replace("origin: [-1.0, 2.0, 0.0]", "origin:\n  - -1.0\n  - 2.0\n  - 0.0")
     assert read_map(ros_pair(tmp_path, text, [[0]])).origin == (-1.0, 2.0)
@@ -81,6 +207,28 @@ def test_written_map_reads_back(
         (YAML.replace("map.pgm", "other.pgm"), "other.pgm"),
         (YAML + "mode: fancy\n", "fancy"),
         ("just words\n", "line 1"),
+        ("- a\n- b\n", "line 1"),
+        ("", "no line 'image:'"),
+        (YAML.replace("-1.0, 2.0", "-1.0,\n  left"), "line 4: origin is 'left'"),
+        (YAML.replace("[-1.0, 2.0, 0.0]", "-1.0, 2.0, 0.0"), r"line 3: origin .*\[x, y, yaw\]"),
+        (YAML.replace("[-1.0, 2.0, 0.0]", "[-1.0, 2.0, 0.0"), "line 4: this is not YAML"),
+        (YAML.replace("[-1.0, 2.0, 0.0]", "[-1.0, [2.0], 0.0]"), "line 3: origin .*number"),
+        (YAML.replace("[-1.0, 2.0, 0.0]", "{x: 1, y: 2}"), "line 3: origin is a table"),
+        (YAML.replace("resolution: 0.1", "resolution: 0,1"), "line 2: resolution is '0,1'"),
+        (YAML.replace("resolution: 0.1", "resolution: .nan"), "line 2: resolution .*number"),
+        (YAML.replace("resolution: 0.1", "resolution: [0.1]"), "line 2: resolution is .0.1.; it must be a number"),
+        (YAML.replace("negate: 0", "negate: maybe"), "line 4: negate"),
+        (YAML.replace("negate: 0", "negate: [0]"), "line 4: negate is .0.; it must be a single value"),
+        (YAML.replace("0.65", "65"), "line 5: occupied_thresh .* between 0 and 1"),
+        (YAML.replace("image: map.pgm", "image:"), "line 1: image names no file"),
+        (YAML.replace("image: map.pgm", "image: [map.pgm]"), "line 1: image"),
+        (YAML.replace("map.pgm", '"C:\\maps\\map.pgm"'), "line 1: this is not YAML .*escape"),
+        (YAML + "origin: [0, 0, 0]\n", "line 7: origin is given twice with other values"),
+        ("base: &b {negate: 0}\n<<: *b\n" + YAML, "line 2: merged keys"),
+        (YAML + "---\n" + YAML, "not YAML"),
+        (YAML.replace("negate: 0", "negate:\t0\n\tx: 1"), "line 4: this is not YAML"),
+        ("a: " + "[" * 5000 + "]" * 5000 + "\n" + YAML, "nested too deeply"),
+        (YAML + "#" * 100_000, "100"),
     ],
 )
 def test_bad_ros_map_is_refused_with_a_sentence(tmp_path: Path, yaml: str, words: str) -> None:

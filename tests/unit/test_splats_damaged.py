@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
 import struct
 import threading
 import time
@@ -24,6 +25,8 @@ from test_splats_formats import sog, wall, webp, zipped
 from nvsim.errors import InputError
 from nvsim.splats.formats.choice import named_as_splats, read_splats, recognise, write_splats
 from nvsim.splats.formats.sog_files import webp_size
+from nvsim.splats.ply import write_ply
+from nvsim.splats.types import Gaussians
 
 MEGABYTE = 1 << 20
 
@@ -79,13 +82,13 @@ def test_streams_that_unpack_to_gigabytes_are_refused(tmp_path: Path) -> None:
 def test_an_spz_of_no_gaussians_is_read_as_it_is(tmp_path: Path, version: int) -> None:
     head = spz_header(0, version, start=32) + bytes(12) if version == 4 else gzip.compress(spz_header(0, version)[:16])
     (tmp_path / "a.spz").write_bytes(head)
-    assert len(read_splats(tmp_path / "a.spz")[0]) == 0
+    assert len(read_splats(tmp_path / "a.spz").gaussians) == 0
 
 
 def test_positions_of_the_first_spz_version_are_half_floats(tmp_path: Path) -> None:
     body = np.array([1.5, -2.0, 0.25], "<f2").tobytes() + bytes([204]) + bytes([128] * 3) + bytes([160] * 3)
     (tmp_path / "a.spz").write_bytes(gzip.compress(spz_header(1, 1)[:16] + body + bytes([127] * 3)))
-    np.testing.assert_array_equal(read_splats(tmp_path / "a.spz")[0].means, [[1.5, 2.0, -0.25]])
+    np.testing.assert_array_equal(read_splats(tmp_path / "a.spz").gaussians.means, [[1.5, 2.0, -0.25]])
 
 
 def test_an_spz_that_ends_within_its_checksum_is_truncated(tmp_path: Path) -> None:
@@ -249,7 +252,7 @@ def compressed(count: int, chunks: int, harmonics: int | None, extra: str = "") 
 @pytest.mark.parametrize("harmonics", [None, 9, 24, 45])
 def test_a_compressed_ply_with_whole_harmonics_is_read(tmp_path: Path, harmonics: int | None) -> None:
     (tmp_path / "a.ply").write_bytes(compressed(300, 2, harmonics))
-    gaussians, _ = read_splats(tmp_path / "a.ply")
+    gaussians = read_splats(tmp_path / "a.ply").gaussians
     assert gaussians.sh.shape == (300, 1 + (harmonics or 0) // 3, 3)
 
 
@@ -300,7 +303,7 @@ def test_a_ply_with_thousands_of_properties_is_read_in_little_memory(tmp_path: P
     row = np.arange(1, 15, dtype="<f4").tobytes() + bytes(8 * more)
     (tmp_path / "a.ply").write_bytes(ply_header(count, more=more) + row * count)
     tracemalloc.start()
-    gaussians, _ = read_splats(tmp_path / "a.ply")
+    gaussians = read_splats(tmp_path / "a.ply").gaussians
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     np.testing.assert_array_equal(gaussians.means, np.tile([1, 2, 3], (count, 1)))
@@ -312,7 +315,7 @@ def test_a_text_ply_is_read_in_little_memory(tmp_path: Path) -> None:
     (tmp_path / "a.ply").write_bytes(ply_header(count, "ascii") + b"1 2 3 4 5 6 7 8 9 1 2 3 4 5\n\n" * count)
     size = (tmp_path / "a.ply").stat().st_size
     tracemalloc.start()
-    gaussians, _ = read_splats(tmp_path / "a.ply")
+    gaussians = read_splats(tmp_path / "a.ply").gaussians
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     np.testing.assert_array_equal(gaussians.quats, np.tile([2, 3, 4, 5], (count, 1)))
@@ -324,11 +327,11 @@ def test_a_text_ply_is_read_in_little_memory(tmp_path: Path) -> None:
     [
         (ply_header(999_999_999_999), b"", "truncated"),
         (ply_header(900_000_000, "ascii"), b"1 " * 14, "truncated"),
-        (ply_header(1), np.full(14, np.nan, "<f4").tobytes(), "not finite"),
-        (ply_header(1, kind="double"), np.full(14, 1e300, "<f8").tobytes(), "not finite"),
+        (ply_header(1), np.full(14, np.nan, "<f4").tobytes(), "none of its 1 Gaussians.*NaN or infinite"),
+        (ply_header(1, kind="double"), np.full(14, 1e300, "<f8").tobytes(), "none of its 1 Gaussians.*NaN or infinite"),
         (ply_header(1, "ascii"), b"1 2 3 4 5 6 7 8 9 1 2 3 4\n\n", "line 19: expected 14 numbers"),
         (ply_header(1, "ascii"), b"1 " * 3_000_000, "line 19: it has more than"),
-        (ply_header(1, "ascii"), b"1 2 nan 4 5 6 7 8 9 1 2 3 4 5", "not finite"),
+        (ply_header(1, "ascii"), b"1 2 nan 4 5 6 7 8 9 1 2 3 4 5", "none of its 1 Gaussians.*NaN or infinite"),
         (ply_header(1, "ascii"), b"1 2 x 4 5 6 7 8 9 1 2 3 4 5", "line 19: expected 14 numbers"),
         (ply_header(1, more=20_000), bytes(200_000), "header is truncated"),
         (ply_header(1)[:-11] + b"property list int int a\nend_header\n", bytes(99), "list property"),
@@ -346,16 +349,153 @@ def test_a_splat_file_of_no_whole_gaussians_is_refused(tmp_path: Path, size: int
     refused(tmp_path / "a.splat", "no whole number of Gaussians")
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0])
+@pytest.mark.parametrize("value", [np.inf, -np.inf, -1.0, 1e7, -1e7, 1e31])
 @pytest.mark.parametrize("column", [0, 3])
-def test_a_splat_file_with_values_that_are_no_numbers_is_refused(tmp_path: Path, value: float, column: int) -> None:
+def test_a_splat_file_with_an_absurd_number_is_refused(tmp_path: Path, value: float, column: int) -> None:
     rows = np.zeros((5, 8), "<f4")
     rows[2, column] = value
     (tmp_path / "a.splat").write_bytes(rows.tobytes())
     if column == 0 and value == -1:
-        assert len(read_splats(tmp_path / "a.splat")[0]) == 5
+        assert len(read_splats(tmp_path / "a.splat").gaussians) == 5
     else:
-        refused(tmp_path / "a.splat", "2")
+        refused(tmp_path / "a.splat", "the first in Gaussian 2, so it is no .splat file")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"<html><body>404: this file has been moved to another place</body></html>",
+        b"<!DOCTYPE html>\n<html lang='en'>" + b"<p>Not found</p>" * 300,
+        b'{"error": "the file was not found", "status": 404}',
+        "Größe: not a splat, but a README file that somebody renamed\n".encode(),
+        b"x, y, z\n1.0, 2.0, 3.0\n",
+    ],
+)
+def test_text_is_no_splat_file_whatever_its_length(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.splat").write_bytes(content)
+    refused(tmp_path / "a.splat", "is (text|a web page), not")
+    (tmp_path / "a.splat").write_bytes(content.ljust(-(-len(content) // 32) * 32))  # a whole number of rows
+    refused(tmp_path / "a.splat", "is (text|a web page), not")
+
+
+def test_random_bytes_are_no_splat_file(tmp_path: Path) -> None:
+    (tmp_path / "a.splat").write_bytes(np.random.default_rng(0).bytes(3200))
+    refused(tmp_path / "a.splat", "so it is no .splat file")
+
+
+# Values that cannot be drawn ------------------------------------------------------------------------------------
+
+
+def spoiled(values: dict[int, tuple[str, float]]) -> Gaussians:
+    """Six Gaussians; row -> the array that is spoiled there, and the value."""
+    r = np.random.default_rng(4)
+    g = Gaussians(*(r.normal(size=s).astype(np.float32) for s in ((6, 3), (6, 3), (6, 4), (6,), (6, 1, 3))))
+    for row, (name, value) in values.items():
+        getattr(g, name)[row] = value
+    return g
+
+
+@pytest.mark.parametrize("form", ["binary", "ascii"])
+@pytest.mark.parametrize(
+    ("name", "value", "why"),
+    [
+        ("means", np.nan, "1 with values that are NaN or infinite"),
+        ("means", -np.inf, "NaN or infinite"),
+        ("means", 1e12, "1 with values beyond 1e.07"),
+        ("log_scales", np.nan, "NaN or infinite"),
+        ("log_scales", np.inf, "NaN or infinite"),
+        ("log_scales", 80, "beyond"),
+        ("opacity_logits", np.nan, "NaN or infinite"),
+        ("quats", np.nan, "NaN or infinite"),
+        ("quats", 0, "1 with a quaternion of length 0"),
+        ("sh", np.inf, "NaN or infinite"),
+        ("sh", 1e20, "beyond"),
+    ],
+)
+def test_a_gaussian_that_cannot_be_drawn_is_left_out_and_counted(
+    tmp_path: Path, form: str, name: str, value: float, why: str
+) -> None:
+    g = spoiled({4: (name, value)})
+    write_ply(tmp_path / "a.ply", g, True)
+    if form == "ascii":
+        table = np.column_stack([g.means, g.sh[:, 0], g.opacity_logits, g.log_scales, g.quats])
+        rows = "".join(" ".join(f"{v:.9g}" for v in row) + "\n" for row in table)
+        (tmp_path / "a.ply").write_bytes(ply_header(6, "ascii") + rows.encode())
+    splats = read_splats(tmp_path / "a.ply")
+    np.testing.assert_array_equal(splats.gaussians.means, np.delete(g.means, 4, axis=0))
+    np.testing.assert_array_equal(splats.gaussians.sh, np.delete(g.sh, 4, axis=0))
+    (note,) = splats.notes
+    assert note.startswith(f"{tmp_path / 'a.ply'}: 1 of 6 Gaussians are left out") and re.search(why, note)
+
+
+def test_command_line_says_how_many_gaussians_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from nvsim.cli.main import main
+
+    write_ply(tmp_path / "a.ply", spoiled({4: ("means", np.nan)}), True)
+    assert main(["bench", "render", "--scene", str(tmp_path / "a.ply"), "--size", "8x8", "--rounds", "1"]) == 0
+    assert "note: " in (err := capsys.readouterr().err) and "1 of 6 Gaussians are left out" in err
+
+
+def test_every_kind_of_gaussian_that_is_left_out_is_counted(tmp_path: Path) -> None:
+    spoiling = {0: ("means", np.nan), 1: ("quats", 0.0), 2: ("sh", np.nan), 5: ("log_scales", 50.0)}
+    write_ply(tmp_path / "a.ply", spoiled(spoiling), True)
+    (note,) = read_splats(tmp_path / "a.ply").notes
+    assert "4 of 6" in note and "2 with values that are NaN" in note and "1 with a quaternion" in note
+
+
+def test_an_infinite_logit_is_opaque_and_its_negative_transparent(tmp_path: Path) -> None:
+    write_ply(tmp_path / "a.ply", spoiled({1: ("opacity_logits", np.inf), 2: ("opacity_logits", -np.inf)}), True)
+    splats = read_splats(tmp_path / "a.ply")
+    opacity = 1 / (1 + np.exp(-splats.gaussians.opacity_logits))
+    assert splats.notes == () and len(opacity) == 6
+    assert opacity[1] == 1 and 0 <= opacity[2] < 1e-6 and np.isfinite(splats.gaussians.opacity_logits).all()
+
+
+def test_a_scale_of_zero_is_flat(tmp_path: Path) -> None:
+    g = spoiled({})
+    g.log_scales[3, 1] = -np.inf
+    write_ply(tmp_path / "a.ply", g, True)
+    splats = read_splats(tmp_path / "a.ply")
+    assert splats.notes == () and len(splats.gaussians) == 6
+    assert np.isfinite(splats.gaussians.log_scales).all() and np.exp(splats.gaussians.log_scales[3, 1]) < 1e-6
+    np.testing.assert_array_equal(splats.gaussians.log_scales[:3], g.log_scales[:3])
+
+
+def test_a_splat_file_of_nothing_but_broken_gaussians_is_refused(tmp_path: Path) -> None:
+    write_ply(tmp_path / "a.ply", spoiled({row: ("means", np.nan) for row in range(6)}), True)
+    refused(tmp_path / "a.ply", "none of its 6 Gaussians can be drawn")
+
+
+def test_nan_and_unset_rotations_in_a_splat_file_are_left_out_and_counted(tmp_path: Path) -> None:
+    rows = np.ones((9, 8), "<f4")
+    rows[4, 1], rows[5, 4] = np.nan, np.nan
+    data = bytearray(rows.tobytes())
+    data[7 * 32 + 28 : 8 * 32] = b"\x80" * 4
+    (tmp_path / "a.splat").write_bytes(data)
+    splats = read_splats(tmp_path / "a.splat")
+    assert len(splats.gaussians) == 6 and "3 of 9 Gaussians" in splats.notes[0]
+    rows[:6] = np.nan
+    (tmp_path / "a.splat").write_bytes(rows.tobytes())
+    refused(tmp_path / "a.splat", "so it is no .splat file")
+
+
+def test_half_floats_of_nan_in_an_spz_are_left_out_and_counted(tmp_path: Path) -> None:
+    means = np.array([[1.5, 2.0, -0.25], [np.nan, 0, 0]], "<f2").tobytes()
+    body = means + bytes([200, 200]) + bytes(6) + bytes([128] * 6) + bytes([128] * 6)
+    (tmp_path / "a.spz").write_bytes(gzip.compress(spz_header(2, 1)[:16] + body))
+    splats = read_splats(tmp_path / "a.spz")
+    np.testing.assert_array_equal(splats.gaussians.means, [[1.5, -2.0, 0.25]])
+    assert "1 of 2 Gaussians" in splats.notes[0]
+
+
+def test_a_chunk_of_nan_in_a_compressed_ply_is_left_out_and_counted(tmp_path: Path) -> None:
+    write_splats(tmp_path / "a.ply", wall(300, 0), True, "compressed-ply")
+    data = bytearray((tmp_path / "a.ply").read_bytes())
+    at = data.index(b"end_header\n") + len(b"end_header\n") + 18 * 4  # the bounds of the second chunk
+    data[at : at + 4] = np.array([np.nan], "<f4").tobytes()
+    (tmp_path / "a.ply").write_bytes(data)
+    splats = read_splats(tmp_path / "a.ply")
+    assert len(splats.gaussians) == 256 and "44 of 300 Gaussians" in splats.notes[0]
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.spz", "a.sog", "a.splat", "meta.json"])
@@ -420,7 +560,7 @@ def test_bytes_changed_added_and_taken_away_are_read_or_refused(
     path = tmp_path_factory.mktemp("changed") / name
     path.write_bytes(content)
     try:
-        gaussians, _ = read_splats(path)
+        gaussians = read_splats(path).gaussians
         assert np.isfinite(gaussians.means).all()
     except InputError as error:
         assert name in str(error) and "\n" not in str(error)

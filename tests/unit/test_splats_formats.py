@@ -45,8 +45,9 @@ def picture(gaussians):
 
 @pytest.mark.data
 def test_one_object_as_compressed_ply_and_as_spz_is_the_same(shared_data):
-    ply, _ = read_splats(shared_data / "splats" / "biker.compressed.ply")
-    spz, antialiased = read_splats(shared_data / "splats" / "biker.spz")
+    ply = read_splats(shared_data / "splats" / "biker.compressed.ply").gaussians
+    splats = read_splats(shared_data / "splats" / "biker.spz")
+    spz, antialiased = splats.gaussians, splats.antialiased
     assert len(ply) == len(spz) == 152746 and antialiased is False
     assert np.median(cKDTree(spz.means).query(ply.means[::50])[0]) < 5e-4
     np.testing.assert_allclose(ply.means.min(axis=0), spz.means.min(axis=0), atol=1e-3)
@@ -67,7 +68,7 @@ def covariance(g):
 @pytest.mark.data
 @pytest.mark.parametrize("name", [".splat", "-raw.spz", "-v2.spz", "-v3.spz", "-v4.spz"])
 def test_small_files_of_another_program_open(shared_data, name):
-    gaussians, _ = read_splats(shared_data / "splats" / f"minimal{name}")
+    gaussians = read_splats(shared_data / "splats" / f"minimal{name}").gaussians
     assert len(gaussians) == 4
     np.testing.assert_allclose(np.abs(gaussians.means).max(axis=0), 1, atol=1.01)
     np.testing.assert_allclose(np.exp(gaussians.log_scales), 0.1, rtol=0.05)
@@ -92,7 +93,8 @@ def test_half_a_turn_about_x_shows_the_same_to_a_camera_that_turns_with_it(degre
 def test_ply_comes_back_to_the_bit_with_its_mode(tmp_path, antialiased):
     gaussians = wall()
     write_splats(tmp_path / "a.ply", gaussians, antialiased, "ply")
-    back, mode = read_splats(tmp_path / "a.ply")
+    splats = read_splats(tmp_path / "a.ply")
+    back, mode = splats.gaussians, splats.antialiased
     assert mode is antialiased
     for name in ("means", "log_scales", "quats", "opacity_logits", "sh"):
         np.testing.assert_array_equal(getattr(back, name), getattr(gaussians, name))
@@ -103,7 +105,8 @@ def test_ply_comes_back_to_the_bit_with_its_mode(tmp_path, antialiased):
 def test_spz_comes_back_within_its_steps_with_its_mode(tmp_path, antialiased, degree):
     gaussians = wall(degree=degree)
     write_splats(tmp_path / "a.spz", gaussians, antialiased, "spz")
-    back, mode = read_splats(tmp_path / "a.spz")
+    splats = read_splats(tmp_path / "a.spz")
+    back, mode = splats.gaussians, splats.antialiased
     assert mode is antialiased
     np.testing.assert_allclose(back.means, gaussians.means, atol=0.51 / 4096)
     np.testing.assert_allclose(back.log_scales, gaussians.log_scales, atol=0.51 / 16)
@@ -120,14 +123,15 @@ def test_spz_of_a_wide_scene_keeps_its_positions(tmp_path):
     gaussians = wall()
     gaussians.means[0] = [9000.0, 0, 0]
     write_splats(tmp_path / "a.spz", gaussians, True, "spz")
-    np.testing.assert_allclose(read_splats(tmp_path / "a.spz")[0].means, gaussians.means, atol=0.51 / 2**8)
+    np.testing.assert_allclose(read_splats(tmp_path / "a.spz").gaussians.means, gaussians.means, atol=0.51 / 2**8)
 
 
 @pytest.mark.parametrize("degree", [0, 3])
 def test_compressed_ply_shows_the_same(tmp_path, degree):
     gaussians = wall(degree=degree)
     write_splats(tmp_path / "a.ply", gaussians, True, "compressed-ply")
-    back, mode = read_splats(tmp_path / "a.ply")
+    splats = read_splats(tmp_path / "a.ply")
+    back, mode = splats.gaussians, splats.antialiased
     assert mode is None and len(back) == len(gaussians) and back.sh_degree == degree
     assert (tmp_path / "a.ply").stat().st_size < len(gaussians) * (17 + 3 * (degree + 1) ** 2) + 4000
     assert psnr(picture(back), picture(gaussians)) > 35
@@ -136,7 +140,8 @@ def test_compressed_ply_shows_the_same(tmp_path, degree):
 def test_splat_rows_are_read_as_their_format_says(tmp_path):
     row = struct.pack("<6f4B4B", 1, -2, 3, 0.1, 0.2, 0.4, 255, 0, 128, 204, 128 + 64, 128, 128 - 64, 255)
     (tmp_path / "a.splat").write_bytes(row * 2)
-    gaussians, mode = read_splats(tmp_path / "a.splat")
+    splats = read_splats(tmp_path / "a.splat")
+    gaussians, mode = splats.gaussians, splats.antialiased
     assert len(gaussians) == 2 and mode is None
     np.testing.assert_allclose(gaussians.means[1], [1, -2, 3])
     np.testing.assert_allclose(np.exp(gaussians.log_scales[0]), [0.1, 0.2, 0.4], rtol=1e-6)
@@ -221,7 +226,8 @@ def test_sog_is_read_as_its_format_says(tmp_path, packing):
         path = tmp_path / "meta.json"
         for name, data in files.items():
             (tmp_path / name).write_bytes(data)
-    back, mode = read_splats(path)
+    splats = read_splats(path)
+    back, mode = splats.gaussians, splats.antialiased
     assert mode is None
     np.testing.assert_allclose(back.means, gaussians.means, rtol=2e-4, atol=2e-4)
     assert np.abs((back.quats * quats).sum(axis=1)).min() > 1 - 1e-4

@@ -56,8 +56,9 @@ def run(arguments: Arguments) -> int:
         pose = capture.frames[len(capture.frames) // 2].camera_to_world
         _, model = scene.model_at(pose[:3, 3])
     elif arguments.scene is not None:
-        gaussians, antialiased = read_splats(arguments.scene)
-        model = furnished(gaussians, antialiased is not False)
+        splats = read_splats(arguments.scene)
+        show.notes(splats.notes)
+        model = furnished(splats.gaussians, splats.antialiased is not False)
     else:
         model, _ = furnished_hall()
     found = []

@@ -41,7 +41,12 @@ def run(arguments: Arguments) -> int:
         raise InputError(f"The size {a.size!r} is not understood; write it as 640x480.")
     if a.rounds < 1 or a.gaussians < 1:
         raise InputError("A measurement needs at least one round and one Gaussian.")
-    gaussians = random_room(a.gaussians) if a.scene is None else read_splats(a.scene)[0]
+    if a.scene is None:
+        gaussians = random_room(a.gaussians)
+    else:
+        splats = read_splats(a.scene)
+        gaussians = splats.gaussians
+        show.notes(splats.notes)
     camera, place = inside_view(int(width), int(height)), card(a.device)
     if place is None:
         figures = measure(gaussians, camera, not a.classic, a.rounds)

@@ -42,6 +42,7 @@ def run(arguments: Arguments) -> int:
     with Project.open(a.project) as project:
         graph, capture, config = project.need_graph(), project.need_capture(), thresholds_of(project)
         occupancy = true_occupancy(project, a.occupancy, a.map_frame, a.heights)
+        show.notes(occupancy.notes)
         found = calibrate(graph, occupancy, capture.positions, config, a.want, a.robot_radius)
     files = write_calibration(found, a.out) if a.out is not None else []
     if a.json:

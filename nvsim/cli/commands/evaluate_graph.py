@@ -43,6 +43,7 @@ def run(arguments: Arguments) -> int:
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
         occupancy = true_maps(project, truth, arguments.map_frame, arguments.heights)
+        show.notes(occupancy.notes)
         support = project.support()
         seen = None if support is None else support.at
         result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)

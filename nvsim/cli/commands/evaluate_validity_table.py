@@ -13,6 +13,7 @@ from typing import Any, Literal, cast
 
 import tyro
 
+from nvsim.cli import show
 from nvsim.cli.arguments import Inline, ProjectArguments, given
 from nvsim.cli.session import working
 from nvsim.mapping.config import MappingConfig
@@ -74,6 +75,7 @@ def run(arguments: Arguments) -> int:
     )
     with working(a.project, "evaluate validity-table", a.json) as (project, listen):
         occupancy = true_occupancy(project, a.occupancy, a.map_frame, a.heights)
+        show.notes(occupancy.notes)
         table = evaluate_validity(project, config, occupancy, listen)
         walk = project.need_capture().positions[:, :2]
         files = write_validity(table, a.out or cells_folder(project), occupancy, walk)

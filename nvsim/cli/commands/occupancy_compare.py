@@ -27,5 +27,6 @@ def run(arguments: Arguments) -> int:
     from nvsim.occupancy.read import read_map
 
     found, true = (read_map(path, arguments.heights) for path in (arguments.found, arguments.true))
+    show.notes((*found.notes, *true.notes))
     show.figures(compare_maps(found, true), arguments.json, "occupancy map")
     return 0

@@ -22,6 +22,7 @@ from nvsim.evaluation.judging.views import JudgedView, Kind
 from nvsim.evaluation.scores import Image
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
+from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.regular import is_regular
 from nvsim.geometry.camera import Camera
 from nvsim.project.project import Project
@@ -182,7 +183,8 @@ def _images_in(folder: Path) -> dict[str, Path]:
     """Name below the folder, without suffix -> path."""
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder of rendered images; name one.")
-    paths = [p for p in sorted(folder.rglob("*")) if p.suffix.lower() in _SUFFIXES and is_regular(p)]
+    images = (p for p in sorted(folder.rglob("*")) if p.suffix.lower() in _SUFFIXES and is_regular(p))
+    paths = [p for p in images if not is_metadata_name(p.name)]
     if not paths:
         raise InputError(f"{folder} holds no image ({', '.join(_SUFFIXES)}); name the folder that they are in.")
     return {p.relative_to(folder).with_suffix("").as_posix(): p for p in paths}

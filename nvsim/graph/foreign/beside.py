@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
+from nvsim.files.placeholders import is_metadata_name
 from nvsim.graph.skybox_files import FOLDER
 from nvsim.occupancy.types import OccupancyMap
 
@@ -67,7 +68,7 @@ def _picture_folders(folder: Path, scan: str) -> tuple[Path, ...]:
 def _ids_in(pictures: Path) -> frozenset[str]:
     try:
         with os.scandir(pictures) as rows:
-            names = [(row.name, row.is_dir()) for row in rows]
+            names = [(row.name, row.is_dir()) for row in rows if not is_metadata_name(row.name)]
     except OSError as error:
         raise InputError(f"Cannot list the images in {pictures}: {error.strerror}; check the folder.") from error
     ids = {name.split("_skybox")[0] for name, is_dir in names if not is_dir and "_skybox" in name}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, read_bytes, shown
 from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans, scan_of
@@ -176,7 +177,7 @@ def connectivity_files(path: Path) -> list[Path]:
     if not os.path.lexists(listed):
         with reading(path, "a folder of connectivity files", "check the folder"):
             os.listdir(path)  # a folder that may not be listed looks empty otherwise
-            found = sorted(path.glob(f"*{SUFFIX}"))
+            found = sorted(p for p in path.glob(f"*{SUFFIX}") if not is_metadata_name(p.name))
         if not found:
             raise InputError(f"{path} holds no *{SUFFIX} and no scans.txt; name a connectivity file or its folder.")
         return found

@@ -21,7 +21,7 @@ from torch.nn import functional
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened
+from nvsim.files.regular import opened, refuse_stand_in
 from nvsim.networks.preparing import Preparation
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.installed import weights_file
@@ -91,6 +91,7 @@ def need_weights() -> Path:
 def read_weights(path: Path) -> Weights:
     """The tensors by name. Raises InputError for a file that is not one of weights."""
     with _reading(path):
+        refuse_stand_in(path)
         weights: Weights = torch.load(path, map_location="cpu", weights_only=True)
         return weights
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import opened
+from nvsim.splats.formats.cleaning import usable
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Gaussians
 
@@ -49,6 +51,8 @@ def recognise(path: Path) -> Kind:
     if path.name == _META or is_zip:
         return "sog"
     if path.suffix.lower() == ".splat":
+        if head and _is_text(head):
+            raise InputError(f"{path} is text, not a .splat file; download or export it again.")
         return "splat"
     raise InputError(
         f"{path} is no splat file that can be read; choose a .ply, .spz, .splat or .sog file, or the meta.json of an"
@@ -56,12 +60,43 @@ def recognise(path: Path) -> Kind:
     )
 
 
-def read_splats(path: Path) -> tuple[Gaussians, bool | None]:
-    """The Gaussians of a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file in the file's own frame, and
-    whether they are to be drawn antialiased (None where the file does not say).
+def _is_text(head: bytes) -> bool:
+    """Whether the beginning of a file is text in UTF-8 without control characters; its last character may be cut."""
+    for cut in range(4):
+        try:
+            text = head[: len(head) - cut].decode("utf-8")
+        except UnicodeDecodeError:
+            continue
+        return all(c.isprintable() or c in "\t\n\r\f" for c in text)
+    return False
+
+
+@dataclass(frozen=True, eq=False)
+class Splats:
+    """A splat file as it was read.
+
+    gaussians    in the frame of the file
+    antialiased  whether they are to be drawn antialiased; None where the file does not say
+    notes        sentences for the user, such as how many Gaussians are left out
+    """
+
+    gaussians: Gaussians
+    antialiased: bool | None
+    notes: tuple[str, ...] = ()
+
+
+def read_splats(path: Path) -> Splats:
+    """The Gaussians of a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file. Gaussians that cannot be
+    drawn are left out, as `usable` says.
 
     Raises InputError naming the file and what is wrong with it.
     """
+    gaussians, antialiased = _read(path)
+    gaussians, notes = usable(path, gaussians)
+    return Splats(gaussians, antialiased, notes)
+
+
+def _read(path: Path) -> tuple[Gaussians, bool | None]:
     kind = recognise(path)
     if kind == "ply":
         return read_ply(path)

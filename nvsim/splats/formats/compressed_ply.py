@@ -31,7 +31,7 @@ def read_compressed_ply(path: Path) -> Gaussians:
 
     with opened(path) as file, reading(path, "a compressed PLY"):
         _check(path, file.read(_LONGEST_HEADER), size_of(file))
-    return from_library(path, guarded(path, lambda: gsply.plyread(path)))
+    return from_library(guarded(path, lambda: gsply.plyread(path)))
 
 
 def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:

@@ -29,33 +29,18 @@ def guarded(path: Path, call: Callable[[], T]) -> T:
         raise
 
 
-def from_library(path: Path, data: GSData) -> Gaussians:
-    """Raises InputError when values are not finite."""
+def from_library(data: GSData) -> Gaussians:
+    """Our Gaussians; values that are not finite are kept."""
     n = len(data.means)
     higher = np.zeros((n, 0, 3), np.float32) if data.shN is None else np.asarray(data.shN, np.float32)
     sh = np.concatenate([np.asarray(data.sh0, np.float32).reshape(n, 1, 3), higher.reshape(n, -1, 3)], axis=1)
-    gaussians = Gaussians(
+    return Gaussians(
         np.ascontiguousarray(data.means, np.float32),
         np.ascontiguousarray(data.scales, np.float32),
         np.ascontiguousarray(data.quats, np.float32),
         np.ascontiguousarray(data.opacities, np.float32).reshape(-1),
         np.ascontiguousarray(sh),
     )
-    return finite(path, gaussians)
-
-
-def finite(path: Path, gaussians: Gaussians) -> Gaussians:
-    """The same Gaussians. Raises InputError when one of their values is not finite, naming the first."""
-    g = gaussians
-    good = np.ones(len(g), bool)
-    for array in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh):
-        good &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
-    if not good.all():
-        raise InputError(
-            f"{path} holds {len(g) - int(good.sum())} Gaussians with values that are not finite, the first is number"
-            f" {int(np.argmin(good))}; export it again without them."
-        )
-    return gaussians
 
 
 def to_library(gaussians: Gaussians) -> GSData:

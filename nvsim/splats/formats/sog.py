@@ -15,7 +15,6 @@ from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import parse_json, shown
 from nvsim.splats.formats.bound import ROWS, room_for
-from nvsim.splats.formats.library import finite
 from nvsim.splats.formats.sog_files import META, Bytes, Files, from_archive, from_folder
 from nvsim.splats.types import Gaussians
 
@@ -37,7 +36,7 @@ def read_sog(path: Path) -> Gaussians:
         from_folder(path) if path.name == META else from_archive(path) as files,
     ):
         meta = parse_json(path, files.description(), _WHAT, _THEN)
-        return finite(path, _Reader(path, files, meta).gaussians())
+        return _Reader(path, files, meta).gaussians()
 
 
 class _Reader:
@@ -82,7 +81,7 @@ class _Reader:
         fine, coarse = self._pixels("means", 0), self._pixels("means", 1)
         for (rows, least), (_, most) in zip(self._blocks(fine), self._blocks(coarse), strict=True):
             share = (least[:, :3] + 256.0 * most[:, :3]) / 65535
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left out afterwards
                 logarithms = low + (high - low) * share
                 g.means[rows] = np.sign(logarithms) * np.expm1(np.abs(logarithms))
 

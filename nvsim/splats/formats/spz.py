@@ -14,7 +14,7 @@ from nvsim.files.reading import reading
 from nvsim.files.regular import opened, size_of
 from nvsim.splats import harmonics
 from nvsim.splats.formats.bound import room_for
-from nvsim.splats.formats.library import finite, to_library
+from nvsim.splats.formats.library import to_library
 from nvsim.splats.formats.spz_sections import ANTIALIASED, open_sections, unpack
 from nvsim.splats.types import Gaussians
 
@@ -32,7 +32,7 @@ def read_spz(path: Path) -> tuple[Gaussians, bool]:
     gaussians.means[:, 1:] *= -1
     gaussians.quats[:, 2:] *= -1
     gaussians.sh *= _harmonic_signs(gaussians.sh.shape[1])[None, :, None]
-    return finite(path, gaussians), bool(head.flags & ANTIALIASED)
+    return gaussians, bool(head.flags & ANTIALIASED)
 
 
 def write_spz(path: Path, gaussians: Gaussians, antialiased: bool) -> None:

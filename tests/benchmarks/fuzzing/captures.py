@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import struct
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -21,6 +23,9 @@ def readers() -> list[Reader]:
         Reader("colmap binary", lambda: _colmap(True), _listed, share=4),
         Reader("kapture", _kapture, _listed, share=4),
         Reader("captures list", _several, _listed, share=2),
+        Reader("colmap rigs", _rigs, _listed, share=2),
+        Reader("several colmap models", _models, _listed),
+        Reader("blender split", _blender, _listed),
         Reader("capture checked", _every, _checked, share=3),
         Reader("cloud", _clouds, _cloud, share=2),
         Reader("image", _images, _image, share=2),
@@ -104,6 +109,48 @@ def _several() -> list[Seed]:
         form = "json" if name.endswith("json") else "binary"
         seeds += each(files, "two.captures", {"two.captures": "text", f"a/{name}": form})
     return seeds
+
+
+def _rigs() -> list[Seed]:
+    """Models of COLMAP 3.12 and later: a rig of one camera with a frame for each image, as text and as binary."""
+    seeds = []
+    for binary in (False, True):
+        files = dict(_colmap(binary)[0].files)
+        kind, form = ("bin", "binary") if binary else ("txt", "text")
+        files[f"sparse/0/rigs.{kind}"] = struct.pack("<QIIiI", 1, 1, 1, 0, 1) if binary else b"# rigs\n1 1 CAMERA 1\n"
+        frames = struct.pack("<Q", _FRAMES) if binary else b"# frames\n"
+        for k in range(1, _FRAMES + 1):
+            pose = (1.0, 0.0, 0.0, 0.0, 0.1 * k, 0.0, 0.0)
+            if binary:
+                frames += struct.pack("<II7dIiIQ", k, 1, *pose, 1, 0, 1, k)
+            else:
+                frames += f"{k} 1 {' '.join(map(str, pose))} 1 CAMERA 1 {k}\n".encode()
+        files[f"sparse/0/frames.{kind}"] = frames
+        seeds += each(files, "", {f"sparse/0/{name}.{kind}": form for name in ("rigs", "frames")})
+    return seeds
+
+
+def _models() -> list[Seed]:
+    """Two models beside each other, and a cloud in a file of its own beside one."""
+    seed = _colmap(True)[0]
+    files = {n.replace("sparse/0", "sparse/1"): d for n, d in seed.files.items() if n.startswith("sparse/")}
+    files |= {**seed.files, "sparse/0/points3D.ply": cloud_samples()["binary_little_endian.ply"]}
+    return each(files, "", {"sparse/1/images.bin": "binary", "sparse/0/points3D.ply": "headed"})
+
+
+def _blender() -> list[Seed]:
+    """The three files of the synthetic captures of NeRF."""
+    poses = _walk()[0]
+    files: Files = dict(_transforms()[0].files)
+    del files["transforms.json"]
+    names = sorted(n for n in files if n.startswith("images/"))
+    for split, rows in (("train", range(2)), ("val", range(2, 3)), ("test", range(3, _FRAMES))):
+        frames = [
+            {"file_path": f"./{names[k].removesuffix('.png')}", "transform_matrix": poses[k].tolist()} for k in rows
+        ]
+        files[f"transforms_{split}.json"] = json.dumps({"camera_angle_x": 0.7, "frames": frames}).encode()
+    seeds = each(files, "", {f"transforms_{split}.json": "json" for split in ("train", "test")})
+    return [replace(seed, readable=False) for seed in seeds]
 
 
 def _clouds() -> list[Seed]:

@@ -27,8 +27,12 @@ STRANGERS = (
         b'{"frames": []}',
         b"\x93NUMPY\1\0v\0",
     ),
+    b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"4d" * 32 + b"\nsize 12345\n",
+    b"<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not Found</body></html>\n" + b" " * 4000,
+    b"/annex/objects/SHA256E-s31390--4d7a214614ab2935\n",
+    b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X        " + b"\0" * 60,
 )
-"""The beginnings of files of other kinds."""
+"""The beginnings of files of other kinds, and what stands in for a file that was not downloaded."""
 _INTEGERS = (0, 1, -1, 127, 128, 255, 256, 32767, 65535, 1 << 20, (1 << 31) - 1, -(1 << 31), (1 << 32) - 1)
 _LONG = (*_INTEGERS, 1 << 40, (1 << 62), (1 << 63) - 1, -(1 << 63))
 _FLOATS = (0.0, -1.0, 1e-38, 3e38, float("nan"), float("inf"), float("-inf"), 1e9)

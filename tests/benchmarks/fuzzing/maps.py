@@ -43,7 +43,6 @@ def map_samples() -> Files:
     with workshop() as folder:
         write_ros_map(OccupancyMap(_cells(), 0.05, (-1.0, 2.0)), folder / "map.yaml")
         files = files_in(folder)
-    files["map.yaml"] += b"occupied_thresh: 0.65\nfree_thresh: 0.196\nnegate: 0\n"
     return files
 
 
@@ -59,7 +58,7 @@ def _ros() -> list[Seed]:
     grey = map_samples()
     png = {
         "map.png": cv2.imencode(".png", _cells() * 100)[1].tobytes(),
-        "map.yaml": grey["map.yaml"].replace(b"map.pgm", b"map.png") + b"mode: scale\n",
+        "map.yaml": grey["map.yaml"].replace(b"map.pgm", b"map.png").replace(b"mode: trinary", b"mode: scale"),
     }
     said = Provenance("lidar", "one scan", 0.1, 1.5, ("ab",)).line().encode()
     turned = {**grey, "map.yaml": said + b"\n" + grey["map.yaml"].replace(b"2.0, 0.0]", b"2.0, 0.7]")}

@@ -14,6 +14,10 @@ def readers() -> list[Reader]:
         Reader("prompted network", _pair, _prompted),
         Reader("lpips network", _distance, _lpips),
         Reader("description of a model", _descriptions, _described),
+        Reader("onnx network", _distance, _signature, share=2),
+        Reader("model added", _added, _add, disposable=True, share=2),
+        Reader("folder of models", _installed, _listed),
+        Reader("normals of before", _old_normals, _old),
     ]
 
 
@@ -72,3 +76,71 @@ def _described(path: Path) -> object:
     from nvsim.networks.ready import read_description
 
     return [read_description(file) for file in sorted(path.glob("*.toml"))]
+
+
+def _signature(path: Path) -> object:
+    from nvsim.networks.onnx_session import session, signature
+
+    return signature(session(path), path)
+
+
+def _added() -> list[Seed]:
+    """Networks as a user brings them: one whose form is recognized, and one with a description of its own."""
+    from floor_networks import segformer
+
+    with workshop() as folder:
+        segformer(folder / "segformer-b0.onnx")
+        files = {f"new/{name}": data for name, data in files_in(folder).items()}
+    return each(files, "", {"new/segformer-b0.onnx": "binary"})
+
+
+def _add(path: Path) -> object:
+    """As `nvsim models add` and `nvsim models check` do."""
+    from nvsim.networks.adding import add
+    from nvsim.networks.folder import VARIABLE
+
+    os.environ[VARIABLE] = str(path / "models")
+    return add([path / "new"]).digest()
+
+
+def _installed() -> list[Seed]:
+    """A folder of models with one that was added, one of before, and files that belong to none."""
+    from nvsim.networks.folder import VARIABLE
+
+    with workshop() as folder:
+        for name, data in _added()[0].files.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(data)
+        _add(folder)
+        os.environ.pop(VARIABLE)
+        files = files_in(folder / "models")
+    description = next(name for name in files if name.endswith(".toml"))
+    return each({**files, "notes.toml": b"x = 1\n", "other.txt": b"x"}, "", {description: "text", "notes.toml": "text"})
+
+
+def _listed(path: Path) -> object:
+    from nvsim.networks.folder import VARIABLE
+    from nvsim.networks.installed import installed
+
+    os.environ[VARIABLE] = str(path)
+    models, problems = installed()
+    return [(model.stamp, model.digest()) for model in models], problems
+
+
+def _old_normals() -> list[Seed]:
+    from normal_networks import own
+
+    with workshop() as folder:
+        own(folder / "normals.onnx", toml="")
+        files = files_in(folder)
+    files["normals.toml"] = b"white = 255.0\nmean = [0.5, 0.5, 0.5]\naxes = [1, -1, 1]\nhalved = true\nmultiple = 4\n"
+    return each(files, "", {"normals.toml": "text", "normals.onnx": "binary"})
+
+
+def _old(path: Path) -> object:
+    from nvsim.networks.folder import VARIABLE
+    from nvsim.networks.installed import find_model
+
+    os.environ[VARIABLE] = str(path)
+    model = find_model("normals", "normals")
+    return model and model.open("cpu")

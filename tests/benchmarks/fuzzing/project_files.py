@@ -9,7 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from fuzzing.graphs import row
 from fuzzing.models import model_files
+from fuzzing.places import workshop
 from fuzzing.projects import project_with_walk
 from fuzzing.reader import Files, Reader, Seed, each
 
@@ -20,6 +22,11 @@ def readers() -> list[Reader]:
         Reader("frame of a project", _frames, _frame, share=2),
         Reader("thumbnails and coverage", _frames, _thumbnails),
         Reader("novel views", _novel, _novel_views),
+        Reader("failures of masks", _failures, _failed),
+        Reader("order of a job", _orders, _order, refusals=(OSError, ValueError)),
+        Reader("map of a table", _cells, _cell),
+        Reader("true masks", _truth, _true),
+        Reader("recent project", _recent, _recently),
     ]
 
 
@@ -125,3 +132,74 @@ def _novel_views(path: Path) -> object:
     from nvsim.evaluation.novel import read_novel_views
 
     return read_novel_views(path, Alignment(np.eye(3), 1.0, True))
+
+
+def _failures() -> list[Seed]:
+    from nvsim.perception.failures import NAME
+
+    return [Seed({NAME: b'{"0": "provider", "7": "empty", "12": "prompt"}'}, NAME, "", "json")]
+
+
+def _failed(path: Path) -> object:
+    from nvsim.perception.failures import read_failures
+
+    return read_failures(path)
+
+
+def _orders() -> list[Seed]:
+    from nvsim.project.orders import Order, encode_order, order_path
+
+    with workshop() as folder:
+        text = encode_order(folder, 1, Order("map", ("--project", "x"), "A map"))
+    name = order_path(Path()).name
+    return [Seed({name: text.encode()}, name, "", "json")]
+
+
+def _order(path: Path) -> object:
+    from nvsim.project.orders import read_order
+
+    return read_order(path, 1, path)
+
+
+def _cells() -> list[Seed]:
+    from nvsim.graph.store import encode_graph
+
+    files = {"cell.json": b'{"models": ["a"], "report": {"seconds": 3.5}}', "graph.zip": encode_graph(row())}
+    return each(files, "", {"cell.json": "json", "graph.zip": "zip"})
+
+
+def _cell(path: Path) -> object:
+    from nvsim.evaluation.validity_cell import Kept
+
+    return Kept(path).read()
+
+
+def _truth() -> list[Seed]:
+    floor = cv2.imencode(".png", np.full((24, 32), 255, np.uint8))[1].tobytes()
+    normals = cv2.imencode(".png", np.full((24, 32, 3), (255, 127, 127), np.uint8))[1].tobytes()
+    truth = {"truth/floor/000.png": floor, "truth/normals/000.png": normals}
+    return each({**project_with_walk(), **truth}, "", {name: "picture" for name in truth})
+
+
+def _true(path: Path) -> object:
+    """As `nvsim evaluate floor --truth` does."""
+    from nvsim.evaluation.frame_truth import frame_truth
+    from nvsim.project.project import Project
+
+    with Project.open(path) as project:
+        truth = frame_truth(project, path / "truth", False)
+        return truth.size(0), truth.floor(0, 32, 24)[0].mean(), truth.normal_map(0, 32, 24).mean()
+
+
+def _recent() -> list[Seed]:
+    from app.state.recent_child import LAST_VIEW
+
+    picture = cv2.imencode(".png", np.full((24, 32, 3), 99, np.uint8))[1].tobytes()
+    files = {**project_with_walk(), f"cache/{LAST_VIEW}": picture, "cache/thumbnails/000001.jpg": picture}
+    return each(files, "", {f"cache/{LAST_VIEW}": "picture", "imported/capture.json": "json"})
+
+
+def _recently(path: Path) -> object:
+    from app.state.recent_child import look_at
+
+    return look_at(path)

@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
-from fuzzing import captures, graphs, maps, models, networks, project_files, projects, splats, tasks, window
+from fuzzing import (
+    captures,
+    depths,
+    endpoints,
+    features,
+    graphs,
+    maps,
+    models,
+    networks,
+    project_files,
+    projects,
+    scans,
+    splats,
+    tasks,
+    window,
+)
 from fuzzing.reader import Reader
 
 
 def all_readers() -> list[Reader]:
-    families = (captures, splats, maps, graphs, projects, project_files, models, networks, tasks, window)
+    families = (
+        *(captures, depths, splats, maps, graphs, projects, project_files, models, networks),
+        *(features, scans, tasks, endpoints, window),
+    )
     found = [r for family in families for r in family.readers()]
     assert len({r.name for r in found}) == len(found)
     return found

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
+import cv2
+import numpy as np
+
 from fuzzing.places import workshop
-from fuzzing.reader import Reader, Seed, each, files_in
+from fuzzing.reader import Files, Reader, Seed, each, files_in
 
 _TASKS, _WALKED = "R2R_val_unseen.json", "agent.json"
 
@@ -15,6 +19,11 @@ def readers() -> list[Reader]:
     return [
         Reader("tasks", _tasks, _walk, share=2),
         Reader("submission", _submission, _score, share=2),
+        Reader("reviewed tasks", _reviewed, _review, share=2),
+        Reader("dataset of an agent", _dataset, _learned),
+        Reader("trained agent", _agents, _agent, share=2),
+        Reader("curves of a training", _curves, _drawn),
+        Reader("judged images", _judged, _shown),
     ]
 
 
@@ -64,3 +73,97 @@ def _score(path: Path) -> object:
     walked = read_submission(path)
     check_submission(walked, benchmark.tasks, benchmark.distances, path)
     return text_of({"agent": figures_of(score(benchmark.tasks, walked, benchmark.distances))})
+
+
+def _reviewed() -> list[Seed]:
+    from nvsim.r2r.reviewing.review import FILE, FOLDER, Review
+
+    review = Review()
+    review.set_state(("R2R_val_unseen", 4, "row"), "accepted")
+    review.set_instructions(("R2R_val_unseen", 5, "row"), ("walk on",))
+    with workshop() as folder:
+        review.write(folder / FOLDER / FILE)
+        files = {_TASKS: _files()[_TASKS], **files_in(folder)}
+    return each(files, "", {f"{FOLDER}/{FILE}": "json", _TASKS: "json"})
+
+
+def _review(path: Path) -> object:
+    """As `nvsim review` and the page of tasks in the window do."""
+    from nvsim.r2r.reviewing.folder import counts_of, read_folder
+
+    folder = read_folder(path)
+    return counts_of(folder), folder.review.undo()
+
+
+@cache
+def _export() -> Files:
+    from recurrent_samples import dataset
+
+    with workshop() as folder:
+        dataset(folder, scans=2, paths=6, width=4)
+        return files_in(folder)
+
+
+def _dataset() -> list[Seed]:
+    files = _export()
+    wanted = ("tasks/R2R_train.json", "scans.txt", "H0_connectivity.json", ".hdf5")
+    forms = {".json": "json", ".txt": "text", ".hdf5": "binary"}
+    return each(files, "", {n: forms[Path(n).suffix] for n in files if n.endswith(wanted)})
+
+
+def _learned(path: Path) -> object:
+    """As `nvsim r2r train` does before it begins."""
+    from nvsim.r2r.recurrent.dataset import held_out, read_dataset
+    from nvsim.r2r.recurrent.world_reading import read_world
+
+    dataset = read_dataset([path])
+    return dataset.backbone, held_out(dataset.tasks, 0.2, 0), read_world(dataset.sources, False, dataset.closed)
+
+
+def _agents() -> list[Seed]:
+    from recurrent_samples import SMALL
+
+    from nvsim.r2r.recurrent.model import RecurrentModel
+    from nvsim.r2r.recurrent.saved_agent import About, write_about, write_weights
+    from nvsim.r2r.recurrent.words import SPECIAL, Vocabulary
+
+    words = Vocabulary((*SPECIAL, "go", "left"))
+    with workshop() as folder:
+        write_about(folder, About(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
+        write_weights(folder, RecurrentModel(SMALL, len(words.words), 4))
+        files = files_in(folder)
+    return each(files, "", {"agent.json": "json", "weights.safetensors": "tensors"})
+
+
+def _agent(path: Path) -> object:
+    from nvsim.r2r.recurrent.saved_agent import read_about, read_model
+
+    about = read_about(path)
+    return read_model(path, about).training
+
+
+def _curves() -> list[Seed]:
+    from nvsim.events import Metric, to_json
+
+    lines = "".join(to_json(Metric("r2r train", "loss", 1.0 / (k + 1), k)) + "\n" for k in range(5))
+    return [Seed({"curves.jsonl": lines.encode()}, "curves.jsonl", "", "lines of json")]
+
+
+def _drawn(path: Path) -> object:
+    from nvsim.r2r.recurrent.curves import read_curves
+
+    return read_curves(path)
+
+
+def _judged() -> list[Seed]:
+    image = cv2.imencode(".png", np.full((24, 32, 3), 99, np.uint8))[1].tobytes()
+    files = {f"{who}/{name}.png": image for who in ("a", "b") for name in ("1", "novel/2")}
+    return each(files, "", {"a/1.png": "picture", "b/novel/2.png": "picture"})
+
+
+def _shown(path: Path) -> object:
+    """As `nvsim evaluate judge` does with two folders."""
+    from nvsim.evaluation.judging.contestants import by_folders, read_shown
+
+    shown = by_folders({"a": path / "a", "b": path / "b"}, None)
+    return [read_shown(image).shape for view in shown for image in view.images.values()]

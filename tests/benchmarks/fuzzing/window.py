@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fuzzing.reader import Reader, Seed, content
+from fuzzing.places import workshop
+from fuzzing.reader import Reader, Seed, content, each, files_in
 
 
 def readers() -> list[Reader]:
@@ -12,6 +13,11 @@ def readers() -> list[Reader]:
         Reader("view kept", _views, _decode_view),
         Reader("options kept", _options, _options_of),
         Reader("check result", _results, _result, refusals=(ValueError,)),
+        Reader("preferences", _settings, _preferences),
+        Reader("image of a job", _previews, _preview),
+        Reader("compared graph", _graphs, _compared),
+        Reader("opened path", _paths, _kinds, share=3),
+        Reader("events of a command", _lines, _event, refusals=(ValueError,)),
     ]
 
 
@@ -56,3 +62,84 @@ def _result(path: Path) -> object:
     from app.jobs.check import result_of
 
     return result_of(content(path).decode("utf-8", "replace")).sentence
+
+
+def _settings() -> list[Seed]:
+    text = "[General]\ntheme=dark\nmemory_gib=4\nunits=feet\n[mouse]\nleft=turn\nupside_down=true\n"
+    text += "[window]\ngeometry=@ByteArray(\\x1\\xd9)\nrecent=/a/b.nvsim, /c\n"
+    return [Seed({"s.ini": text.encode()}, "s.ini", "s.ini", "text")]
+
+
+def _preferences(path: Path) -> object:
+    from PySide6.QtCore import QSettings
+
+    from app.panels.preferences import PREFERENCES, Preferences, memory_budget
+
+    preferences = Preferences(QSettings(str(path), QSettings.Format.IniFormat))
+    return [preferences[p.key] for p in PREFERENCES], memory_budget(preferences)
+
+
+def _previews() -> list[Seed]:
+    import cv2
+    import numpy as np
+
+    image = cv2.imencode(".jpg", np.full((24, 32, 3), 99, np.uint8))[1].tobytes()
+    return [Seed({"p.jpg": image}, "p.jpg", "p.jpg", "picture")]
+
+
+def _preview(path: Path) -> object:
+    from app.panels.job_preview import read_picture
+
+    return read_picture(path).size()
+
+
+def _graphs() -> list[Seed]:
+    from fuzzing.graphs import row
+    from nvsim.graph.connectivity import write_connectivity
+
+    with workshop() as folder:
+        write_connectivity(row(), folder)
+        files = files_in(folder)
+    return each(files, "row_connectivity.json", {"row_connectivity.json": "json"})
+
+
+def _compared(path: Path) -> object:
+    from app.state.comparing import Compared, read_graph
+    from fuzzing.graphs import row
+
+    return Compared.of("other", row(), read_graph(path)).comparison.deviations
+
+
+_NAMES = ("a.ply", "a.splat", "a.json", "a_connectivity.json", "a.yaml", "a.bt", "a", "meta.json", "transforms.json")
+
+
+def _paths() -> list[Seed]:
+    """One content under every name that tells a format."""
+    from fuzzing.captures import cloud_samples
+
+    contents = [next(iter(cloud_samples().values())), b'{"frames": []}', b'[{"image_id": "a"}]', b"image: m.pgm\n"]
+    return [Seed({name: data}, name, name, "headed", readable=False) for name in _NAMES for data in contents]
+
+
+def _kinds(path: Path) -> object:
+    """As the window does before it opens a path."""
+    from app.state.folder_listing import FolderLook
+    from nvsim.project.path_kind import check_openable, path_kind, sentence_about
+
+    sentence_about(path, path_kind(path))
+    FolderLook(path.parent).result()
+    return check_openable(path)
+
+
+def _lines() -> list[Seed]:
+    from nvsim.events import Metric, Progress, to_json
+
+    lines = [to_json(Progress("map", 1, 3, "step")), to_json(Metric("train", "psnr", 20.5, 3))]
+    return [Seed({"e.json": line.encode()}, "e.json", "e.json", "json") for line in lines]
+
+
+def _event(path: Path) -> object:
+    """As the window reads what a command prints with --json."""
+    from nvsim.events import from_json, to_json
+
+    return to_json(from_json(content(path).decode("utf-8", "replace")))

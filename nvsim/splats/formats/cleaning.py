@@ -1,0 +1,68 @@
+"""Removes the Gaussians of a splat file that cannot be drawn and counts them. Trainings that diverged leave some."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.splats.formats.bound import ROWS
+from nvsim.splats.types import Float32, Gaussians
+
+FLATTEST = 1e-7
+"""Metres: the standard deviation of a Gaussian along an axis in which it is flat."""
+_OPAQUE = np.float32(20)  # a logit whose opacity is 1 in float32
+_FARTHEST = 1e7  # units of the file; beyond it float32 positions are coarser than a room
+_SHORTEST, _LONGEST = 1e-12, 1e12  # of a quaternion; the squares of others leave float32
+
+
+def usable(path: Path, gaussians: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
+    """The Gaussians that can be drawn, and a note for the user that counts those that are left out.
+
+    An infinite logit of the opacity is opaque, or transparent if it is negative. A logarithm of a scale of minus
+    infinity (the scale 0) is flat along its axis. Gaussians are left out if any other value is NaN or infinite, if a
+    position, a scale or a color is beyond 1e7, or if the quaternion has no direction. Raises InputError if no Gaussian
+    of the file `path` is left.
+    """
+    g = replace(
+        gaussians,
+        opacity_logits=_replaced(_replaced(gaussians.opacity_logits, np.inf, _OPAQUE), -np.inf, -_OPAQUE),
+        log_scales=_replaced(gaussians.log_scales, -np.inf, np.float32(math.log(FLATTEST))),
+    )
+    keep, broken, far, unturned = np.ones(len(g), bool), 0, 0, 0
+    for first in range(0, len(g), ROWS):
+        part = slice(first, first + ROWS)
+        finite = np.isfinite(g.opacity_logits[part])
+        for array in (g.means, g.log_scales, g.quats, g.sh):
+            finite &= np.isfinite(array[part]).reshape(len(finite), -1).all(axis=1)
+        with np.errstate(invalid="ignore"):  # what is NaN is counted as broken
+            near = (np.abs(g.means[part]) <= _FARTHEST).all(axis=1)
+            near &= (g.log_scales[part] <= math.log(_FARTHEST)).all(axis=1)
+            near &= (np.abs(g.sh[part]) <= _FARTHEST).reshape(len(finite), -1).all(axis=1)
+        length = np.linalg.norm(np.where(finite[:, None], g.quats[part], 1).astype(np.float64), axis=1)
+        turned = (length > _SHORTEST) & (length < _LONGEST)
+        broken += int((~finite).sum())
+        far += int((finite & ~near).sum())
+        unturned += int((finite & near & ~turned).sum())
+        keep[part] = finite & near & turned
+    if keep.all():
+        return g, ()
+    words = (
+        (broken, "with values that are NaN or infinite"),
+        (far, f"with values beyond {_FARTHEST:.0e}"),
+        (unturned, "with a quaternion of length 0"),
+    )
+    why = ", ".join(f"{count} {what}" for count, what in words if count)
+    if not keep.any():
+        raise InputError(f"{path}: none of its {len(g)} Gaussians can be drawn ({why}); export it again.")
+    left = Gaussians(*(a[keep] for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    return left, (f"{path}: {len(g) - len(left)} of {len(g)} Gaussians are left out ({why}).",)
+
+
+def _replaced(array: Float32, value: float, by: NDArray[np.floating] | np.floating) -> Float32:
+    found = array == value
+    return np.where(found, by, array).astype(np.float32) if found.any() else array
