@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 from nvsim.cli.orders import check_order
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Failed, Log
 from nvsim.files.atomic import as_input_error
@@ -48,7 +49,7 @@ def main(arguments: list[str]) -> int:
     try:
         job = jobs.claim(int(arguments[1]) if len(arguments) > 1 else None)
     except InputError as error:
-        print(error, file=sys.stderr)
+        say(error, error=True)
         return 2
     if job is None:
         return 0

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from nvsim.plain_text import printable
+
 Row = Mapping[str, object]
 EMPTY = "-"
 SPREAD = "_spread"
@@ -108,7 +110,7 @@ def _cell(column: Column, row: Row, best: float | None) -> str:
     if value is None:
         return EMPTY + (" " if best is not None else "")
     if isinstance(value, str):
-        return value
+        return printable(value)
     number = float(value) if isinstance(value, int | float) else float("nan")
     text = f"{number:.{column.decimals}f}"
     spread = _number(row, column.key + SPREAD)
