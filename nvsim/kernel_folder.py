@@ -66,8 +66,8 @@ def _user_cache() -> Path:
 
 def _can_write(folder: Path) -> bool:
     """Whether `folder` can be written, or made and then written."""
-    while not folder.exists():
-        if folder == folder.parent:
-            return False
+    if not folder.is_absolute():  # numba takes ~ as the name of a folder where it knows no home
+        return False
+    while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)

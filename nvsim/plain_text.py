@@ -17,8 +17,8 @@ tags, and halves of surrogate pairs."""
 
 
 def printable(text: object, kept: str = "") -> str:
-    """`text` with a visible code in place of every character in UNSEEN, except those in `kept`. Fonts lack glyphs for
-    control characters, so ASCII ones become \\n or \\x1b, and others ‹U+202E›."""
+    """`text` with a visible code in place of every character in UNSEEN, except those in `kept`. ASCII ones become
+    \\n or \\x1b, bytes of a name that are not UTF-8 \\udce9, and others ‹U+202E›."""
     words = str(text)
     if words.isprintable():
         return words
@@ -26,4 +26,4 @@ def printable(text: object, kept: str = "") -> str:
 
 
 def _code(letter: str) -> str:
-    return ascii(letter)[1:-1] if letter < "\x80" else f"‹U+{ord(letter):04X}›"
+    return ascii(letter)[1:-1] if letter < "\x80" or "\ud800" <= letter <= "\udfff" else f"‹U+{ord(letter):04X}›"

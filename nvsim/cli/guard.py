@@ -9,12 +9,14 @@ import sys
 import tempfile
 import time
 import traceback
+from pathlib import Path
 from types import FrameType, ModuleType
 
 from nvsim.cli.console import tell_failure
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Failed
+from nvsim.files.atomic import as_input_error
 from nvsim.plain_text import printable
 
 
@@ -43,8 +45,8 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
         return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--train.gaussian-cap)", 2, as_json)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
-            place = f" at {error.filename}" if error.filename else ""
-            return _fail(verb, f"cannot write{place}: {error.strerror}; free some space and try again", 2, as_json)
+            place = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else Path("the result")
+            return _fail(verb, str(as_input_error(place, error)), 2, as_json)
         return _crash(verb, error, as_json)
     except Exception as error:
         return _crash(verb, error, as_json)

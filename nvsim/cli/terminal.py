@@ -1,4 +1,4 @@
-"""What the command line prints: without control characters from files, whatever prints it.
+"""Print to a terminal without control characters that come from files.
 
 `say` prints messages, one line each. `screened` guards the standard streams below it, so that text of any other origin
 (argparse, warnings, a library) is made harmless as well.

@@ -18,6 +18,7 @@ from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
+from nvsim.files.regular import whole
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def _given(words: tuple[str, ...]) -> dict[str, Any]:
         if not equals:
             raise InputError(f"{word!r} is no argument; write NAME=VALUE.")
         try:
-            found[name] = json.loads(text)
+            found[name] = json.loads(text, parse_int=whole)
         except ValueError:
             found[name] = text
     return found
