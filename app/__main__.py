@@ -30,6 +30,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--memory", type=float, metavar="GIB", help="for trained models; remembered, 0 forgets it")
     parser.add_argument("--renderer", choices=("automatic", "cpu", "opengl"), help="who draws colours; remembered")
     given = parser.parse_args(arguments)
+    from nvsim.cli.terminal import guard_streams
+
+    guard_streams()
     from app.start.main import run, run_edits
 
     if given.bench_edits is not None:

@@ -1,7 +1,9 @@
 """NVSim: from a posed walk through a building to a vision-and-language navigation simulator."""
 
-from nvsim.kernel_threads import choose
+from nvsim import kernel_folder, kernel_threads
 
 __version__ = "0.1.0"
 
-choose()  # whoever imports any part of the library comes by here first
+# Both have to be settled before numba is imported, and every import of the library begins here.
+kernel_threads.choose()
+kernel_folder.choose()

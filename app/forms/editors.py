@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
@@ -13,6 +12,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFileDialog, QHBoxLayout, QL
 from app.forms.fields import Field
 from app.look.labels import Label
 from app.look.plain_text import tip
+from nvsim.files.user_folders import home
 
 
 class Editor(QWidget):
@@ -172,7 +172,7 @@ class LineEditor(Editor):
             self.show_value(float(f"{value + sign * (abs(value) / 10 or 0.1):.3g}"))
 
     def _browse(self) -> None:
-        here = self.line.text() or str(Path.home())
+        here = self.line.text() or str(home())
         if any(word in self.field.path for word in ("csv", "picture", "lpips", "occupancy")) and (
             not self.field.path.endswith("pictures")
         ):

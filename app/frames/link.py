@@ -82,7 +82,7 @@ class FrameLink(QObject):
         if self._process is None:
             process = QProcess(self)
             process.setProgram(sys.executable)
-            process.setArguments(["-m", "app.frames.worker", str(self._root)])
+            process.setArguments(["-P", "-m", "app.frames.worker", str(self._root)])
             process.setProcessChannelMode(QProcess.ProcessChannelMode.ForwardedErrorChannel)
             process.readyReadStandardOutput.connect(self._read)
             process.finished.connect(self._on_end)

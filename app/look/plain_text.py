@@ -11,13 +11,13 @@ from __future__ import annotations
 import html
 import re
 
+from nvsim.plain_text import printable
+
 NAME, SENTENCE, ROWS = 200, 2000, 40  # characters of a name, of a text of several lines, and its lines
 CAPTION = 100  # characters on a button or in a menu: it is as wide as its words
 _TIP_LINE = 120  # characters of a plain tool tip in one line; Qt folds rich text alone
 _FOLD, _LONGEST_WORD = 40, 48  # characters without a place to fold; none of those that people copy is longer
 
-# Control characters, line and paragraph separators, directions of writing, the byte order mark, halves of a character.
-_UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
 _WORD = re.compile(f"[^\\s/\u200b]{{{_LONGEST_WORD},}}")
 
 
@@ -26,7 +26,7 @@ def plain(text: object, most: int = NAME) -> str:
     words = str(text)
     if len(words) <= most and words.isprintable():
         return words
-    return _cut(_UNSEEN.sub(_seen, _cut(words, most).replace("\u200b", "‹U+200B›")), most)
+    return _cut(printable(_cut(words, most).replace("\u200b", "‹U+200B›")), most)
 
 
 def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
@@ -35,7 +35,7 @@ def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
     cut = len(words) > most
     kept = words[:most].replace("\r\n", "\n").replace("\t", "    ").split("\n")
     cut = cut or len(kept) > rows
-    shown = "\n".join(row if row.isprintable() else _UNSEEN.sub(_seen, row) for row in kept[:rows])
+    shown = "\n".join(map(printable, kept[:rows]))
     return shown[:most] + ("…" if cut or len(shown) > most else "")
 
 
@@ -68,12 +68,6 @@ def _cut(words: str, most: int) -> str:
         return words
     end = (most - 1) // 3
     return f"{words[: most - 1 - end]}…{words[-end:] if end else ''}"
-
-
-def _seen(found: re.Match[str]) -> str:
-    letter = found.group()
-    # Fonts lack the glyphs of control characters; \n is understood.
-    return ascii(letter)[1:-1] if letter < "\x80" else f"‹U+{ord(letter):04X}›"
 
 
 def folded(words: str) -> str:

@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
 from app.look.labels import Label
 from app.look.plain_text import tip
 from app.state.installed_models import InstalledModels
+from nvsim.files.user_folders import home
 from nvsim.networks.roles import SINGLE_FILES
 
 _ROW = Qt.ItemDataRole.UserRole
@@ -168,7 +169,7 @@ class ModelsWindow(QDialog):
         names, _ = QFileDialog.getOpenFileNames(
             self,
             "The ONNX files of one model, with its TOML if it has one",
-            str(Path.home()),
+            str(home()),
             "Networks (*.onnx *.toml)",
         )
         if names:

@@ -33,6 +33,7 @@ from nvsim.capture import formats
 from nvsim.capture.left_out import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
+from nvsim.files.user_folders import home
 from nvsim.project.config import CaptureConfig
 
 BETWEEN = "; "  # several captures in one line
@@ -366,7 +367,7 @@ class NewProjectDialog(QDialog):
 
     def _start(self) -> str:
         captures = self.captures()
-        return str(captures[-1].parent if captures else Path.home())
+        return str(captures[-1].parent if captures else home())
 
     def done(self, code: int) -> None:
         self._due.stop()

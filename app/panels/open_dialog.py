@@ -25,6 +25,7 @@ from app.look.labels import Label
 from app.look.plain_text import plain, tip
 from app.state.folder_listing import Entry, FolderLook, Listing
 from app.state.waiting import Waiting
+from nvsim.files.user_folders import home
 from nvsim.project.path_kind import PathKind
 
 _TYPING = 120  # milliseconds after the last letter until the folder is looked at
@@ -115,7 +116,7 @@ class OpenDialog(QDialog):
     def folder(self) -> Path:
         """The one that is listed, or about to be."""
         text = self.line.text().strip()
-        path = Path(text).expanduser() if text else Path.home()
+        path = Path(text).expanduser() if text else home()
         return path if text.endswith(("/", "\\")) or not text else path.parent
 
     def go_to(self, folder: Path) -> None:

@@ -133,9 +133,12 @@ class Document(QObject):
             self.selectionChanged.emit()
         if not changed:
             return
+        gone = not self._holds(self._selection)
+        if gone:  # before anything asks where it is
+            self._selection = Selection()
         self.contentsChanged.emit(changed)
-        if not self._holds(self._selection):
-            self.select()
+        if gone:
+            self.selectionChanged.emit()
 
     def select(self, *, viewpoint: str | None = None, frame: int | None = None, submap: int | None = None) -> None:
         """Selects one thing, or nothing."""

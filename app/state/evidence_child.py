@@ -50,7 +50,7 @@ class EvidenceChild(QObject):
         environment.insert("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
         process.setProcessEnvironment(environment)
         process.finished.connect(self._on_finished)
-        words = ["-m", "nvsim.cli.main", "graph", "evidence", f"--project={project}", "--json"]
+        words = ["-P", "-m", "nvsim.cli.main", "graph", "evidence", f"--project={project}", "--json"]
         words += [f"--graph={source}", f"--out={result}", "--viewpoints", *ids]
         self._process = process
         process.start(sys.executable, words)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from nvsim.files.user_folders import home
+
 
 def place_for(capture: Path) -> Path:
     """Beside the capture and named after its folder; in the user's own folder where nothing may be written there."""
     base = capture.parent if capture.is_file() else capture
     name = "".join(c if c.isalnum() or c in "-_." else "-" for c in base.name) or "building"
-    place = base.parent if os.access(base.parent, os.W_OK) else Path.home()
+    place = base.parent if os.access(base.parent, os.W_OK) else home()
     return place / f"{name}.nvsim"
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from nvsim.files.csv_text import csv_text
 from nvsim.files.nofollow import read_end
 from nvsim.project.joblist import Job
 from nvsim.project.work import EVALUATIONS, WORK
@@ -73,11 +72,7 @@ class Table:
 
     def separated(self, by: str) -> str:
         """The table as text with `by` between the values, quoted where needed."""
-        out = io.StringIO()
-        writer = csv.writer(out, delimiter=by, lineterminator="\n")
-        writer.writerow([words_of(c) for c in self.columns])
-        writer.writerows([["" if v is None else v for v in row] for row in self.rows])
-        return out.getvalue()
+        return csv_text([[words_of(c) for c in self.columns], *self.rows], by)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from app.thresholds.calibration_panel import CalibrationPanel
 from app.thresholds.calibrations import Calibrations
 from app.wiring.part import Dock, Part
 from app.wiring.thresholds import ThresholdPart
+from nvsim.files.user_folders import home
 from nvsim.graph.difference import Difference
 
 
@@ -54,7 +55,7 @@ class CalibratePart(Part):
 
     def choose_map(self) -> None:
         window = self.workspace.window
-        start = str(self.calibrations.truth or self.workspace.document.path or Path.home())
+        start = str(self.calibrations.truth or self.workspace.document.path or home())
         name, _ = QFileDialog.getOpenFileName(window, "Judge by", start, "Occupancy maps (*.yaml *.yml *.bt *.ot)")
         if name:
             self.panel.choose_map(Path(name))

@@ -20,6 +20,7 @@ from app.views.graph_surface import GraphSurface
 from app.wiring.part import Dock, Part, Workspace
 from app.wiring.selecting import SelectPart
 from nvsim.errors import InputError
+from nvsim.files.user_folders import home
 from nvsim.graph.compare import Deviation, merge
 from nvsim.graph.edits import EditError
 from nvsim.graph.selection import GraphSelection
@@ -60,7 +61,7 @@ class ComparePart(Part):
 
     def choose_file(self) -> None:
         window = self.workspace.window
-        start = str(self.workspace.document.path or Path.home())
+        start = str(self.workspace.document.path or home())
         name, _ = QFileDialog.getOpenFileName(window, "Compare with", start, "Connectivity (*.json)")
         if name:
             self.compare_with_file(Path(name))

@@ -27,6 +27,7 @@ from app.wiring.part import Part, Workspace
 from app.wiring.scan_form import ScanForm
 from nvsim.errors import InputError
 from nvsim.files.nofollow import is_folder
+from nvsim.files.user_folders import home
 from nvsim.graph.offers import Choice
 from nvsim.graph.types import NavGraph
 from nvsim.project.work import WORK, sentence
@@ -135,7 +136,7 @@ class ExportPart(Part):
         document, window = self.workspace.document, self.workspace.window
         if document.graph is None:
             return
-        start = (document.path or Path.home()).parent
+        start = (document.path or home()).parent
         if values["kind"] == "r2r":
             name = QFileDialog.getExistingDirectory(window, "Folder for the connectivity file", str(start))
         else:

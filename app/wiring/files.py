@@ -15,6 +15,7 @@ from app.state.graph_reasons import with_scans
 from app.state.reasons import with_project
 from app.wiring.new_project import NewProjectPart
 from app.wiring.part import Part
+from nvsim.files.user_folders import home
 
 _FOLDER = "open_folder"
 
@@ -117,5 +118,5 @@ class FilePart(Part):
     def _start(self) -> Path:
         """The folder of what is open, else that of what was opened last."""
         path = self.workspace.document.path
-        last = Path(str(self.workspace.settings.value(_FOLDER, "") or Path.home()))
-        return path.absolute().parent if path is not None else last if last.is_dir() else Path.home()
+        last = Path(str(self.workspace.settings.value(_FOLDER, "") or home()))
+        return path.absolute().parent if path is not None else last if last.is_dir() else home()

@@ -3,6 +3,7 @@ seen, the inspector's gaze, the camera path."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QSettings
@@ -78,6 +79,7 @@ class KeepingPart(Part):
         scene, self._wanted = self.workspace.scene, kept
         if kept.pose is not None:
             scene.stay_at(kept.pose)
+            self._moved = True  # placed where it was
         self.workspace.window.actions_table[kept.channel].setChecked(True)
         if scene.channel != kept.channel:
             scene.set_channel(kept.channel)
@@ -91,19 +93,16 @@ class KeepingPart(Part):
     def _on_contents(self, parts: frozenset[str]) -> None:
         """Selects and opens what was, once it is there."""
         wanted, document = self._wanted, self.workspace.document
-        chosen = wanted.selection
+        chosen, capture = wanted.selection, document.contents.capture
+        if wanted.frame is not None and capture is not None:
+            if 0 <= wanted.frame < len(capture.frames):
+                self._frames.browser.open(wanted.frame)
+                document.select()  # opening a frame selects it
+                if wanted.pose is not None:
+                    self.workspace.scene.stay_at(wanted.pose)
+            self._wanted = replace(wanted, frame=None)
         if chosen and not document.selection:
             document.select(viewpoint=chosen.viewpoint, frame=chosen.frame, submap=chosen.submap)
-        capture = document.contents.capture
-        if wanted.frame is None or capture is None:
-            return
-        self._wanted = Left(wanted.pose, wanted.channel, chosen)
-        if 0 <= wanted.frame < len(capture.frames):
-            self._frames.browser.open(wanted.frame)
-            if chosen:
-                document.select(viewpoint=chosen.viewpoint, frame=chosen.frame, submap=chosen.submap)
-            if wanted.pose is not None:
-                self.workspace.scene.stay_at(wanted.pose)
 
     def _on_pose(self, _: object) -> None:
         self._moved = True
@@ -111,7 +110,7 @@ class KeepingPart(Part):
     def _on_selection(self) -> None:
         document = self.workspace.document
         if document.path == self._path:
+            if document.selection or self._last:
+                # A user, or this part, has selected or deselected, so the former selection is not wanted any more.
+                self._wanted = replace(self._wanted, selection=Selection())
             self._last = document.selection
-            if document.selection:
-                # A user, or this part, has chosen.
-                self._wanted = Left(self._wanted.pose, self._wanted.channel, frame=self._wanted.frame)

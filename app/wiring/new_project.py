@@ -19,6 +19,7 @@ from nvsim.capture import formats
 from nvsim.capture.left_out import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
+from nvsim.files.user_folders import home
 from nvsim.project.path_kind import GRAPHS, path_kind, sentence_about
 from nvsim.project.work import STAGE
 
@@ -159,7 +160,7 @@ class NewProjectPart(Part):
 
     def choose_demo(self) -> None:
         """Asks where the demo project goes, and makes it there."""
-        start = str(Path.home() / "demo.nvsim")
+        start = str(home() / "demo.nvsim")
         chosen, _ = QFileDialog.getSaveFileName(self.workspace.window, "The demo project", start, "Projects (*.nvsim)")
         if chosen:
             path = Path(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")

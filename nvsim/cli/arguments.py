@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypeVar
 
 import tyro
 
+from nvsim.cli.terminal import bare_for
 from nvsim.errors import InputError
 
 T = TypeVar("T")
@@ -49,14 +50,15 @@ def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
     if hasattr(command, "defaults"):
         options["default"] = command.defaults(argv)
     try:
-        return tyro.cli(
-            command.Arguments,
-            args=argv,
-            prog=f"nvsim {verb}",
-            description=text,
-            config=(tyro.conf.FlagCreatePairsOff,),
-            **options,
-        )
+        with bare_for(argv):
+            return tyro.cli(
+                command.Arguments,
+                args=argv,
+                prog=f"nvsim {verb}",
+                description=text,
+                config=(tyro.conf.FlagCreatePairsOff,),
+                **options,
+            )
     except SystemExit as stop:
         # argparse's convention is kept whatever tyro's version answers: 0 for help, 2 for a wrong option.
         sys.exit(0 if stop.code in (0, None) else 2)

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from nvsim.cli.console import paused
+from nvsim.cli.terminal import say
 from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.budget import Prices
 from nvsim.endpoint.estimate import Outlay
@@ -22,11 +23,11 @@ def agree(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str]
 
 def _agreed(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str], yes: bool) -> bool:
     for endpoint, outlay, prices in asked:
-        print(f"To {endpoint.words}: {outlay.words(prices)}.", file=sys.stderr)
+        say(f"To {endpoint.words}: {outlay.words(prices)}.", error=True)
     if not any(outlay.requests for _, outlay, _ in asked):
         return yes
     for note in notes:
-        print(note, file=sys.stderr)
+        say(note, error=True)
     sys.stderr.flush()
     if yes:
         return True

@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import bare, guard_streams, say
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
+from nvsim.plain_text import printable
 
 _heard_by: Listener | None = None
 _terminal: _Terminal | None = None  # which has its bars on the screen
@@ -67,7 +69,7 @@ def tell_failure(event: Failed, in_json: bool) -> None:
 
 
 def _print_json(event: Event) -> None:
-    print(as_json(json.loads(to_json(event))), flush=True)
+    say(as_json(json.loads(to_json(event))))
 
 
 class _Plain:
@@ -95,7 +97,7 @@ class _Plain:
 
     @staticmethod
     def _say(text: str) -> None:
-        print(text, file=sys.stderr, flush=True)
+        say(text, error=True)
 
 
 class _Terminal:
@@ -107,14 +109,14 @@ class _Terminal:
         from rich.progress import Progress as Bars
 
         self._bars = Bars(
-            TextColumn("{task.fields[stage]:<9}"),
+            TextColumn("{task.fields[stage]:<9}", markup=False),
             BarColumn(bar_width=30),
             TaskProgressColumn(),
             TextColumn("{task.fields[rate]}"),
             TimeRemainingColumn(),
             TextColumn("{task.fields[psnr]}"),
-            TextColumn("{task.description}", style="dim"),
-            console=Console(stderr=True),
+            TextColumn("{task.description}", style="dim", markup=False),
+            console=Console(file=bare(sys.stderr)),
         )
         self._tasks: dict[str, tuple] = {}
 
@@ -127,6 +129,7 @@ class _Terminal:
 
     def start(self) -> None:
         self._bars.start()
+        guard_streams()  # rich has put streams of its own in their place
 
     def stop(self) -> None:
         self._bars.stop()
@@ -134,21 +137,29 @@ class _Terminal:
     def __call__(self, event: Event) -> None:
         if isinstance(event, Progress):
             if event.stage not in self._tasks:
-                task = self._bars.add_task("", total=event.total, stage=event.stage, rate="", psnr="")
+                task = self._bars.add_task("", total=event.total, stage=printable(event.stage), rate="", psnr="")
                 self._tasks[event.stage] = (task, event.done, time.monotonic())
             task, first, since = self._tasks[event.stage]
             elapsed = time.monotonic() - since
             rate = f"{(event.done - first) / elapsed:.1f}/s" if elapsed > 1 and event.done > first else ""
-            self._bars.update(task, completed=event.done, total=event.total, description=event.detail, rate=rate)
+            self._bars.update(
+                task, completed=event.done, total=event.total, description=printable(event.detail), rate=rate
+            )
         elif isinstance(event, Metric) and event.name == "psnr" and event.stage in self._tasks:
             self._bars.update(self._tasks[event.stage][0], psnr=f"{event.value:.1f} dB")
         elif isinstance(event, Done):
-            self._bars.console.print(f"[green]✓[/green] {event.stage}: {event.summary}", highlight=False)
+            self._say("✓ ", "green", f"{event.stage}: {event.summary}")
         elif isinstance(event, Warning):
-            self._bars.console.print(f"[yellow]![/yellow] {event.stage}: {event.text}", highlight=False)
+            self._say("! ", "yellow", f"{event.stage}: {event.text}")
         elif isinstance(event, Failed):
-            self._bars.console.print(f"[red]✗[/red] {event.stage}: {event.message}", highlight=False)
+            self._say("✗ ", "red", f"{event.stage}: {event.message}")
         elif isinstance(event, Log):
-            self._bars.console.print(f"  {event.stage}: {event.text}" if event.stage else event.text, highlight=False)
+            self._say("  " if event.stage else "", "", f"{event.stage}: {event.text}" if event.stage else event.text)
         elif isinstance(event, Preview):
             pass  # a terminal shows no images
+
+    def _say(self, mark: str, color: str, text: str) -> None:
+        """Prints a line above the bars: a colored mark and plain text, of which nothing is taken for markup."""
+        from rich.text import Text
+
+        self._bars.console.print(Text.assemble((mark, color), printable(text)))

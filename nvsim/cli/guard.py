@@ -9,11 +9,15 @@ import sys
 import tempfile
 import time
 import traceback
+from pathlib import Path
 from types import FrameType, ModuleType
 
 from nvsim.cli.console import tell_failure
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Failed
+from nvsim.files.atomic import as_input_error
+from nvsim.plain_text import printable
 
 
 class Stopped(BaseException):
@@ -36,15 +40,13 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
     except Stopped:
         return _fail(verb, "stopped; the same command goes on where this one was", 130, as_json)
     except BrokenPipeError:
-        # The reader of our output went away; there is nobody to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        raise  # no failure of the command
     except MemoryError:
         return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--train.gaussian-cap)", 2, as_json)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
-            place = f" at {error.filename}" if error.filename else ""
-            return _fail(verb, f"cannot write{place}: {error.strerror}; free some space and try again", 2, as_json)
+            place = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else Path("the result")
+            return _fail(verb, str(as_input_error(place, error)), 2, as_json)
         return _crash(verb, error, as_json)
     except Exception as error:
         return _crash(verb, error, as_json)
@@ -56,7 +58,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
     tell_failure(Failed(verb.split()[0], sentence, code), as_json)
-    print(f"nvsim {verb}: {sentence}", file=sys.stderr)
+    say(f"nvsim {verb}: {sentence}", error=True)
     return code
 
 
@@ -66,7 +68,7 @@ def _crash(verb: str, error: Exception, as_json: bool) -> int:
         # A name that nobody could foresee: the folder is everybody's.
         handle, log = tempfile.mkstemp(f"-{time.strftime('%Y%m%d-%H%M%S')}.log", f"nvsim-{verb.replace(' ', '-')}-")
         with os.fdopen(handle, "w", errors="backslashreplace") as file:
-            file.write("".join(traceback.format_exception(error)))
+            file.write(printable("".join(traceback.format_exception(error)), "\n\t"))
         where = f"; the traceback is in {log}"
     except OSError:
         traceback.print_exception(error)

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import importlib
-import io
 import os
 import sys
 from collections.abc import Sequence
 
+from nvsim.cli.terminal import say, screened
 from nvsim.project.work import STAGES, WORK
 
 # verb -> (module under nvsim.cli.commands, what it does)
@@ -100,26 +100,32 @@ _GROUPS = {verb.split()[0] for verb in COMMANDS if " " in verb}
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command; returns its exit code."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files need not be in the terminal's encoding
+    with screened():
+        try:
+            return _run(list(sys.argv[1:] if argv is None else argv))
+        except BrokenPipeError:
+            # The reader of our output went away, as `head` does; nobody is left to tell.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 0
+
+
+def _run(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
-        print(_help())
+        say(*_help().split("\n"))
         return 0
     if arguments[0] in ("-V", "--version"):
         from nvsim import __version__
 
-        print(f"nvsim {__version__}")
+        say(f"nvsim {__version__}")
         return 0
     verb, rest = arguments[0], arguments[1:]
     if verb in _GROUPS and (verb not in COMMANDS or (rest and f"{verb} {rest[0]}" in COMMANDS)):
         if not rest or rest[0] in ("-h", "--help"):
-            print(_help(verb))
+            say(*_help(verb).split("\n"))
             return 0 if rest else 2
         verb, rest = f"{verb} {rest[0]}", rest[1:]
     if verb not in COMMANDS:
-        print(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", file=sys.stderr)
+        say(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", error=True)
         return 2
     # The thread pools of torch and numba spin against each other on few cores; passive waiting leaves them to work.
     # It has to be said before either is loaded.

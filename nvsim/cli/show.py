@@ -8,13 +8,18 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from nvsim.cli.terminal import bare, say
+from nvsim.plain_text import printable
+
 
 def as_json(values: object) -> str:
-    """One line that every JSON reader takes: what is not a finite number is null, as the format knows none."""
+    """One line that every JSON reader takes: what is not a finite number is null, as the format knows none. It is plain
+    ASCII without control characters."""
     try:
-        return json.dumps(values, allow_nan=False)
+        text = json.dumps(values, allow_nan=False)
     except ValueError:
-        return json.dumps(_finite(json.loads(json.dumps(values))), allow_nan=False)
+        text = json.dumps(_finite(json.loads(json.dumps(values))), allow_nan=False)
+    return text.replace("\x7f", "\\u007f")
 
 
 def _finite(values: Any) -> Any:
@@ -28,7 +33,7 @@ def _finite(values: Any) -> Any:
 def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> None:
     """Prints named figures; nested values are only in the JSON."""
     if in_json:
-        print(as_json(values), flush=True)
+        say(as_json(values))
         return
     flat = {k: v for k, v in values.items() if not isinstance(v, list | dict | tuple)}
     table(("figure", "value"), [(k, _text(v)) for k, v in flat.items()], title)
@@ -36,19 +41,19 @@ def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> Non
 
 def notes(sentences: Iterable[str]) -> None:
     """Prints what a reader noticed about a file, each sentence once, on stderr, so that results stay undisturbed."""
-    for sentence in dict.fromkeys(sentences):
-        print(f"note: {sentence}", file=sys.stderr, flush=True)
+    say(*(f"note: {sentence}" for sentence in dict.fromkeys(sentences)), error=True)
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], title: str = "") -> None:
-    """Prints a table."""
+    """Prints a table. Cells are plain text: rich takes brackets in a string for its own markup."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    grid = Table(*head, title=title or None, title_justify="left")
+    grid = Table(*head, title=Text(printable(title), "table.title") if title else None, title_justify="left")
     for row in rows:
-        grid.add_row(*(_text(v) for v in row))
-    Console().print(grid)
+        grid.add_row(*(Text(printable(_text(v))) for v in row))
+    Console(file=bare(sys.stdout)).print(grid)
 
 
 def _text(value: object) -> str:

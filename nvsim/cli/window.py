@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 
 
@@ -37,7 +38,7 @@ def offer(project: Path, wanted: bool, quiet: bool) -> int:
     if wanted and has_display() and installed():
         return open_window([f"--project={project}"])
     if not quiet:
-        print(f"Open the window with: {command(project)}")
+        say(f"Open the window with: {command(project)}")
     return 0
 
 

@@ -6,6 +6,7 @@ Its events go to the job's folder line by line.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import time
 from pathlib import Path
 
 from nvsim.cli.orders import check_order
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Failed, Log
 from nvsim.files.atomic import as_input_error
@@ -48,7 +50,7 @@ def main(arguments: list[str]) -> int:
     try:
         job = jobs.claim(int(arguments[1]) if len(arguments) > 1 else None)
     except InputError as error:
-        print(error, file=sys.stderr)
+        say(error, error=True)
         return 2
     if job is None:
         return 0
@@ -76,10 +78,11 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
         return 2, str(as_input_error(Path(error.filename or job.folder), error))
     message = ""
 
-    with os.fdopen(events, "a", buffering=1) as file:
+    with os.fdopen(events, "ab", buffering=0) as file:
 
         def write(event: Event) -> None:
-            file.write(event_line(event, time.time()))
+            with contextlib.suppress(OSError):  # on a full disk the command itself says what it cannot write
+                file.write(event_line(event, time.time()).encode())
 
         def hear(event: Event) -> None:
             nonlocal message

@@ -14,6 +14,8 @@ from nvsim.files.regular import is_regular, read_json
 
 _FORMAT = 1
 _LARGEST = 1 << 26  # bytes of a kept answer
+MOST_TOKENS = 1 << 31
+"""No answer costs so many; a larger count is not one."""
 
 
 @dataclass(frozen=True)
@@ -86,4 +88,4 @@ def _answer(found: Any) -> Answer | None:
     if any(type(found[name]) is not kind for name, kind in kinds.items()):
         return None
     answer = Answer(**found)
-    return answer if answer.tokens_in >= 0 and answer.tokens_out >= 0 else None
+    return answer if all(0 <= n < MOST_TOKENS for n in (answer.tokens_in, answer.tokens_out)) else None

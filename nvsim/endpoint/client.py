@@ -1,7 +1,7 @@
 """An endpoint that is asked: every question once, its answer kept on disk, and again where none came.
 
-Speaks OpenAI's chat completions, which most services and servers offer, through the package `openai` (the extra
-`endpoint`), without streaming, and follows no redirects: images go where the user said and nowhere else.
+Speaks OpenAI's chat completions (https://platform.openai.com/docs/api-reference/chat), which most services and servers
+offer. Redirects are not followed: images are sent to the address that the user named, and to no other.
 """
 
 from __future__ import annotations
@@ -11,18 +11,21 @@ import random
 import threading
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
+from pathlib import Path
 from typing import Any
 
 from nvsim.endpoint.address import Endpoint
-from nvsim.endpoint.answer import Answer, Kept
+from nvsim.endpoint.answer import MOST_TOKENS, Answer, Kept
 from nvsim.endpoint.budget import Budget
+from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLarge
 from nvsim.endpoint.estimate import tokens_in
 from nvsim.endpoint.options import AskingOptions
 from nvsim.endpoint.request import Request
 from nvsim.errors import InputError
 from nvsim.events import Listener, Warning, silent
-from nvsim.files.regular import shown
+from nvsim.files.regular import parse_json, shown
 
 _LONGEST_WAIT = 60.0  # seconds that we wait by ourselves
 _LONGEST_ASKED = 600.0  # seconds that an endpoint may ask us to wait
@@ -36,7 +39,7 @@ class Unreachable(InputError):
 
 
 class Client:
-    """Asks one model; several threads may. Raises InputError where the package `openai` is not installed.
+    """Asks one model; several threads may. Raises InputError if the package `httpx2` is not installed.
 
     may_send   whether a user agreed; until then kept answers are all that it gives
     """
@@ -48,8 +51,7 @@ class Client:
         self.may_send = False
         budget.paid_before(*kept.paid(endpoint.url, endpoint.model))
         self._listen = listen
-        self._openai = _package()
-        self._connection: Any = None
+        self._connection = Connection(endpoint.key, options.timeout)
         self._lock = threading.Lock()
         self._not_before = 0.0  # time.monotonic() from which any thread may ask again
         self._spelled = {"tokens": "max_tokens", "temperature": "temperature"}
@@ -104,34 +106,35 @@ class Client:
         )
 
     def _once(self, request: Request) -> Answer:
-        openai = self._openai
         spelled = dict(self._spelled)
-        options: dict[str, Any] = {spelled["tokens"]: request.tokens}
+        question: dict[str, Any] = {"model": self.endpoint.model, "messages": request.body()}
+        question[spelled["tokens"]] = request.tokens
         if "temperature" in spelled:
-            options["temperature"] = 0
+            question["temperature"] = 0
         try:
-            response = self._client().chat.completions.with_raw_response.create(
-                model=self.endpoint.model, messages=request.body(), **options
-            )
-            return _read(response.http_response.content, request)
-        except openai.APIStatusError as error:
-            return self._settled(error, spelled, request)
-        except openai.APITimeoutError as error:
-            raise _Later(f"no answer within {self.options.timeout:g} seconds") from error
-        except openai.APIConnectionError as error:
-            cause = error.__cause__ or error
-            raise _Later(f"the connection failed: {shown(cause) or type(cause).__name__}") from error
+            # Plain ASCII, as an answer that is sent back may hold halves of surrogate pairs.
+            reply = self._connection.post(f"{self.endpoint.url}/chat/completions", json.dumps(question).encode())
+        except NoReply as error:
+            raise _Later(str(error)) from error
+        except TooLarge as error:
+            raise InputError(
+                f"{self.endpoint.url} sends an answer of more than {LARGEST >> 20} MB, which no model does; check "
+                "--endpoint."
+            ) from error
+        if 200 <= reply.status < 300:
+            return _read(reply.content, request)
+        return self._settled(reply, spelled, request)
 
-    def _settled(self, error: Any, spelled: Mapping[str, str], request: Request) -> Answer:
+    def _settled(self, reply: Reply, spelled: Mapping[str, str], request: Request) -> Answer:
         """The answer that an HTTP status without success amounts to: a filter's refusal. Raises what to do about any
         other: _Later, _Respelled, or InputError."""
-        status, code = error.status_code, str(error.code or "")
-        said = _said(error)
+        status, complaint = reply.status, _Complaint.of(reply.content)
+        said = complaint.said
         who = f"{self.endpoint.url} says {status}"
-        if code == "insufficient_quota":
+        if complaint.code == "insufficient_quota":
             raise InputError(f"{who}: no credit is left for this key ({said}); top it up and run the command again.")
         if status in _LATER or status >= 500:
-            raise _Later(f"status {status}: {said}", _asked_for(error.response.headers))
+            raise _Later(f"status {status}: {said}", _asked_for(reply.headers))
         if status in (401, 403):
             name = self.endpoint.variable
             raise InputError(f"{who}: the key in {name} is not accepted for {self.endpoint.model} ({said}); check it.")
@@ -140,12 +143,12 @@ class Client:
                 f"{who}: there is no model {self.endpoint.model} there ({said}); check --endpoint and --model."
             )
         if 300 <= status < 400:
-            to = shown(error.response.headers.get("location", "elsewhere"))
+            to = shown(reply.headers.get("location", "elsewhere"))
             raise InputError(f"{who}: it is at {to} now; give that as the endpoint if you trust it.")
         if status in (400, 422):
-            if any(word in code or word in str(error.body) for word in _FILTERED):
+            if any(word in complaint.code or word in complaint.whole for word in _FILTERED):
                 return Answer("", refusal=said or "a filter", tokens_in=tokens_in(request), counted=False)
-            if self._respell(f"{error.param or ''} {error.message}", spelled):
+            if self._respell(f"{complaint.option} {complaint.whole}", spelled):
                 raise _Respelled
         raise InputError(f"{who}, so it does not take this question: {said}.")
 
@@ -181,27 +184,9 @@ class Client:
         if seconds >= 5:
             self._listen(Warning(f"{self.endpoint.url} waits for {seconds:.0f} seconds ({why}).", "endpoint"))
 
-    def _client(self) -> Any:
-        with self._lock:
-            if self._connection is None:
-                openai, key = self._openai, self.endpoint.key
-                self._connection = openai.OpenAI(
-                    api_key=key or "none",
-                    base_url=self.endpoint.url,
-                    timeout=self.options.timeout,
-                    max_retries=0,
-                    http_client=openai.DefaultHttpxClient(follow_redirects=False, timeout=self.options.timeout),
-                )
-                # They come from the environment, and are nobody's business but OpenAI's.
-                self._connection.organization = self._connection.project = None
-            return self._connection
-
     def close(self) -> None:
-        """Closes connections that are open."""
-        with self._lock:
-            if self._connection is not None:
-                self._connection.close()
-                self._connection = None
+        """Closes open connections."""
+        self._connection.close()
 
 
 class _Later(Exception):
@@ -214,26 +199,50 @@ class _Respelled(Exception):
     pass
 
 
-def _package() -> Any:
-    try:
-        import openai
-    except ImportError as error:
-        raise InputError(
-            "To ask an endpoint the package openai is needed; install NVSim with its extra: "
-            "pip install 'nvsim[endpoint]'."
-        ) from error
-    return openai
+@dataclass(frozen=True)
+class _Complaint:
+    """What an endpoint says of a request that failed.
+
+    said     its own words, short and in one line
+    code     of the error, "" for none
+    option   of the request that it complains about, "" for none
+    whole    all that it says
+    """
+
+    said: str
+    code: str
+    option: str
+    whole: str
+
+    @staticmethod
+    def of(content: bytes) -> _Complaint:
+        text = content.decode(errors="replace")
+        try:
+            body = _parsed(text)
+        except InputError:
+            body = text
+        error = body.get("error") or body if isinstance(body, dict) else body
+        fields = error if isinstance(error, dict) else {}
+        words = " ".join(str(fields.get("message") or error or "nothing").split())
+        said = "".join(c if c.isprintable() else "?" for c in words[:200]).rstrip(".")
+        return _Complaint(said, str(fields.get("code") or ""), str(fields.get("param") or ""), str(error))
+
+
+def _parsed(text: str) -> Any:
+    """Raises InputError if it is not JSON, or JSON that takes many times its length in memory."""
+    return parse_json(Path("the answer"), text, "a chat completion", "check --endpoint", strict=False)
 
 
 def _read(content: bytes, request: Request) -> Answer:
     """The answer in the body of a response. Raises _Later where it is none."""
+    words = content.decode(errors="replace")
     try:
-        found = json.loads(content)
+        found = _parsed(words)
         choice = found["choices"][0]
         message = choice["message"]
         text, refusal = message.get("content"), message.get("refusal")
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-        raise _Later(f"what came is no chat completion: {shown(content.decode(errors='replace'))!r}") from error
+    except (InputError, LookupError, TypeError, AttributeError) as error:
+        raise _Later(f"what came is no chat completion: {shown(words)!r}") from error
     finish = choice.get("finish_reason")
     if isinstance(text, list):  # some servers answer in parts
         text = "".join(str(part.get("text", "")) for part in text if isinstance(part, dict))
@@ -259,16 +268,8 @@ def _usage(found: Any) -> tuple[int | None, int | None]:
     if not isinstance(found, dict):
         return None, None
     counts = (found.get("prompt_tokens"), found.get("completion_tokens"))
-    into, out = (n if isinstance(n, int) and not isinstance(n, bool) and n >= 0 else None for n in counts)
+    into, out = (n if type(n) is int and 0 <= n < MOST_TOKENS else None for n in counts)
     return into, out
-
-
-def _said(error: Any) -> str:
-    """The endpoint's own words, short and in one line."""
-    body = error.body
-    text = body.get("message") if isinstance(body, dict) else None
-    words = " ".join(str(text or body or error.message).split())
-    return "".join(c if c.isprintable() else "?" for c in words[:200]).rstrip(".")
 
 
 def _asked_for(headers: Mapping[str, str]) -> float | None:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import decode
 from nvsim.errors import InputError
-from nvsim.files.regular import read_bytes
+from nvsim.files.regular import is_regular, read_bytes, shown
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
-from nvsim.graph.connectivity import read_connectivity, read_scans
+from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_scans
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS
 from nvsim.r2r.observations.line_of_sight import read_depth
@@ -53,8 +53,15 @@ class ScanFiles:
         """A sentence for each thing that is wrong."""
         found = []
         listed = self.places.scans
-        if not listed.is_file() or self.places.scan not in read_scans(listed):
-            found.append(f"{listed} does not list {self.places.scan}.")
+        names = read_scans(listed) if listed.is_file() else []
+        cut = cut_off(listed) if names else None
+        if cut is not None:
+            found.append(f"The last line of {listed}, {shown(cut)}, is cut off; run `nvsim export scan` again.")
+        for name in names:
+            if name != cut and not is_regular(self.places.graphs / f"{name}{SUFFIX}"):
+                found.append(f"{listed} lists {shown(name)} without its connectivity file, so simulators stop there.")
+        if self.places.scan not in names:
+            found.append(f"{listed} does not list {self.places.scan}; run `nvsim export scan` again.")
         drawn = set(self.viewpoints)
         for v in self.graph.viewpoints.values():
             if v.included and v.id not in drawn:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
+
+from nvsim.files.csv_text import csv_text
+from nvsim.plain_text import printable
 
 Row = Mapping[str, object]
 EMPTY = "-"
@@ -83,12 +84,7 @@ def text_table(columns: Sequence[Column], rows: Sequence[Row], mark_best: bool =
 
 def csv_table(names: Sequence[str], rows: Sequence[Row]) -> str:
     """A head of `names`, a line per row, empty where a figure is missing."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
-    for row in rows:
-        writer.writerow(["" if row.get(n) is None else row[n] for n in names])
-    return out.getvalue()
+    return csv_text([names, *([row.get(n) for n in names] for row in rows)])
 
 
 def _number(row: Row, key: str) -> float | None:
@@ -108,7 +104,7 @@ def _cell(column: Column, row: Row, best: float | None) -> str:
     if value is None:
         return EMPTY + (" " if best is not None else "")
     if isinstance(value, str):
-        return value
+        return printable(value)
     number = float(value) if isinstance(value, int | float) else float("nan")
     text = f"{number:.{column.decimals}f}"
     spread = _number(row, column.key + SPREAD)

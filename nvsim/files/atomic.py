@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,8 +16,12 @@ _REASONS = {
     errno.ENOSPC: "the disk is full; free some space and try again",
     errno.EDQUOT: "the disk quota is used up; free some space and try again",
     errno.EROFS: "the file system is read-only; choose another folder",
-    errno.EACCES: "permission is denied; choose a folder that you may write to",
-    errno.EPERM: "permission is denied; choose a folder that you may write to",
+    errno.EIO: "the disk reports an error; check it or choose another",
+    errno.ESTALE: "the network file system has lost it; mount it again",
+    **dict.fromkeys(
+        (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP),
+        "this file system cannot lock files, as some network file systems; choose a folder on a local disk",
+    ),
     errno.EEXIST: "a part of the path is a file, not a folder; choose another path",
     errno.ENOTDIR: "a part of the path is a file, not a folder; choose another path",
 }
@@ -25,8 +29,36 @@ _REASONS = {
 
 def as_input_error(path: Path, error: OSError) -> InputError:
     """The sentence for a failed write to `path`."""
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return InputError(f"Cannot write {path}: {_denied(path)}.")
     reason = _REASONS.get(error.errno or 0, f"{error.strerror or error}; check the path")
     return InputError(f"Cannot write {path}: {reason}.")
+
+
+def _denied(path: Path) -> str:
+    """Why permission is denied: because of the owner of the file, or of the folder that it would be made in."""
+    at = next((p for p in (path, *path.parents) if os.path.lexists(p)), path)
+    if at == path and os.access(path, os.W_OK) and not path.is_dir():
+        at = path.parent  # the file itself could be written, but none beside it
+    try:
+        owner = os.lstat(at).st_uid
+    except OSError:
+        owner = os.geteuid()
+    if owner == os.geteuid():
+        return "permission is denied; choose a folder that you may write to"
+    name = _user(owner)
+    return (
+        f"permission is denied, as {at} belongs to {name}; ask {name} for it or choose a folder that you may write to"
+    )
+
+
+def _user(number: int) -> str:
+    try:
+        import pwd
+
+        return pwd.getpwuid(number).pw_name
+    except (ImportError, KeyError):
+        return f"user {number}"
 
 
 def make_folder(path: Path) -> Path:
@@ -46,10 +78,10 @@ def replacing(path: Path) -> Iterator[Path]:
     make_folder(path.parent)
     temporary: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem[:40]}-", suffix=path.suffix, dir=path.parent)
-        os.close(handle)
-        temporary = Path(name)
-        temporary.chmod(0o644)
+        beside = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(6)}{path.suffix}")
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        os.close(os.open(beside, flags, 0o666))  # the umask decides who else may read and write it
+        temporary = beside
         yield temporary
         with open(temporary, "rb+") as written:
             os.fsync(written.fileno())

@@ -12,7 +12,7 @@ import stat
 from pathlib import Path
 
 
-def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o644) -> int:
+def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o666) -> int:
     """A descriptor of the file at `path`. A file to be written must have no second name (a hard link) either. Raises
     OSError, with errno ELOOP for a link and EINVAL for anything else that is no file."""
     try:

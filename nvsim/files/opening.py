@@ -23,7 +23,7 @@ class NotPlain(InputError):
     """A link, a folder, a pipe or a device stands where a plain file should."""
 
 
-def plain_file(path: Path, flags: int, mode: int = 0o644) -> int:
+def plain_file(path: Path, flags: int, mode: int = 0o666) -> int:
     """A descriptor of `path`, opened with `flags` as `os.open` takes them. Raises NotPlain where it is no plain file or
     a folder on the way leads out of its project, OSError as `os.open` does for all else."""
     stay_inside(path.parent)
@@ -35,7 +35,7 @@ def plain_file(path: Path, flags: int, mode: int = 0o644) -> int:
         raise
 
 
-def own_file(path: Path, flags: int, mode: int = 0o644) -> int:
+def own_file(path: Path, flags: int, mode: int = 0o666) -> int:
     """Like `plain_file`, for a file such as a log, whose old content may be lost: a link or pipe that stands there is
     removed first. What a link leads to is not touched."""
     try:

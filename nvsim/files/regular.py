@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import FileIO
@@ -20,6 +21,7 @@ LARGEST_JSON = 1 << 28
 _BRACKETS = 200_000
 _BYTES_PER_BRACKET = 16
 """Lists and objects of JSON text take some 80 bytes each in memory and may be 3 bytes of the file: at most so many."""
+_DIGITS = 300  # of a whole number; a float has at most 309
 
 
 @contextmanager
@@ -112,7 +114,8 @@ def read_json(path: Path, what: str, then: str, largest: int = LARGEST_JSON, *, 
 
 def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = True) -> Any:
     """The value of JSON text. Raises InputError when it is not JSON or would take many times its size in memory, and
-    where `strict`, when it says NaN or Infinity, which JSON has not, or gives a key twice.
+    where `strict`, when it says NaN or Infinity, which JSON has not, or gives a key twice. Whole numbers are those of
+    `whole`.
 
     path         where the text comes from
     what, then   as `reading` takes them
@@ -123,8 +126,8 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
             raise InputError(f"{path} is not {what}: it holds {brackets} lists and objects; {then}.")
         try:
             if strict:
-                return json.loads(text, parse_constant=_refused, object_pairs_hook=_unique)
-            return json.loads(text)
+                return json.loads(text, parse_int=whole, parse_constant=_refused, object_pairs_hook=_unique)
+            return json.loads(text, parse_int=whole)
         except json.JSONDecodeError as error:
             why = f"line {error.lineno}: {error.msg}"
             raise InputError(f"{path} is not JSON and cannot be read as {what} ({why}); {then}.") from error
@@ -139,6 +142,17 @@ def shown(value: object) -> str:
     except ValueError:  # a number of thousands of digits
         return "a number of very many digits"
     return "".join(c if c.isprintable() else "?" for c in text[:40]) + ("..." if len(text) > 40 else "")
+
+
+def whole(digits: str) -> int | float:
+    """A whole number of JSON; infinity, as for 1e999, if no float can hold it. Readers refuse what is not finite with
+    its place, whereas `float(10**400)` and `math.isfinite(10**400)` raise OverflowError."""
+    return int(digits) if len(digits) <= _DIGITS else float(digits)
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of JSON is a finite number, and no whole number that no float can hold. A bool is none."""
+    return isinstance(value, int | float) and type(value) is not bool and abs(value) <= sys.float_info.max
 
 
 def _refused(name: str) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from nvsim.files.regular import is_number
 from nvsim.graph.edits import EditError
 from nvsim.graph.types import Edge, Viewpoint
 
@@ -64,9 +64,9 @@ def _flag(value: object) -> bool:
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not is_number(value):
         raise TypeError
-    return float(value)
+    return float(value)  # type: ignore[arg-type]
 
 
 def _integer(value: object) -> int:

@@ -16,7 +16,7 @@ from typing import Any, TypeGuard
 from nvsim.capture.raw import FARTHEST
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import read_json, read_text, shown
+from nvsim.files.regular import is_number, read_json, read_text, shown
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 
 SUFFIX = "_connectivity.json"
@@ -111,16 +111,34 @@ def check_scan_id(scan: str) -> None:
 
 
 def list_scan(path: Path, scan: str) -> None:
-    """Adds a scan to scans.txt. Raises InputError when that cannot be read or written."""
-    scans = read_scans(path) if os.path.lexists(path) else []
-    if scan not in scans:
-        atomic.write_text(path, "".join(f"{name}\n" for name in [*scans, scan]))
+    """Adds a scan to scans.txt, and repairs a last line that was cut off. Raises InputError when that cannot be read
+    or written."""
+    listed = read_scans(path) if os.path.lexists(path) else []
+    cut = cut_off(path) if listed else None
+    whole = [name for name in listed if name != cut]
+    if cut is not None:
+        names = {scan_of(file) for file in path.parent.glob(f"*{SUFFIX}")} | {scan}
+        meant = [name for name in names if name.startswith(cut) and name not in whole]
+        whole += meant if len(meant) == 1 else []
+    if scan not in whole or whole != listed:
+        atomic.write_text(path, "".join(f"{name}\n" for name in dict.fromkeys([*whole, scan])))
 
 
 def read_scans(path: Path) -> list[str]:
     """The scans that a scans.txt lists, each once. Raises InputError when it cannot be read."""
-    then = "it lists the scans beside it: mend it or move it away"
-    return list(dict.fromkeys(read_text(path, "a list of scans", then, LARGEST_LIST).split()))
+    return list(dict.fromkeys(_list_in(path).split()))
+
+
+def cut_off(path: Path) -> str | None:
+    """The last name in a scans.txt, if it has no line end and no file: writing it was interrupted. Raises InputError
+    when the list cannot be read."""
+    text = _list_in(path)
+    last = "" if text[-1:].isspace() else "".join(text.split()[-1:])
+    return last if last and not (path.parent / f"{last}{SUFFIX}").exists() else None
+
+
+def _list_in(path: Path) -> str:
+    return read_text(path, "a list of scans", "it lists the scans beside it: mend it or move it away", LARGEST_LIST)
 
 
 def scan_files(root: Path, names: Sequence[str] = ()) -> dict[str, Path]:
@@ -202,10 +220,6 @@ def _flags(values: Any, count: int, where: str) -> list[bool]:
 
 def number_in(value: Any, where: str) -> float:
     """Raises InputError when a JSON value is not a finite number."""
-    try:
-        number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
-    except OverflowError:
-        number = math.nan
-    if not math.isfinite(number):
+    if not is_number(value):
         raise InputError(f"{where} is {shown(value)}; it must be a finite number.")
-    return number
+    return float(value)

@@ -15,6 +15,7 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
 from nvsim.files.database_files import check_files
+from nvsim.files.database_writing import make_file, refused
 from nvsim.files.read_only_database import open_to_read
 from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
 from nvsim.graph.delta import Delta
@@ -90,7 +91,7 @@ class JournalFile:
             connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo(connection)
-            raise self._refused(error) from error
+            raise refused(self.path, error) from error
         self.exists = True
 
     def write(
@@ -118,7 +119,7 @@ class JournalFile:
             connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo(connection)
-            raise self._refused(error) from error
+            raise refused(self.path, error) from error
 
     def read(self) -> Written | None:
         """The journal as it is written; None when nothing is. Raises sqlite3.DatabaseError, ValueError, KeyError,
@@ -172,7 +173,7 @@ class JournalFile:
             return trim(connection, steps, size)
         except sqlite3.OperationalError as error:
             self._undo(connection)
-            raise self._refused(error) from error
+            raise refused(self.path, error) from error
         finally:
             self._undo(connection)
 
@@ -203,6 +204,7 @@ class JournalFile:
                 self._connection = open_to_read(self.path)
                 return self._connection
             check_files(self.path)
+            make_file(self.path)
             try:
                 self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
                 harden(self._connection)
@@ -210,15 +212,10 @@ class JournalFile:
                 self._connection.execute("PRAGMA synchronous=FULL")
             except sqlite3.OperationalError as error:
                 self.close()
-                raise self._refused(error) from error
+                raise refused(self.path, error) from error
         return self._connection
 
     @staticmethod
     def _undo(connection: sqlite3.Connection) -> None:
         if connection.in_transaction:
             connection.execute("ROLLBACK")
-
-    def _refused(self, error: sqlite3.Error) -> InputError:
-        return InputError(
-            f"Cannot write the history of edits {self.path}: {error}; check that the disk has room and can be written."
-        )

@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from nvsim.files.regular import whole
 from nvsim.graph.arguments import checked
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
@@ -82,7 +83,7 @@ def _plain(value: Any) -> Any:
 def parse_line(line: str) -> tuple[str, dict[str, Any]]:
     """The name and the arguments of one line of a script. Raises EditError when it is none."""
     try:
-        values = json.loads(line)
+        values = json.loads(line, parse_int=whole)
     except (ValueError, RecursionError) as error:
         raise EditError(f"The line is not JSON: {error}.") from error
     if not isinstance(values, dict) or not isinstance(values.get("edit"), str):

@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.files.regular import shown
+from nvsim.files.regular import is_number, shown
 from nvsim.graph.types import Edge, Evidence, NavGraph, SecondOpinion, Viewpoint
 
 T = TypeVar("T")
@@ -217,7 +217,7 @@ def decode_graph(blob: bytes) -> NavGraph:
             raise ValueError("an edge without its viewpoints")
         for viewpoint in viewpoints.values():
             _check_kinds(vars(viewpoint), _VIEWPOINT)
-            if not all(type(v) in (int, float) and math.isfinite(v) for v in viewpoint.position):
+            if not all(is_number(v) for v in viewpoint.position):
                 raise ValueError("a place that is not finite")
         for one in edges.values():
             _check_kinds(vars(one), _EDGE)

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from nvsim.files.regular import is_regular
+from nvsim.files.user_folders import home, xdg_folder
 
 VARIABLE = "NVSIM_MODELS"
 
@@ -18,11 +19,11 @@ def models_folder() -> Path:
     if named:
         return Path(named).expanduser()
     if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+        base = Path(os.environ.get("LOCALAPPDATA", home() / "AppData" / "Local"))
     elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Application Support"
+        base = home() / "Library" / "Application Support"
     else:
-        base = Path(os.environ.get("XDG_DATA_HOME", Path.home() / ".local" / "share"))
+        base = xdg_folder("XDG_DATA_HOME", ".local/share")
     return base / "nvsim" / "models"
 
 

@@ -9,8 +9,8 @@ import sqlite3
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.atomic import as_input_error
 from nvsim.files.database_files import check_files
+from nvsim.files.database_writing import make_file, refused
 from nvsim.files.guarded_database import GuardedConnection, damaged
 from nvsim.files.read_only_database import open_to_read
 from nvsim.files.tables import check_schema, harden
@@ -57,6 +57,7 @@ CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason 
 def create(path: Path) -> sqlite3.Connection:
     """A new database at `path`. Raises InputError when it cannot be written."""
     check_files(path)
+    make_file(path)
     try:
         connection = _connected(path)
         connection.execute("PRAGMA journal_mode=WAL")
@@ -64,7 +65,7 @@ def create(path: Path) -> sqlite3.Connection:
         # One transaction: a kill leaves an empty database, which `connect` takes as new, never half a schema.
         lay_out(connection)
     except sqlite3.Error as error:
-        raise InputError(f"Cannot create the project database {path}: {error}; choose a writable folder.") from error
+        raise refused(path, error) from error
     return connection
 
 
@@ -103,8 +104,9 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
                 connection.executescript(f"BEGIN IMMEDIATE; {_since(version)} COMMIT;")
                 version = VERSION
     except sqlite3.OperationalError as error:
-        reason = "whether it is readable" if read_only else "that the project folder is writable and its disk has room"
-        raise InputError(f"Cannot open {path}: {error}; check {reason}.") from error
+        if not read_only:
+            raise refused(path, error) from error
+        raise InputError(f"Cannot open {path}: {error}; check whether it is readable.") from error
     except sqlite3.DatabaseError as error:
         raise damaged(path, error) from error
     return connection
@@ -137,13 +139,3 @@ def _since(version: int) -> str:
     """The statements that bring a database of `version` up to date; to be run inside one transaction."""
     steps = [_MIGRATIONS[v] for v in range(version + 1, VERSION + 1)]
     return "".join([*steps, f" PRAGMA user_version={VERSION};"])
-
-
-def explain(path: Path, error: sqlite3.Error) -> InputError:
-    """The sentence for a database error while writing."""
-    text = str(error)
-    if "full" in text:
-        return as_input_error(path, OSError(28, "No space left on device"))
-    if "readonly" in text:
-        return InputError(f"Cannot write {path}: the project is read-only; copy it to a folder you may write to.")
-    return InputError(f"Cannot write {path}: {text}; check the disk and try again.")

@@ -47,6 +47,7 @@ _MOST_JOBS = 500  # the newest, of which anything is read
 _MOST_FOLDERS = 20_000
 _MOST_RAN = 1 << 16  # bytes
 _DIGITS = 9
+_ROOM = 1 << 20  # bytes; a disk with less is full
 _RAN = "ran.txt"
 
 
@@ -135,7 +136,10 @@ class JobList:
                 finished = max(finished, os.lstat(folder / "events.jsonl").st_mtime)
         except OSError:
             finished = status.started or 0.0
-        message = "Its process ended without a word, most often by a kill or for want of memory." if not wish else ""
+        message = "" if wish else "Its process ended without a word, most often by a kill or for want of memory."
+        with contextlib.suppress(OSError):
+            if not wish and shutil.disk_usage(folder).free < _ROOM:
+                message = "Its process ended, and the disk is full; free some space and run it again."
         worked = status.worked + max(0.0, finished - (status.started or finished))
         state: State = "interrupted" if wish is None else FULFILLED[wish]
         return replace(status, state=state, finished=finished, message=message, worked=worked)
@@ -251,11 +255,10 @@ class JobList:
                 try:
                     taken = JobStatus("running", os.getpid(), time.time(), worked=job.status.worked)
                     self._write(job, taken)
-                    ran = open_regular(self.folder / _RAN, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+                    with open(open_regular(self.folder / _RAN, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "a") as file:
+                        file.write(f"{taken.pid} {taken.started}\n")
                 except OSError as error:
                     raise as_input_error(self.folder / _RAN, error) from error
-                with open(ran, "a") as file:
-                    file.write(f"{taken.pid} {taken.started}\n")
                 return replace(job, status=taken)
         return None
 
@@ -308,5 +311,8 @@ class JobList:
         except OSError as error:
             raise as_input_error(path, error) from error
         with open(descriptor, "r+") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX)
+            except OSError as error:
+                raise as_input_error(path, error) from error
             yield

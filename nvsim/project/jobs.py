@@ -11,8 +11,8 @@ from pathlib import Path
 
 from nvsim.events import Event, Listener, Progress
 from nvsim.files import tables
+from nvsim.files.database_writing import refused
 from nvsim.files.tables import COUNT, NUMBER, TEXT
-from nvsim.project.database import explain
 from nvsim.project.job_status import RAN, Ran
 from nvsim.project.worker_lock import has_open
 
@@ -94,7 +94,7 @@ class JobJournal:
         try:
             return self._connection.execute(statement, values).lastrowid
         except sqlite3.Error as error:
-            raise explain(getattr(self._connection, "path", Path("project.db")), error) from error
+            raise refused(getattr(self._connection, "path", Path("project.db")), error) from error
 
 
 def _storable(text: str) -> str:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from nvsim.errors import InputError
 from nvsim.files import tables
 from nvsim.files.atomic import make_folder
+from nvsim.files.database_writing import refused
 from nvsim.files.locking import WriterLock
 from nvsim.files.opening import refuse_links_out
 from nvsim.files.read_only_database import Snapshot, stamp
@@ -151,7 +152,7 @@ class Project:
                 raise
             self.connection.execute("COMMIT")
         except sqlite3.Error as error:
-            raise database.explain(self.layout.database, error) from error
+            raise refused(self.layout.database, error) from error
 
     # Reading ----------------------------------------------------------------------------------------------------
 

@@ -20,15 +20,14 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error
 from nvsim.files.nofollow import open_regular
+from nvsim.files.user_folders import xdg_folder
 
 _SIZE = 32  # bytes of the secret
 
 
 def secret_path() -> Path:
     """Where the secret of this user lies: in the state folder of the XDG rules."""
-    given = os.environ.get("XDG_STATE_HOME", "")
-    state = Path(given) if given.startswith("/") else Path.home() / ".local" / "state"
-    return state / "nvsim" / "orders.key"
+    return xdg_folder("XDG_STATE_HOME", ".local/state") / "nvsim" / "orders.key"
 
 
 def proof_of(root: Path, what: str, said: Any) -> str:

@@ -33,7 +33,7 @@ def compile_ahead(listen: Listener = silent) -> None:
 
 def _compile(done: Path, listen: Listener) -> None:
     listen(Log("Compiling the kernels, once on this machine; this takes a minute or two.", STAGE))
-    command = [sys.executable, "-m", "nvsim.training.compilation"]
+    command = [sys.executable, "-P", "-m", "nvsim.training.compilation"]
     found = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
     if found.returncode != 0:
         last = (found.stderr.strip().splitlines() or ["no reason given"])[-1]

@@ -69,7 +69,7 @@ def test_a_tip_and_our_own_markup_say_the_text_and_read_nothing(text: str) -> No
 
 def test_what_cannot_be_seen_is_made_visible() -> None:
     assert plain("photo\u202egpj.exe\x07\n") == "photo‹U+202E›gpj.exe\\x07\\n"
-    assert plain("\udcff\x7f\u2028\u200b") == "‹U+DCFF›\\x7f‹U+2028›‹U+200B›"
+    assert plain("\udcff\x7f\u2028\u200b") == "\\udcff\\x7f‹U+2028›‹U+200B›"
     assert lines("a\r\nb\tc\u2066") == "a\nb    c‹U+2066›"
     assert plain("Größe 3 µm, 東京, שלום") == "Größe 3 µm, 東京, שלום"
 

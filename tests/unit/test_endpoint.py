@@ -294,7 +294,7 @@ def test_nothing_is_sent_before_somebody_agreed(tmp_path: Path) -> None:
 
 
 def test_without_the_package_a_sentence_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "openai", None)
+    monkeypatch.setitem(sys.modules, "httpx2", None)
     with pytest.raises(InputError, match=r"pip install 'nvsim\[endpoint\]'"):
         Client(Endpoint.of("http://localhost/v1", "m"), Kept(tmp_path), Budget(Prices()), AskingOptions())
 

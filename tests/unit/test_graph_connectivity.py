@@ -156,3 +156,26 @@ def test_reader_gives_a_graph_or_a_sentence(tmp_path_factory: pytest.TempPathFac
         assert "\n" not in str(error)
     else:
         assert all(a in found.viewpoints and b in found.viewpoints and a < b for a, b in found.edges)
+
+
+@pytest.mark.parametrize(
+    ("listed", "files", "becomes"),
+    [
+        ("kitchen\nhal", ["kitchen"], "kitchen\nhall\n"),  # of the scan that is written again
+        ("kit", ["kitchen"], "kitchen\nhall\n"),  # of another, whose file is there
+        ("hall\nkit", ["kitchen", "kitten"], "hall\n"),  # of which one cannot be said
+        ("hall\nkit", [], "hall\n"),
+        ("kitchen\nhall", ["kitchen"], "kitchen\nhall"),  # whole, by someone who ends no line
+        ("gone\nhall\n", [], "gone\nhall\n"),  # whole: of a scan that lies elsewhere
+    ],
+)
+def test_a_line_of_scans_txt_that_was_cut_off_is_repaired(
+    tmp_path: Path, listed: str, files: list[str], becomes: str
+) -> None:
+    for name in files:
+        (tmp_path / f"{name}_connectivity.json").write_text("[]")
+    (tmp_path / "scans.txt").write_text(listed)
+    graph = NavGraph("hall", {"a": Viewpoint("a", (0.0, 0.0, 1.5))}, {})
+    for _ in range(2):  # the second time there is nothing to do
+        write_connectivity(graph, tmp_path)
+        assert (tmp_path / "scans.txt").read_text() == becomes

@@ -120,7 +120,7 @@ def _display() -> Iterator[dict[str, str]]:
 @contextmanager
 def _training(folder: Path) -> Iterator[None]:
     """A submap of the small built-in building in training, once its steps have begun."""
-    nvsim = [sys.executable, "-m", "nvsim.cli.main"]
+    nvsim = [sys.executable, "-P", "-m", "nvsim.cli.main"]
     _prepare(folder)
     process = subprocess.Popen(
         [*nvsim, "train", "--project", str(folder), "--json", "--steps", "100000"],

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli import show
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.project.work import lacks
 
@@ -68,7 +69,7 @@ def run(arguments: Arguments) -> int:
         if not arguments.json or len(sizes) == 1:
             show.figures(found[-1], arguments.json, f"an OpenGL frame of {width}x{height}")
     if arguments.json and len(sizes) > 1:
-        print(show.as_json(found), flush=True)
+        say(show.as_json(found))
     return 0
 
 

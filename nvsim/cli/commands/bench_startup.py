@@ -21,7 +21,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    help_s = statistics.median(_seconds([sys.executable, "-m", "nvsim", "--help"]) for _ in range(arguments.runs))
+    help_s = statistics.median(_seconds([sys.executable, "-P", "-m", "nvsim", "--help"]) for _ in range(arguments.runs))
     app_s = statistics.median(_window() for _ in range(arguments.runs))
     show.figures({"help_s": round(help_s, 3), "app_s": round(app_s, 3)}, arguments.json, "startup")
     return 0

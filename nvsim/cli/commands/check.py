@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 
 if TYPE_CHECKING:
     from nvsim.capture.summary import Summary
@@ -52,19 +53,19 @@ def run(arguments: Arguments) -> int:
     if arguments.json:
         findings = [dataclasses.asdict(f) for f in report.findings]
         summary = None if report.summary is None else dataclasses.asdict(report.summary)
-        print(as_json({"refused": report.refused, "findings": findings, "summary": summary}))
+        say(as_json({"refused": report.refused, "findings": findings, "summary": summary}))
         return 2 if report.refused else 0
     if report.summary is not None:
-        print(words_of(report.summary))
+        say(words_of(report.summary))
     for kind in grouped(report.findings):  # lines, not a table: a place that is cut short cannot be found
-        print(kind.sentence(None if arguments.places else _PLACES))
-    print("The capture cannot be used as it is." if report.refused else "The capture can be used.")
+        say(kind.sentence(None if arguments.places else _PLACES))
+    say("The capture cannot be used as it is." if report.refused else "The capture can be used.")
     bad = len(report.bad_frames)
     if bad and report.summary is not None and bad < report.summary.images:
         if arguments.bad_frames is not None:
-            print(f"Leave the {bad} frames with errors out with --leave-out @{arguments.bad_frames}.")
+            say(f"Leave the {bad} frames with errors out with --leave-out @{arguments.bad_frames}.")
         else:
-            print(f"Errors lie in {bad} frames: --bad-frames FILE lists them, --leave-out @FILE goes on without them.")
+            say(f"Errors lie in {bad} frames: --bad-frames FILE lists them, --leave-out @FILE goes on without them.")
     return 2 if report.refused else 0
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from nvsim.cli.arguments import ProjectArguments
 from nvsim.cli.session import working
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -74,5 +75,5 @@ def run(arguments: Arguments) -> int:
         project.set_result("ablation", results)
         listen(Done(STAGE, f"{outcome.trained} runs trained, {outcome.reused} were there; {files[0].parent}", results))
     if not a.json:
-        print(text_of(outcome, why), flush=True)
+        say(*text_of(outcome, why).split("\n"))
     return 0

@@ -12,6 +12,7 @@ from typing import Literal
 
 from nvsim.cli import show
 from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.cli.terminal import say
 from nvsim.occupancy.heights import Heights
 from nvsim.project.project import Project
 
@@ -50,5 +51,5 @@ def run(arguments: Arguments) -> int:
         return 0
     print(text_of(found), end="")
     if files:
-        print(f"Written: {', '.join(map(str, files))}.")
+        say(f"Written: {', '.join(map(str, files))}.")
     return 0

@@ -8,6 +8,7 @@ from typing import Literal
 
 from nvsim.cli import show
 from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.cli.terminal import say
 from nvsim.occupancy.heights import Heights
 from nvsim.project.project import Project
 
@@ -59,6 +60,6 @@ def run(arguments: Arguments) -> int:
         if not name.endswith(("_low", "_high")):
             rows.append((name, value, MATTERPORT.get(name, "-")))
     show.table(("figure", "this graph", "Matterport"), rows, "navigation graph")
-    print("In brackets: 95 % intervals (Wilson).")
-    print(f"Matterport: {SOURCE}; its near pairs see each other, for want of a map.")
+    say("In brackets: 95 % intervals (Wilson).")
+    say(f"Matterport: {SOURCE}; its near pairs see each other, for want of a map.")
     return 0

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from nvsim.cli.arguments import Inline
+from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions
 from nvsim.errors import InputError
 
@@ -111,7 +112,7 @@ def run(arguments: Arguments) -> int:
     if not a.json:
         print(text_of(judged, shown), end="", flush=True)
     elif a.project is None:
-        print(as_json(results))
+        say(as_json(results))
     return 0
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.r2r.agents.table import Name
 
@@ -48,7 +49,7 @@ def run(arguments: Arguments) -> int:
         check_submission(trajectories, benchmark.tasks, benchmark.distances, where)
         agents[name] = figures_of(score(benchmark.tasks, trajectories, benchmark.distances))
     if a.json:
-        print(as_json({"tasks": str(a.tasks), "scans": list(benchmark.graphs), "agents": agents}))
+        say(as_json({"tasks": str(a.tasks), "scans": list(benchmark.graphs), "agents": agents}))
     else:
         print(text_of(agents), end="")
     return 0

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -40,5 +41,5 @@ def run(arguments: Arguments) -> int:
         result = evaluate_scan(a.folder, a.scan, project, a.views, listen)
     show.figures(result, a.json, "scan")
     if not a.json:
-        print("\n".join(result["problems"]) or "All is well.")
+        say(*(result["problems"] or ["All is well."]))
     return 1 if result["problems"] else 0

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from nvsim.cli.arguments import ProjectArguments
 from nvsim.cli.console import listening
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.project.project import Project
 
 
@@ -43,7 +44,7 @@ def run(arguments: Arguments) -> int:
     result["lpips_why"] = why
     if arguments.csv is not None:
         atomic.write_text(arguments.csv, _csv(result))
-    print(as_json(result) if arguments.json else _text(result), flush=True)
+    say(*([as_json(result)] if arguments.json else _text(result).split("\n")))
     return 0
 
 

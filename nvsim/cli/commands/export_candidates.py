@@ -3,12 +3,12 @@ view and angles, navigable neighbours and positions, as the JSON files of VLN-DU
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ def run(arguments: Arguments) -> int:
     written = write_candidates(read_exported_scans(arguments.export, arguments.scans), out)
     if written.unseen:
         scan, a, b = written.unseen[0]
-        print(
+        say(
             f"warning: {len(written.unseen)} ways go straight up or down, which no view shows and no file holds "
             f"(the first in {scan} from {a} to {b}); move one end aside with `nvsim graph edit`.",
-            file=sys.stderr,
+            error=True,
         )
     if arguments.json:
-        print(
+        say(
             as_json(
                 {
                     "written": [str(path) for path in written.paths],
@@ -48,5 +48,5 @@ def run(arguments: Arguments) -> int:
             )
         )
     else:
-        print("\n".join(f"Wrote {path}" for path in written.paths))
+        say(*(f"Wrote {path}" for path in written.paths))
     return 0

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.console import listening
+from nvsim.cli.terminal import say
 from nvsim.r2r.features.layouts import Name
 from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
@@ -78,14 +79,14 @@ def _foretell(found: dict[str, Any], a: Arguments) -> None:
     from nvsim.r2r.observations.estimate import size_words
 
     if a.json:
-        print(show.as_json(found))
+        say(show.as_json(found))
         return
     rows = [(k["what"], k["folder"] or ".", k["files"], size_words(k["bytes"])) for k in found["kinds"]]
     show.table(("files", f"in {a.out}", "how many", "about"), rows)
     paths = ", ".join(f"{count} of {split}" for split, count in found["paths"].items())
-    print(f"{found['drawn']} viewpoints, {found['todo']} of them still to be drawn; paths: {paths}.")
-    print(f"About {size_words(found['bytes'])} in {found['files']} files; takes {found['time']}.")
-    print(found["shortage"] or f"{size_words(found['free'])} are free there.")
+    say(f"{found['drawn']} viewpoints, {found['todo']} of them still to be drawn; paths: {paths}.")
+    say(f"About {size_words(found['bytes'])} in {found['files']} files; takes {found['time']}.")
+    say(found["shortage"] or f"{size_words(found['free'])} are free there.")
 
 
 def _show(about: dict[str, Any], out: Path) -> None:
@@ -93,6 +94,6 @@ def _show(about: dict[str, Any], out: Path) -> None:
 
     said = about["tasks"]["instructions"]
     for split, agents in about["baselines"].items():
-        print(f"{split}\n{text_of(agents)}")
-    print(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths again.")
-    print(f"Wrote {out}; README.md is its card.")
+        say(split, *text_of(agents).split("\n"))
+    say(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths again.")
+    say(f"Wrote {out}; README.md is its card.")

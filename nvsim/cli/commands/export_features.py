@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Positional
 from nvsim.cli.console import listening
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
@@ -68,5 +69,5 @@ def run(arguments: Arguments) -> int:
             make = extract_candidates if LAYOUTS[name].tokens else extract
             written += make(scans, LAYOUTS[name], backbone, a.out or export / "features", listen)
     if not a.json:
-        print("\n".join(f"Wrote {path}" for path in written))
+        say(*(f"Wrote {path}" for path in written))
     return 0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
 
@@ -72,7 +73,7 @@ def run(arguments: Arguments) -> int:
 
 
 def _say(path: Path, arguments: Arguments) -> None:
-    print(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
+    say(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
 
 
 def _write(source: Source, arguments: Arguments, path: Path | None = None) -> Path:

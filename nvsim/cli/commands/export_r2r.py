@@ -8,6 +8,7 @@ from typing import Literal
 
 from nvsim.cli.arguments import ProjectArguments
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.project.project import Project
 
 
@@ -28,5 +29,5 @@ def run(arguments: Arguments) -> int:
 
     with Project.open(arguments.project) as project:
         written = export_r2r(project, arguments.out, arguments.scan, arguments.frame, arguments.force)
-    print(as_json({"written": str(written)}) if arguments.json else f"Wrote {written}")
+    say(as_json({"written": str(written)}) if arguments.json else f"Wrote {written}")
     return 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 
 
@@ -33,8 +34,8 @@ def run(arguments: Arguments) -> int:
     written = export_reviewed(folder.entries, folder.review, out, arguments.unread)
     rows = counts_of(folder)
     if arguments.json:
-        print(as_json({"written": [str(path) for path in written], "splits": rows}))
+        say(as_json({"written": [str(path) for path in written], "splits": rows}))
     else:
         table(list(rows[0]), [[str(value) for value in row.values()] for row in rows])
-        print("\n".join(f"Wrote {path}" for path in written))
+        say(*(f"Wrote {path}" for path in written))
     return 0

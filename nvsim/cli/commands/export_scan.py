@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.console import listening
+from nvsim.cli.terminal import say
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
 from nvsim.project.project import Project
@@ -83,7 +84,7 @@ def run(arguments: Arguments) -> int:
         rows = [(g.scan, len(g.viewpoints), len(g.edges)) for g in graphs]
         show.table(("scan", "viewpoints", "edges"), rows, "parts")
     for places in written:
-        print(places.folder)
+        say(places.folder)
     return 0
 
 
@@ -96,9 +97,9 @@ def _foretell(prepared: Prepared, settings: ScanSettings, a: Arguments) -> None:
     short = prepared.shortage(found)
     if a.json:
         scans = [places.scan for places in prepared.places]
-        print(show.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
+        say(show.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
         return
     rows = [(k.what, k.folder or ".", k.files, size_words(k.bytes)) for k in found.kinds]
     show.table(("files", f"in {prepared.root}", "how many", "about"), rows)
-    print(found.sentence)
-    print(short or f"{size_words(prepared.free)} are free at {prepared.root}.")
+    say(found.sentence)
+    say(short or f"{size_words(prepared.free)} are free at {prepared.root}.")

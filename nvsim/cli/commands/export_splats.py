@@ -9,6 +9,7 @@ from typing import Literal
 from nvsim.cli.arguments import ProjectArguments
 from nvsim.cli.console import listening
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.project.project import Project
 
 
@@ -32,7 +33,7 @@ def run(arguments: Arguments) -> int:
     with Project.open(a.project) as project, listening(False) as listen:
         written = export_splats(project, a.out, a.format, a.submaps, a.frame, listen)
     if a.json:
-        print(as_json({"written": [str(p) for p in written]}))
+        say(as_json({"written": [str(p) for p in written]}))
     else:
-        print("\n".join(f"Wrote {p}" for p in written))
+        say(*(f"Wrote {p}" for p in written))
     return 0

@@ -3,7 +3,6 @@ and R2R_val_unseen.json: shortest paths, spread over the building, val_unseen in
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline
+from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
 from nvsim.r2r.prompted.looking import Looking
@@ -76,24 +76,24 @@ def run(arguments: Arguments) -> int:
             listen(Done(STAGE, f"{made.told.paths} paths in {a.out}"))
     dataset = made.told.dataset
     for warning in warnings_of(dataset):
-        print(f"warning: {warning}", file=sys.stderr)
+        say(f"warning: {warning}", error=True)
     rows = rows_of(dataset)
     if a.json:
         unseen = {scan: len(ids) for scan, ids in dataset.unseen.items()}
         files = [str(path) for path in made.written]
         beside = {"episodes": made.episodes} if made.episodes else {}
-        print(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside}))
+        say(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside}))
     else:
         table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
         if a.instructions:
             which = "instructions made here" if "endpoint" in made.about else "instructions"
-            print(f"From the {which} alone a follower finds {_found(made.told)}.")
+            say(f"From the {which} alone a follower finds {_found(made.told)}.")
         if "endpoint" in made.about:
             asked = made.about["endpoint"]
-            print(f"{asked['paths']} of {made.told.paths} paths have instructions of {asked['model']}.")
+            say(f"{asked['paths']} of {made.told.paths} paths have instructions of {asked['model']}.")
         if made.episodes:
-            print(f"{sum(made.episodes.values())} of {made.told.paths} paths have episodes.")
-        print("\n".join(f"Wrote {path}" for path in made.written))
+            say(f"{sum(made.episodes.values())} of {made.told.paths} paths have episodes.")
+        say(*(f"Wrote {path}" for path in made.written))
     return 0
 
 

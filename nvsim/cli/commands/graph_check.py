@@ -9,6 +9,7 @@ from typing import Any
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.graph.findings import Limits
 from nvsim.occupancy.heights import Heights
 
@@ -61,9 +62,9 @@ def run(arguments: Arguments) -> int:
         if not arguments.json:
             title = f"{source.name}: {_counted(counts)}" + (f", {len(hidden)} ignored" if hidden else "")
             rows = [(f.severity, f.message, f.fixes[0].text if f.fixes else "") for f in shown]
-            show.table(("severity", "finding", "fix"), rows, title) if rows else print(title)
+            show.table(("severity", "finding", "fix"), rows, title) if rows else say(title)
     if arguments.json:
-        print(as_json(report))
+        say(as_json(report))
     return 1 if any(scan["error"] for scan in report) else 0
 
 

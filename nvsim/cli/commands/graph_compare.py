@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 
 
@@ -41,11 +42,11 @@ def run(arguments: Arguments) -> int:
     found = compare(a.graph, b.graph, arguments.tolerance)
     if arguments.json:
         rows = [asdict(d) for d in found.deviations]
-        print(as_json({**found.counts(), "matched": len(found.matched), "differences": rows}))
+        say(as_json({**found.counts(), "matched": len(found.matched), "differences": rows}))
     else:
         title = f"{len(found.matched)} viewpoints matched, {len(found.by_place)} of them by place"
         rows_of = [(d.kind, d.words) for d in found.deviations]
-        show.table(("what", "difference"), rows_of, title) if rows_of else print(f"{title}; no difference")
+        show.table(("what", "difference"), rows_of, title) if rows_of else say(f"{title}; no difference")
     if arguments.out is not None:
         from nvsim.cli.graph_source import is_project
         from nvsim.graph.foreign import ForeignFile

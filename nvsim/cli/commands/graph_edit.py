@@ -16,7 +16,9 @@ import tyro
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
+from nvsim.files.regular import whole
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ def run(arguments: Arguments) -> int:
 
     target = GraphTarget(arguments.graph, arguments.occupancy, arguments.heights)
     if arguments.edit == "list":
-        print("\n".join(usage(operation) for operation in OPERATIONS.values()))
+        say(*(usage(operation) for operation in OPERATIONS.values()))
         return 0
     operation = OPERATIONS.get(arguments.edit)
     if operation is None:
@@ -95,15 +97,15 @@ def report(
         where = None if written is None else str(written)
         kept = None if original is None else str(original)
         parts = len(components(after))
-        print(as_json({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
+        say(as_json({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
         return
-    print(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
+    say(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
     if written is not None:
-        print(f"Wrote {written}")
+        say(f"Wrote {written}")
         if original is not None:
-            print(f"The file as it was is {original}")
+            say(f"The file as it was is {original}")
         if sentence := islands(after):
-            print(sentence)
+            say(sentence)
 
 
 def _sentence(change: Difference) -> str:
@@ -151,7 +153,7 @@ def _given(words: tuple[str, ...]) -> dict[str, Any]:
         if not equals:
             raise InputError(f"{word!r} is no argument; write NAME=VALUE.")
         try:
-            found[name] = json.loads(text)
+            found[name] = json.loads(text, parse_int=whole)
         except ValueError:
             found[name] = text
     return found

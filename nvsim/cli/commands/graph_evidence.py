@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from nvsim.cli.arguments import Inline, Memory, ProjectArguments, memory_budget
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
 
@@ -65,5 +66,5 @@ def _measured(arguments: Arguments, project: Project, graph: NavGraph, listen: L
     words = f"{len(ids)} viewpoints measured, {len(found.proposed)} edges proposed, {len(found.doubted)} doubted"
     listen(Done(STAGE, words, {"proposed": list(found.proposed), "doubted": list(found.doubted)}))
     if not arguments.json:
-        print(as_json({"proposed": found.proposed, "doubted": found.doubted}))
+        say(as_json({"proposed": found.proposed, "doubted": found.doubted}))
     return with_new_viewpoints(graph, found)

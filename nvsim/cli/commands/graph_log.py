@@ -9,6 +9,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,13 @@ def run(arguments: Arguments) -> int:
             write_script(arguments.script, script(history))
     if arguments.json:
         rows = [{"text": s.text, "when": s.when, "edit": s.edit, "operation": s.operation} for s in steps]
-        print(as_json({"steps": rows, "index": index, "saved": clean}))
+        say(as_json({"steps": rows, "index": index, "saved": clean}))
         return 0
     for number, step in enumerate(steps):
         if step.changes or number == 0:
             when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(step.when))
             marks = " (saved)" if number == clean else ""
-            print(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
+            say(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
     if journal.notice:
-        print(journal.notice)
+        say(journal.notice)
     return 0

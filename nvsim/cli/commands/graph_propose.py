@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
@@ -71,13 +72,13 @@ def run(arguments: Arguments) -> int:
     if arguments.script is not None:
         write_script(arguments.script, _script(edges, places))
     if arguments.json:
-        print(as_json({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
+        say(as_json({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
     else:
         rows = [(*map(short, e.edge), f"{e.score:.2f}", e.words) for e in edges]
         at = [(f"{p.position[0]:.2f}, {p.position[1]:.2f}", f"{p.score:.2f}", p.words) for p in places]
         for thing, head, lines in (("edge", ("from", "to"), rows), ("viewpoint", ("place",), at)):
             title = f"{len(lines)} {thing}{'' if len(lines) == 1 else 's'} proposed"
-            show.table((*head, "score", "why"), lines, title) if lines else print(title)
+            show.table((*head, "score", "why"), lines, title) if lines else say(title)
     return 0
 
 

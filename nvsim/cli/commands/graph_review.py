@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ def run(arguments: Arguments) -> int:
     first = order[: max(0, arguments.count)]
     if arguments.json:
         rows = [{"edge": d.edge, "margin": None if math.isnan(d.margin) else d.margin, "why": d.why} for d in first]
-        print(as_json({"unreviewed": len(order), "edges": rows}))
+        say(as_json({"unreviewed": len(order), "edges": rows}))
         return 0
     rows_of = [(*map(short, d.edge), d.why) for d in first]
     show.table(("from", "to", "why"), rows_of, f"{len(order)} edges are not reviewed")

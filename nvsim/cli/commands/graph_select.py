@@ -13,6 +13,7 @@ from typing import Literal
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.occupancy.heights import Heights
 
 
@@ -42,8 +43,7 @@ def run(arguments: Arguments) -> int:
     viewpoints = [id for id in graph.viewpoints if id in chosen.viewpoints]
     edges = [key for key in graph.edges if key in chosen.edges]
     if arguments.json:
-        print(as_json({"viewpoints": viewpoints, "edges": edges}))
+        say(as_json({"viewpoints": viewpoints, "edges": edges}))
     else:
-        for line in (*viewpoints, *(f"{a} {b}" for a, b in edges)):
-            print(line)
+        say(*viewpoints, *(f"{a} {b}" for a, b in edges))
     return 0

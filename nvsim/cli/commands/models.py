@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -19,21 +20,21 @@ def run(arguments: Arguments) -> int:
 
     found = catalogue()
     if arguments.json:
-        print(as_json(found.as_dict()))
+        say(as_json(found.as_dict()))
         return 0
-    print(f"Models lie in {found.folder}")
+    say(f"Models lie in {found.folder}")
     for row in found.models:
-        print(f"\n{row.name}: {row.title}\n  gives {row.role}, improves {row.improves}")
+        say("", f"{row.name}: {row.title}", f"  gives {row.role}, improves {row.improves}")
         for line in (row.made_by and f"made by {row.made_by}", row.licence and f"licence: {row.licence}"):
             if line:
-                print(f"  {line}")
-        print(f"  {row.megabytes:,.0f} MB: {', '.join(row.files)}")
+                say(f"  {line}")
+        say(f"  {row.megabytes:,.0f} MB: {', '.join(row.files)}")
     for problem in found.problems:
-        print(f"\nwarning: {problem}")
+        say("", f"warning: {problem}")
     if found.lacking:
-        print("\nNot installed (fetch the files yourself, then `nvsim models add FILE…`):")
+        say("", "Not installed (fetch the files yourself, then `nvsim models add FILE…`):")
     for lack in found.lacking:
-        print(f"\n{lack.role}, which improves {lack.improves}:")
+        say("", f"{lack.role}, which improves {lack.improves}:")
         for known in lack.known:
-            print(f"  {', '.join(known.names)} ({known.form}; {known.licence})\n    {known.source}")
+            say(f"  {', '.join(known.names)} ({known.form}; {known.licence})", f"    {known.source}")
     return 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cli.arguments import Positional
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,6 @@ def run(arguments: Arguments) -> int:
 
     model = add(arguments.paths, arguments.name, arguments.form, arguments.replace)
     assert model.description is not None
-    print(f"{model.name} is installed in {model.folder}: {model.description.title}")
-    print(f"It gives {ROLE_WORDS[model.role]} and improves {IMPROVES[model.role]}.")
+    say(f"{model.name} is installed in {model.folder}: {model.description.title}")
+    say(f"It gives {ROLE_WORDS[model.role]} and improves {IMPROVES[model.role]}.")
     return 0

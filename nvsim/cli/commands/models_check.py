@@ -8,6 +8,7 @@ from typing import Any
 
 from nvsim.cli.arguments import Positional
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 
 
@@ -33,13 +34,13 @@ def run(arguments: Arguments) -> int:
         result = check(known[name])
         found[name] = asdict(result)
         if not arguments.json:
-            print(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms an image'}", flush=True)
+            say(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms an image'}")
     broken = [] if arguments.names else problems
     if arguments.json:
-        print(as_json({"models": found, "problems": broken}))
+        say(as_json({"models": found, "problems": broken}))
     else:
         for problem in broken:
-            print(f"warning: {problem}")
+            say(f"warning: {problem}")
         if not found and not broken:
-            print("No model is installed; `nvsim models` says which ones NVSim knows.")
+            say("No model is installed; `nvsim models` says which ones NVSim knows.")
     return 1 if broken or any(row["problem"] for row in found.values()) else 0

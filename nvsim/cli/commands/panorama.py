@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
@@ -71,7 +72,7 @@ def run(arguments: Arguments) -> int:
         height = arguments.size or 1024
         image = render_equirectangular(scene, position, 2 * height, height, channels, heading, arguments.backend)
     for path in write_panorama(arguments.out, image):
-        print(path)
+        say(path)
     return 0
 
 

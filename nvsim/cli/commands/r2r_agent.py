@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional
+from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
 from nvsim.r2r.agents.table import Name
@@ -75,7 +76,7 @@ def run(arguments: Arguments) -> int:
     else:
         walked = run_agent(agent_of(agent, benchmark.graphs, a.seed), benchmark.tasks, benchmark.folder)
     written = write_submission(a.out, walked)
-    print(as_json({"written": str(written), "trajectories": len(walked)}) if a.json else f"Wrote {written}")
+    say(as_json({"written": str(written), "trajectories": len(walked)}) if a.json else f"Wrote {written}")
     return 0
 
 

@@ -6,6 +6,8 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from nvsim.cli.terminal import say
+
 if TYPE_CHECKING:
     from nvsim.cli.commands.r2r_agent import Arguments
 
@@ -60,11 +62,11 @@ def run(a: Arguments, scans: Path, tasks: Path) -> int:
         "answers_used_again": budget.used_again,
     }
     if a.json:
-        print(as_json(figures))
+        say(as_json(figures))
     else:
         cost = "" if budget.money is None else f" for {budget.money:.4g}"
         spent = f"{budget.tokens_in:,} tokens in and {budget.tokens_out:,} out{cost}"
-        print(
+        say(
             f"{len(done)} episodes: {ends['stop']} stopped, {ends['steps']} ran out of steps, {ends['unanswered']} "
             f"ended without an answer; {spent}. Wrote {written}"
         )

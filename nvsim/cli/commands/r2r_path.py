@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
 
 
 @dataclass(frozen=True)
@@ -17,5 +18,5 @@ def run(arguments: Arguments) -> int:
     from nvsim.r2r.simulator.shim_path import shim_folder
 
     folder = str(shim_folder())
-    print(as_json({"path": folder}) if arguments.json else folder)
+    say(as_json({"path": folder}) if arguments.json else folder)
     return 0

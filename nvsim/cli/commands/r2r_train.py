@@ -9,6 +9,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Inline
 from nvsim.cli.console import listening
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 
@@ -43,5 +44,5 @@ def run(arguments: Arguments) -> int:
     with listening(a.json) as listen:
         train_agent(read_dataset(scans, a.tasks, a.features), a.model, a.learning, a.out, listen)
     if not a.json:
-        print(f"Wrote {a.out}")
+        say(f"Wrote {a.out}")
     return 0

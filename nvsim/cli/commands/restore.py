@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,6 +9,7 @@ from typing import Literal
 from nvsim.cli import show
 from nvsim.cli.arguments import Positional
 from nvsim.cli.session import working
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Done
 from nvsim.project.project import Project
@@ -48,9 +48,9 @@ def _list(arguments: Arguments) -> int:
     with Project.open(arguments.project) as project:
         kept = kept_results(project)
     if arguments.json:
-        print(json.dumps([asdict(k) for k in kept]))
+        say(show.as_json([asdict(k) for k in kept]))
     elif kept:
         show.table(["stage", "earlier result", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "kept")
     else:
-        print("There is no earlier result yet; a stage that runs again leaves one.")
+        say("There is no earlier result yet; a stage that runs again leaves one.")
     return 0

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
 from nvsim.cli.console import listening
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.project.work import lacks
 
@@ -76,7 +77,7 @@ def run(arguments: Arguments) -> int:
             film.release()
         listen(Done("video", f"{count} frames in {arguments.out}"))
     if not arguments.json:
-        print(arguments.out)
+        say(arguments.out)
     return 0
 
 

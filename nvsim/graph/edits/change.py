@@ -12,6 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
+from nvsim.files.regular import shown
 from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
@@ -271,15 +272,15 @@ def unique(names: Iterable[K]) -> tuple[K, ...]:
 def need_place(position: Iterable[float]) -> Place:
     """Three finite metres. Raises EditError."""
     values = tuple(position)
-    if len(values) != 3 or not all(isinstance(v, float | int) and math.isfinite(v) for v in values):
-        raise EditError(f"{values} is not a place.")
+    if len(values) != 3 or not all(isinstance(v, float | int) and _is_finite(v) for v in values):
+        raise EditError(f"{shown(values)} is not a place.")
     return float(values[0]), float(values[1]), float(values[2])
 
 
 def need_number(value: float, what: str, *, positive: bool = False) -> float:
     """A finite number. Raises EditError that begins with `what`."""
-    if not math.isfinite(value) or (positive and value <= 0):
-        raise EditError(f"{what} cannot be {value}.")
+    if not _is_finite(value) or (positive and value <= 0):
+        raise EditError(f"{what} cannot be {shown(value)}.")
     return float(value)
 
 
@@ -287,3 +288,10 @@ def _ends(evidence: Evidence) -> tuple[str, ...]:
     if evidence.joins and evidence.joins != evidence.viewpoint:
         return (evidence.viewpoint, evidence.joins)
     return (evidence.viewpoint,)
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number that no float can hold
+        return False

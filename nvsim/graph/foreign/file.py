@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, read_bytes, shown
+from nvsim.files.regular import is_regular, read_bytes, shown, whole
 from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans, scan_of
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
@@ -106,7 +106,9 @@ class ForeignFile:
         pose = None if entry is None else entry.text("pose")
         if not isinstance(pose, str):
             return None
-        return panorama(self.beside, id, np.array(json.loads(pose), float).reshape(4, 4)[:3, :3], width)
+        return panorama(
+            self.beside, id, np.array(json.loads(pose, parse_int=whole), float).reshape(4, 4)[:3, :3], width
+        )
 
     def context(
         self,

@@ -7,8 +7,6 @@ for its size.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +16,7 @@ import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.csv_text import csv_text
 from nvsim.graph.types import NavGraph
 
 _EVEN = 0.3  # the smaller half has at least this share
@@ -45,12 +44,10 @@ def split(graph: NavGraph, most: int) -> list[NavGraph]:
 def write_parts(path: Path, parts: Iterable[NavGraph]) -> None:
     """Writes a CSV with a row for each viewpoint: its part and its place in metres. Raises InputError when the disk
     refuses."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("scan", "viewpoint", "x", "y", "z"))
+    rows: list[tuple[str, ...]] = [("scan", "viewpoint", "x", "y", "z")]
     for part in parts:
-        writer.writerows((part.scan, v.id, *(f"{value:.3f}" for value in v.position)) for v in part.viewpoints.values())
-    atomic.write_text(path, text.getvalue())
+        rows += ((part.scan, v.id, *(f"{value:.3f}" for value in v.position)) for v in part.viewpoints.values())
+    atomic.write_text(path, csv_text(rows))
 
 
 def _pieces(graph: NavGraph, most: int) -> list[list[str]]:

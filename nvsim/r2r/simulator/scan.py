@@ -7,7 +7,6 @@ same.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_json, shown
+from nvsim.files.regular import is_number, read_json, shown
 from nvsim.r2r.simulator.errors import InvalidValue
 
 CANONICAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -146,6 +145,6 @@ def _numbers(values: Any, count: int, where: str) -> NDArray[np.float64]:
         found = f"{len(values)} values" if isinstance(values, list) else shown(values)
         raise InvalidValue(f"{where} has {found} and must be a list of {count}; export the scan again.")
     for value in values:
-        if not isinstance(value, bool | int | float) or not math.isfinite(value):
+        if not isinstance(value, bool) and not is_number(value):
             raise InvalidValue(f"{where} holds {shown(value)}, which is no finite number; export the scan again.")
     return np.array(values, np.float64)

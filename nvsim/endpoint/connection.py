@@ -1,0 +1,124 @@
+"""HTTP requests to an endpoint, with one deadline for the whole answer and a limit on its bytes.
+
+A server can send without end, unpack some megabytes to gigabytes, or send one byte a second, so that no single read
+ever times out. The requests run in an event loop of their own: cancelling a task ends it wherever it waits, in the
+name lookup, the TLS handshake, the headers or the body.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.files.regular import shown
+
+LARGEST = 16 << 20
+"""Bytes of an answer, sent and unpacked; a million tokens take about 6 MB."""
+_PACKED = ("gzip", "x-gzip", "deflate")
+
+
+class NoReply(Exception):
+    """No answer came; the message says why."""
+
+
+class TooLarge(Exception):
+    """The answer is larger than LARGEST."""
+
+
+@dataclass(frozen=True)
+class Reply:
+    """status: of HTTP; headers: names in lower case; content: the body, unpacked."""
+
+    status: int
+    headers: Mapping[str, str]
+    content: bytes
+
+
+class Connection:
+    """Sends requests to one endpoint; several threads may. Redirects are not followed. Proxies are those of the
+    environment. Raises InputError if the package `httpx2` is not installed."""
+
+    def __init__(self, key: str, seconds: float) -> None:
+        """key: sent as a bearer token, "" for none; seconds: the deadline of each request."""
+        self._http, self._seconds = _package(), seconds
+        headers = {"Content-Type": "application/json", "Accept-Encoding": "gzip, deflate"}
+        if key:
+            headers["Authorization"] = f"Bearer {key}"
+        # The deadline below covers everything, so the client has no time limits of its own.
+        self._client = self._http.AsyncClient(headers=headers, timeout=None, follow_redirects=False)
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="endpoint", daemon=True)
+        self._thread.start()
+
+    def post(self, url: str, content: bytes) -> Reply:
+        """The answer to a POST request. Raises NoReply if the connection fails or the deadline passes; TooLarge;
+        InputError for an address that HTTP cannot use."""
+        task = asyncio.run_coroutine_threadsafe(self._post(url, content), self._loop)
+        try:
+            return task.result()
+        except BaseException:
+            task.cancel()  # a stopped command waits no longer
+            raise
+
+    async def _post(self, url: str, content: bytes) -> Reply:
+        try:
+            async with (
+                asyncio.timeout(self._seconds),
+                self._client.stream("POST", url, content=content) as response,
+            ):
+                body = await _body(response)
+                return Reply(response.status_code, {k.lower(): v for k, v in response.headers.items()}, body)
+        except TimeoutError as error:
+            raise NoReply(f"no complete answer within {self._seconds:g} seconds") from error
+        except self._http.HTTPError as error:
+            raise NoReply(f"the connection failed: {shown(error) or type(error).__name__}") from error
+        except (self._http.InvalidURL, UnicodeError) as error:
+            raise InputError(
+                f"{url} is not an address that can be reached ({shown(error)}); check --endpoint."
+            ) from error
+
+    def close(self) -> None:
+        """Closes open connections and ends the event loop."""
+        asyncio.run_coroutine_threadsafe(self._client.aclose(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+
+async def _body(response: Any) -> bytes:
+    """The body of a streamed response, unpacked. Raises NoReply, TooLarge."""
+    coding = response.headers.get("content-encoding", "identity").strip().lower()
+    if coding not in ("", "identity", *_PACKED):
+        raise NoReply(f"the answer is packed as {shown(coding)}, which was not asked for")
+    unpack = zlib.decompressobj(wbits=47) if coding in _PACKED else None  # 47: a header of gzip or of zlib
+    sent, found = 0, bytearray()
+    async for part in response.aiter_raw():
+        sent += len(part)
+        if unpack is not None:
+            try:
+                part = unpack.decompress(part, LARGEST + 1 - len(found))
+            except zlib.error as error:
+                if coding != "deflate" or found or sent > len(part):
+                    raise NoReply(f"the answer is damaged: {shown(error)}") from error
+                unpack = zlib.decompressobj(wbits=-15)  # some servers send deflate without a header
+                part = unpack.decompress(part, LARGEST + 1)
+        found += part
+        if max(sent, len(found)) > LARGEST:
+            raise TooLarge
+    return bytes(found)
+
+
+def _package() -> Any:
+    try:
+        import httpx2
+    except ImportError as error:
+        raise InputError(
+            "NVSim needs the package httpx2 to send questions to an endpoint; install it with the extra: "
+            "pip install 'nvsim[endpoint]'."
+        ) from error
+    return httpx2
