@@ -23,7 +23,8 @@ LOST_FRAME = "the frame cannot be used, and a wrong one would spoil its submap"
 @dataclass(frozen=True, eq=False)
 class RawFrame:
     """One image as listed. `camera_to_world` (4, 4) float64 in the source's world with OpenCV axes, None where the
-    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame."""
+    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame;
+    `axes` names the camera axes of the file's poses, "opencv" or "opengl"."""
 
     name: str
     image_path: Path
@@ -32,6 +33,7 @@ class RawFrame:
     where: str
     sensor: str = "camera"
     timestamp: float = 0.0
+    axes: str = "opencv"
 
 
 @dataclass(frozen=True, eq=False)
