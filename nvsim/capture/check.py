@@ -64,9 +64,9 @@ def check(
 ) -> Report:
     """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
     errors first; every image is decoded, and looked for in the folder `images` where it does not lie where the capture
-    says. `axes` is the convention of the poses. An `alignment` that was found already spares a capture without a cloud to be
-    aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with one
-    error."""
+    says. `axes` is the convention of the poses. An `alignment` that was found already spares a capture without a cloud
+    to be aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with
+    one error."""
     findings = Findings()
     path = Path(path)
     try:

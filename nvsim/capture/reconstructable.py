@@ -54,7 +54,9 @@ def check_enough_frames(capture: Capture, findings: Findings) -> None:
         findings.warning(message, place, "models show only what these frames show")
     else:
         findings.error(
-            message, place, f"so few give no depth; at least {FEWEST} that overlap are needed, or a scan of the building"
+            message,
+            place,
+            f"so few give no depth; at least {FEWEST} that overlap are needed, or a scan of the building",
         )
 
 

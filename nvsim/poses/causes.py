@@ -82,7 +82,11 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
         yield words, "", _inverted(_rotated(_inverted(poses), change))
     turn, place = poses[:, :3, :3], poses[:, :3, 3]
     mixed = "their positions and rotations are of opposite directions (camera to world and world to camera)"
-    for moved in (np.swapaxes(turn, 1, 2) @ -place[..., None], turn @ -place[..., None], turn @ -(place * (1, -1, -1))[..., None]):
+    for moved in (
+        np.swapaxes(turn, 1, 2) @ -place[..., None],
+        turn @ -place[..., None],
+        turn @ -(place * (1, -1, -1))[..., None],
+    ):
         yield mixed, "", _placed(poses, moved[..., 0])
     for axis, name in enumerate("xyz"):
         yield f"their positions are mirrored along {name}", "", _placed(poses, place * (1 - 2 * (np.arange(3) == axis)))
@@ -91,7 +95,8 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
         yield "the y and z axes of their positions are exchanged", "", _placed(poses, swapped)
     for angle, turned in ((180, [[-1, 0], [0, -1]]), (90, [[0, -1], [1, 0]]), (270, [[0, 1], [-1, 0]])):
         yield f"the images are turned by {angle} degrees", "", _viewed(poses, np.array(turned, np.float64))
-    yield "the images or the world are mirrored (left-handed)", "", _viewed(poses, np.diag([-1.0, 1.0]))
+    for mirror in (np.diag([-1.0, 1.0]), np.diag([1.0, -1.0])):
+        yield "the images or the world are mirrored (left-handed)", "", _viewed(poses, mirror)
 
 
 def _words(axes: Axes, own: str) -> str:
@@ -116,9 +121,9 @@ def _orders(poses: Float, names: Sequence[str], order: Sequence[int]) -> Iterato
         yield words, "", _assigned(missing, np.array(by_text), poses[by_number])
     for shift in range(1, min(_SHIFTS, len(order) - 1) + 1):
         plural = "s" if shift > 1 else ""
-        words = f"they are {shift} frame{plural} %s: there is a time offset between poses and images"
-        yield words % "late", "", _assigned(missing, index[:-shift], poses[index[shift:]])
-        yield words % "early", "", _assigned(missing, index[shift:], poses[index[:-shift]])
+        words = f"there is a time offset: the pose of each image is listed {shift} frame{plural} %s"
+        yield words % "later", "", _assigned(missing, index[:-shift], poses[index[shift:]])
+        yield words % "earlier", "", _assigned(missing, index[shift:], poses[index[:-shift]])
 
 
 def _assigned(poses: Float, rows: NDArray[np.int64], values: Float) -> Float:
@@ -190,9 +195,6 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
     def cost(change: _Change) -> float:
         return float(np.mean(np.log1p(left(change))))
 
-    before = left(_Change())
-    if np.median(before) < 1.0:
-        return None
     factors = np.exp(np.linspace(-1, 1, 27))
     start = min(factors, key=lambda f: cost(_Change((f, f))))
 
@@ -229,7 +231,11 @@ def _lens_words(lens: Lens, change: _Change) -> str:
     (fx, fy), (cx, cy) = lens.focal, lens.principal_point
     (gx, gy), (dx, dy) = fitting.focal, fitting.principal_point
     if change.distortion != 1:
-        parts.append("the distortion has the wrong sign" if change.distortion < 0 else "the images are undistorted already, but the lens has distortion")
+        parts.append(
+            "the distortion has the wrong sign"
+            if change.distortion < 0
+            else "the images are undistorted already, but the lens has distortion"
+        )
     elif abs(gx / fy - 1) + abs(gy / fx - 1) < 1e-6 and abs(fx / fy - 1) > _NOTICEABLE:
         parts.append(f"the focal lengths of x and y are exchanged: {gx:.4g} and {gy:.4g} fit")
     elif abs(np.log(gx / fx)) > _NOTICEABLE or abs(np.log(gy / fy)) > _NOTICEABLE:

@@ -20,7 +20,7 @@ from nvsim.poses.refinement import is_good, miss
 _PAIRS, _FRAMES = 8, 5  # pairs of images, and frames in them, below which nothing is said
 _AGREE = 0.6  # share of the pairs that agree with usable poses,
 _NONE = 0.35  # and of those that agree by chance with poses that fit no image
-_WELL = 1.0  # pixels: poses and lenses that miss by less are not examined further
+_WELL = 0.5  # pixels: poses and lenses that miss by less are not examined further
 _WRONG = 2 * AGREES  # pixels of a pair that a frame with a wrong image or pose misses by
 _MOST_WRONG = 0.25  # share of the frames that may be named
 _STILL = 1.0  # pixels that the images of a camera that only turns miss by

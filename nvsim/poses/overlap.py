@@ -23,10 +23,11 @@ from nvsim.poses.features import NOTHING, Features, alike, find_features
 
 SIDE = 640  # pixels of the longest side of the images that are matched
 _FEATURES = 500  # of an image
-_ALL = 72  # frames: a capture of so many is not sampled
-_RUNS, _OFFSETS = 18, (0, 1, 3, 9)  # of a sampled capture: runs of frames, and frames of each run
-_GAPS = (1, 2, 4, 8)  # in file order, between frames that are matched if all frames are used
-_PAIRS = 200  # at most, for each way of choosing pairs
+_ALL = 56  # frames: a capture of so many is not sampled
+_RUNS, _OFFSETS = 14, (0, 1, 3, 9)  # of a sampled capture: runs of frames, and frames of each run
+_GAPS, _WIDE_GAPS = (1, 2), (4, 8)  # in file order, between frames that are matched if all frames are used,
+_WIDE = 56  # and at most so many pairs with wide gaps
+_PAIRS = 150  # at most, of those chosen without regard to file order
 _FEW_PAIRS = 12  # with fewer matched pairs, other pairs are tried
 _OFF = 1.5  # pixels from an epipolar line, of images of SIDE
 _MATCHES, _SHARE = 24, 0.5  # that one motion of the camera must explain: their number, and their share of all
@@ -81,8 +82,8 @@ class _Search:
         if count <= _ALL:
             odd: list[int] = []
             near = [(i, i + gap) for i in range(count) for gap in _GAPS if i + gap < count]
-            near = near if len(near) <= _PAIRS else [near[k] for k in spread(len(near), _PAIRS)]
-            near += [(i, i + gap) for i in range(count) for gap in (1, 2) if i + gap < count]
+            wide = [(i, i + gap) for i in range(count) for gap in _WIDE_GAPS if i + gap < count]
+            near += [wide[k] for k in spread(len(wide), _WIDE)]
         else:
             odd = self._unlike_neighbors()
             starts = spread(count - _OFFSETS[-1], _RUNS)
@@ -99,7 +100,9 @@ class _Search:
             self._match(everything[k] for k in spread(len(everything), _PAIRS))
         strangers = self._strangers(odd if odd else range(1, count - 1) if count <= _ALL else ())
         self._match((s, other) for s in strangers[:_ODD] for other in sampled)
-        return Overlaps(tuple(found for found in self._tried.values() if found is not None), strangers, tuple(self._order))
+        return Overlaps(
+            tuple(found for found in self._tried.values() if found is not None), strangers, tuple(self._order)
+        )
 
     def _found(self) -> int:
         return sum(found is not None for found in self._tried.values())

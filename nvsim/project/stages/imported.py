@@ -69,7 +69,7 @@ def run(
         first = next(f for f in report.findings if f.severity == "error")
         raise InputError(
             f"{source} cannot be used: {first.message} ({shown(first.where)}); "
-            f"`nvsim check {source}` lists every finding."
+            f"{f'{first.fix} mends it; ' if first.fix else ''}`nvsim check {source}` lists every finding."
         )
     if not capture.alignment.scale_known:
         raise InputError(
