@@ -10,6 +10,7 @@ from typing import Any
 from PySide6.QtCore import QObject
 
 from app.jobs.question import Question
+from nvsim.capture.axes import CHOICES
 from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, SCALE_UNKNOWN, SEVERITIES, Finding, Kind, grouped
 from nvsim.capture.summary import Summary
 
@@ -39,10 +40,17 @@ class CheckResult:
         return tuple(dict.fromkeys(name for k in self.kinds if k.severity == "error" for name in k.frames))
 
     @property
+    def axes(self) -> str:
+        """The convention of the camera axes that the images agree with, "" if none was found."""
+        fixes = [k.fix.split() for k in self.kinds if k.fix.startswith("--axes ")]
+        return next((words[1] for words in fixes if len(words) == 2 and words[1] in CHOICES), "")
+
+    @property
     def mendable(self) -> bool:
-        """Whether errors are gone once frames are left out or the folder of the images is named."""
+        """Whether errors are gone once frames are left out, the folder of the images is named, or poses are read by
+        another convention."""
         left = self.summary is not None and len(self.bad_frames) < self.summary.images
-        return self.wants_images or (left and bool(self.bad_frames))
+        return self.wants_images or bool(self.axes) or (left and bool(self.bad_frames))
 
     @property
     def sentence(self) -> str:
@@ -73,7 +81,8 @@ def _finding(tree: Any) -> Finding:
     if tree["severity"] not in SEVERITIES:
         raise ValueError(f"not a finding of a data check: {str(tree)[:80]}")
     frames = tuple(str(name) for name in tree.get("frames", ()))
-    return Finding(tree["severity"], str(tree["message"]), str(tree["where"]), str(tree["consequence"]), frames)
+    words = (str(tree[key]) for key in ("message", "where", "consequence"))
+    return Finding(tree["severity"], *words, frames, str(tree.get("fix", "")))
 
 
 def _summary(tree: Any) -> Summary:
@@ -105,10 +114,12 @@ class CaptureCheck(Question):
         camera_height: float | None = None,
         leave_out: str = "",
         images: str = "",
+        axes: str = "",
     ) -> None:
         """Checks in the background, in place of what is being checked. The options are those of `nvsim check`."""
         words = ["check", str(capture), "--json"]
         options = {"scale": scale, "camera-height": camera_height, "leave-out": leave_out, "images": images}
+        options["axes"] = axes
         for name, value in options.items():
             words += [f"--{name}", str(value)] if value not in (None, "") else []
         self.ask(words)

@@ -1,5 +1,5 @@
 """What mends a capture, beside what is wrong with it: frames are left out, the folder of the images is named, the scale
-is given."""
+is given, poses are read by another convention."""
 
 from __future__ import annotations
 
@@ -13,16 +13,21 @@ from nvsim.capture.findings import Kind
 
 
 class CaptureMending(QWidget):
-    """leaveOutWanted(tuple of names), takeBackWanted(), folderWanted(), scaleWanted()."""
+    """leaveOutWanted(tuple of names), takeBackWanted(), folderWanted(), scaleWanted(), axesWanted(name)."""
 
     leaveOutWanted = Signal(object)
     takeBackWanted = Signal()
     folderWanted = Signal()
     scaleWanted = Signal()
+    axesWanted = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._frames: tuple[str, ...] = ()
+        self._axes = ""
+        self.axes = QPushButton(self)
+        self.axes.setToolTip("Read the poses by the convention that the images agree with")
+        self.axes.clicked.connect(lambda: self.axesWanted.emit(self._axes))
         self.leave_out, self.take_back = QPushButton(self), QPushButton(self)
         self.folder = QPushButton("Folder of the images…", self)
         self.scale = QPushButton("Give the camera height", self)
@@ -34,13 +39,14 @@ class CaptureMending(QWidget):
         self.scale.clicked.connect(self.scaleWanted)
         row = WrappingRow(self)
         row.setContentsMargins(0, 0, 0, 0)
-        for button in (self.folder, self.leave_out, self.scale, self.take_back):
+        for button in (self.axes, self.folder, self.leave_out, self.scale, self.take_back):
             row.addWidget(button)
         self.offer(None, None, 0, True)
 
     def offer(self, result: CheckResult | None, chosen: Kind | None, left_out: int, own_images: bool) -> None:
         """What mends `result`, None while nothing is known. Frames are those of the `chosen` finding where it has any,
-        else all in which errors lie; `left_out` are left out already. `own_images`: their folder may be named."""
+        else all in which errors lie; `left_out` are left out already. `own_images`: their folder and
+        the convention of the poses may be named."""
         frames = () if result is None else result.bad_frames
         if result is not None and chosen is not None and chosen.frames:
             frames = chosen.frames
@@ -56,3 +62,6 @@ class CaptureMending(QWidget):
         self.take_back.setVisible(left_out > 0 and result is not None)
         self.folder.setVisible(result is not None and result.wants_images and own_images)
         self.scale.setVisible(result is not None and result.wants_scale)
+        self._axes = "" if result is None else result.axes
+        self.axes.setText(f"Read poses as {self._axes}")
+        self.axes.setVisible(bool(self._axes) and own_images)

@@ -115,6 +115,7 @@ class NewProjectDialog(QDialog):
         self.scale = self._line("scale")
         self.hold_out = self._line("hold_out")
         self.poses = self._editor("poses")
+        self.axes = self._editor("axes")
         grid = QGridLayout()
         grid.addWidget(Label("Capture", self), 0, 0)
         grid.addWidget(self.capture, 0, 1)
@@ -124,8 +125,10 @@ class NewProjectDialog(QDialog):
         grid.addWidget(Label("Project", self), 1, 0)
         grid.addWidget(self.project, 1, 1)
         grid.addWidget(place, 1, 2, 1, 3)
+        asked: tuple[tuple[str, Editor], ...]
         asked = ("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)
-        for row, (words, editor) in enumerate((*asked, ("Poses", self.poses)), start=2):
+        asked += ("Axes", self.axes), ("Poses", self.poses)
+        for row, (words, editor) in enumerate(asked, start=2):
             name = Label(words, self)
             name.setToolTip(tip(editor.field.flag))
             help = Label(editor.field.help, self)
@@ -160,6 +163,7 @@ class NewProjectDialog(QDialog):
         self.mending.takeBackWanted.connect(lambda: self._take(()))
         self.mending.folderWanted.connect(self._browse_images)
         self.mending.scaleWanted.connect(self._ask_height)
+        self.mending.axesWanted.connect(self._read_as)
         self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
         buttons = QDialogButtonBox(self)
@@ -233,7 +237,7 @@ class NewProjectDialog(QDialog):
 
     def _editors(self) -> dict[str, Editor]:
         lines = {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
-        return {**lines, "poses": self.poses}
+        return {**lines, "axes": self.axes, "poses": self.poses}
 
     def _start_check(self) -> None:
         captures = self.captures()
@@ -259,7 +263,8 @@ class NewProjectDialog(QDialog):
             self._on_failed(str(error))
             return
         listed = f"{FROM_FILE}{leave_out}" if self.left_out else ""
-        self.check.start(source, values["scale"], values["camera_height"], listed, self._images)
+        axes = str(values["axes"])
+        self.check.start(source, values["scale"], values["camera_height"], listed, self._images, axes)
         self._show_state()
 
     # What the check says ----------------------------------------------------------------------------------------
@@ -296,6 +301,11 @@ class NewProjectDialog(QDialog):
         """Checks again with the images of that folder."""
         self._images = folder
         self._start_check()
+
+    def _read_as(self, axes: str) -> None:
+        """Reads the poses by that convention, and checks again."""
+        self.axes.show_value(axes)
+        self._on_option()
 
     def _ask_height(self) -> None:
         self.camera_height.line.setFocus()

@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
+from nvsim.capture.axes import Axes, with_axes
 from nvsim.capture.far_frames import check_far_frames
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
 from nvsim.capture.images import decode
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import read_usable, report_absent_image
+from nvsim.capture.reconstructable import check_blank, check_enough_frames, check_several_places, is_blank
 from nvsim.capture.summary import Summary, summary_of
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
@@ -26,13 +28,16 @@ _ORDER = {"error": 0, "warning": 1, "note": 2}
 @dataclass(frozen=True)
 class Report:
     """Everything found in one capture, errors first. `format` is "" where none was recognised, `summary` None where
-    nothing could be read, and `capture` where it cannot be brought into the aligned frame."""
+    nothing could be read, and `capture` where it cannot be brought into the aligned frame. `raw` is the capture as its
+    files say it, before its poses are read by the convention `axes`."""
 
     source: Path
     format: str
     findings: tuple[Finding, ...]
     summary: Summary | None = None
     capture: Capture | None = None
+    raw: RawCapture | None = None
+    axes: Axes = "auto"
 
     @property
     def refused(self) -> bool:
@@ -52,12 +57,13 @@ def check(
     leave_out: str = "",
     alignment: Alignment | None = None,
     images: str = "",
+    axes: Axes = "auto",
 ) -> Report:
     """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
     errors first; every image is decoded, and looked for in the folder `images` where it does not lie where the capture
-    says. An `alignment` that was found already spares a capture without a cloud to be
-    aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with one
-    error."""
+    says. `axes` is the convention of the poses. An `alignment` that was found already spares a capture without a cloud
+    to be aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with
+    one error."""
     findings = Findings()
     path = Path(path)
     try:
@@ -66,12 +72,13 @@ def check(
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return Report(path, "", _sorted(findings))
     _check_images(raw, findings)
-    capture = None
+    capture, written = None, raw
+    raw = with_axes(raw, axes)
     if any(f.camera_to_world is not None for f in raw.frames):
         capture = _check_geometry(raw, scale, camera_height, alignment, findings)
     names = {frame.where: (frame.name,) for frame in raw.frames}
     found = _sorted(replace(f, frames=f.frames or names.get(f.where, ())) for f in findings)
-    report = Report(raw.source, raw.format, found, capture=capture)
+    report = Report(raw.source, raw.format, found, capture=capture, raw=written, axes=axes)
     return replace(report, summary=summary_of(raw, capture, frozenset(report.bad_frames)))
 
 
@@ -82,18 +89,23 @@ def _sorted(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 def _check_images(raw: RawCapture, findings: Findings) -> None:
     """Decodes all images, in threads because the decoder works outside the interpreter's lock."""
     present = [f for f in raw.frames if not report_absent_image(f, findings)]
+    blank = []
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        for frame, fault in zip(present, pool.map(_image_fault, present)):
+        for frame, (fault, shows_nothing) in zip(present, pool.map(_image_fault, present)):
             if fault is not None:
                 findings.error(fault, frame.where, LOST_FRAME)
+            elif shows_nothing:
+                blank.append(frame)
+    check_blank(present, blank, findings)
 
 
-def _image_fault(frame: RawFrame) -> str | None:
+def _image_fault(frame: RawFrame) -> tuple[str | None, bool]:
+    """What is wrong with an image, None if it can be decoded, and whether it is blank."""
     try:
-        decode(frame.image_path, None if frame.lens is None else (frame.lens.width, frame.lens.height))
+        size = None if frame.lens is None else (frame.lens.width, frame.lens.height)
+        return None, is_blank(decode(frame.image_path, size))
     except InputError as error:
-        return str(error).replace(str(frame.image_path), "the image").rstrip(".")
-    return None
+        return str(error).replace(str(frame.image_path), "the image").rstrip("."), False
 
 
 def _check_geometry(
@@ -120,6 +132,8 @@ def _check_geometry(
     capture = apply(raw, alignment)
     if not capture.frames:
         return capture
+    check_enough_frames(capture, findings)
+    check_several_places(capture, findings)
     where = {f.name: f.where for f in raw.frames}
     if not check_far_frames(capture, where, findings):
         return capture  # what else is out of the ordinary follows from that

@@ -37,6 +37,7 @@ class Finding:
     where        file and line, or frame, or element
     consequence  what it would cause
     frames       names of the frames that it is about; without them it would not be so
+    fix          the option, with its value, with which it would not be so: "--axes opencv"
     """
 
     severity: Severity
@@ -44,6 +45,7 @@ class Finding:
     where: str
     consequence: str
     frames: tuple[str, ...] = ()
+    fix: str = ""
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.message} ({self.where}): {self.consequence}"
@@ -75,8 +77,8 @@ class Findings:
     def error(self, message: str, where: str, consequence: str, frames: tuple[str, ...] = ()) -> None:
         self.add(Finding("error", message, where, consequence, frames))
 
-    def warning(self, message: str, where: str, consequence: str) -> None:
-        self.add(Finding("warning", message, where, consequence))
+    def warning(self, message: str, where: str, consequence: str, frames: tuple[str, ...] = ()) -> None:
+        self.add(Finding("warning", message, where, consequence, frames))
 
     def note(self, message: str, where: str, consequence: str) -> None:
         self.add(Finding("note", message, where, consequence))
@@ -111,13 +113,14 @@ class Findings:
 @dataclass(frozen=True)
 class Kind:
     """The same finding at several places: what is the matter, what it would cause at the first of them, every place,
-    and the names of all frames that it is about."""
+    the names of all frames that it is about, and the option that mends the first."""
 
     severity: Severity
     message: str
     consequence: str
     places: tuple[str, ...]
     frames: tuple[str, ...]
+    fix: str = ""
 
     @property
     def count(self) -> str:
@@ -145,6 +148,7 @@ def grouped(findings: Iterable[Finding]) -> tuple[Kind, ...]:
             found[0].consequence,
             tuple(f.where for f in found),
             tuple(dict.fromkeys(name for f in found for name in f.frames)),
+            found[0].fix,
         )
         for (severity, message), found in kinds.items()
     )

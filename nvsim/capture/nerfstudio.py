@@ -223,7 +223,8 @@ def _frame(
         return None
     if pose is not None:
         pose = pose @ _OPENGL_TO_OPENCV
-    return RawFrame(name, image, lens, pose, where, "camera", float(index) if timestamp is None else timestamp)
+    at = float(index) if timestamp is None else timestamp
+    return RawFrame(name, image, lens, pose, where, "camera", at, "opengl")
 
 
 def _depth(path: Path, entry: Tree, frame: RawFrame, where: str, findings: Findings) -> list[DepthFile]:

@@ -26,7 +26,7 @@ class RawFrame:
     """One image as listed. `camera_to_world` (4, 4) float64 in the source's world with OpenCV axes, None where the
     source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame.
     `root` is the folder below which a moved image is looked for by name; `choices` are the folders that fit equally
-    well, so that none was taken."""
+    well, so that none was taken. `axes` names the camera axes of the file's poses, "opencv" or "opengl"."""
 
     name: str
     image_path: Path
@@ -37,6 +37,7 @@ class RawFrame:
     timestamp: float = 0.0
     root: Path | None = None
     choices: tuple[Path, ...] = ()
+    axes: str = "opencv"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
+from nvsim.capture.axes import Axes, with_axes
 from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings, shown
 from nvsim.capture.formats import read_raw
 from nvsim.capture.image_folder import find_moved_images, looked_for_in
@@ -24,6 +25,7 @@ def read(
     alignment: Alignment | None = None,
     leave_out: str = "",
     images: str = "",
+    axes: Axes = "auto",
 ) -> Capture:
     """The capture at `path`, a folder or a file of it, in the aligned frame.
 
@@ -32,12 +34,13 @@ def read(
     alignment      known already, so that nothing is estimated
     leave_out      names of frames that are left out, with commas between them
     images         the folder in which images are looked for that do not lie where the capture says, "" for none
+    axes           the convention of the poses in the files
 
     A capture of unknown scale still loads, with `alignment.scale_known` False. Raises InputError that names every
     error found, missing and empty images among them; images are not decoded (`check` does that).
     """
     findings = Findings()
-    raw = read_usable(path, leave_out, images, findings)
+    raw = with_axes(read_usable(path, leave_out, images, findings), axes)
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)

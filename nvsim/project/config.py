@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Literal
 
+from nvsim.capture.axes import Axes
 from nvsim.depth.config import DepthConfig
 from nvsim.mapping.config import MappingConfig
 from nvsim.submaps.split import SubmapConfig
@@ -47,6 +48,9 @@ class CaptureConfig:
     wrong pose, say."""
     images: str = ""
     """The folder that holds the images, where they do not lie where the capture says."""
+    axes: Axes = "auto"
+    """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
+    opposite direction of what the format says."""
     poses: PoseUse = "auto"
     """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
     Auto: refined where no scan or depth comes with the images and they contradict the given poses."""
@@ -59,8 +63,9 @@ class CaptureConfig:
         for later in ("leave_out", "images"):
             if not values[later]:
                 del values[later]
-        if values["poses"] == "auto":
-            del values["poses"]
+        for later in ("axes", "poses"):
+            if values[later] == "auto":
+                del values[later]
         return {type(self).__name__: values}
 
 

@@ -61,7 +61,13 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
     stored = project.need_capture()
     try:
         config = capture_config(project)
-        found = read(stored.source, alignment=stored.alignment, leave_out=config.leave_out, images=config.images)
+        found = read(
+            stored.source,
+            alignment=stored.alignment,
+            leave_out=config.leave_out,
+            images=config.images,
+            axes=config.axes,
+        )
     except InputError as error:
         listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", STAGE))
         return stored

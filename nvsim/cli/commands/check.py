@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from nvsim.capture.axes import Axes
 from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.show import as_json
 from nvsim.cli.terminal import say
@@ -30,6 +31,9 @@ class Arguments:
     """Names of frames that are not looked at, with commas between them, or @FILE with a name on each line."""
     images: str = ""
     """The folder that holds the images, where they do not lie where the capture says."""
+    axes: Axes = "auto"
+    """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
+    opposite direction of what the format says."""
     bad_frames: Path | None = None
     """Write the names of the frames that cannot be used into this file, for --leave-out @FILE."""
     places: bool = False
@@ -42,10 +46,11 @@ def run(arguments: Arguments) -> int:
     from nvsim.capture.check import check
     from nvsim.capture.findings import grouped
     from nvsim.capture.left_out import write_names, written_out
-    from nvsim.poses.finding import of_poses
+    from nvsim.poses.finding import of_poses, with_poses
 
     leave_out = written_out(arguments.leave_out)
-    report = check(arguments.capture, arguments.scale, arguments.camera_height, leave_out, images=arguments.images)
+    height, images, axes = arguments.camera_height, arguments.images, arguments.axes
+    report = with_poses(check(arguments.capture, arguments.scale, height, leave_out, images=images, axes=axes))
     if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))
     if arguments.bad_frames is not None:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import get_args
 
+from nvsim.capture.axes import CHOICES
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
@@ -33,6 +34,7 @@ def run(
     from nvsim.capture.left_out import written_out
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
+    from nvsim.poses.finding import contradictions, with_poses
 
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1, str(source)))
@@ -45,6 +47,7 @@ def run(
         alignment=alignment,
         leave_out=config.leave_out,
         images=config.images,
+        axes=config.axes,
     )
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
@@ -53,15 +56,20 @@ def run(
             if stored is not None:
                 listen(Log("The capture is unchanged.", STAGE))
                 return stored
-    report = check(source, config.scale, config.camera_height, config.leave_out, capture.alignment, config.images)
-    for finding in report.findings:
-        if finding.severity == "warning":
+    how = config.scale, config.camera_height, config.leave_out, capture.alignment, config.images, config.axes
+    report, contradicted = check(source, *how), ()
+    if config.poses == "given":  # the user vouches for them
+        contradicted = contradictions(report)
+    else:
+        report = with_poses(report)
+    for finding in (*report.findings, *contradicted):
+        if finding.severity == "warning" or finding in contradicted:
             listen(Warning(f"{finding.message} ({finding.where}): {finding.consequence}", STAGE))
     if report.refused:
         first = next(f for f in report.findings if f.severity == "error")
         raise InputError(
             f"{source} cannot be used: {first.message} ({shown(first.where)}); "
-            f"`nvsim check {source}` lists every finding."
+            f"{f'{first.fix} mends it; ' if first.fix else ''}`nvsim check {source}` lists every finding."
         )
     if not capture.alignment.scale_known:
         raise InputError(
@@ -119,6 +127,8 @@ def capture_config(project: Project) -> CaptureConfig:
                 raise ValueError(f"{length!r} metres")
         if config.poses not in get_args(PoseUse):
             raise ValueError(f"poses {config.poses!r}")
+        if config.axes not in CHOICES:
+            raise ValueError(f"axes {config.axes!r}")
         if type(config.hold_out) is not int or not 0 <= config.hold_out < 1 << 31:
             raise ValueError(f"every {config.hold_out!r}th frame is held out")
     return config

@@ -1,0 +1,252 @@
+"""Mistakes in poses and lenses that are made often, each undone and tested against the images.
+
+A cause is a function that undoes a mistake. If the images agree with its result and contradict the given poses, it is
+the explanation.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.axes import CHOICES, DESCRIPTIONS, Axes, reread
+from nvsim.geometry.lens import Lens
+from nvsim.poses.agreement import AGREES, Evidence, Float, misses
+
+_SHIFTS = 10  # frames by which poses may be late or early
+_WELL = 0.7  # share of the pairs that agree with an explanation
+_BETTER = 0.5  # times the misses by the given poses
+_PAIRS = 80  # that lenses are fitted to
+_WIDEST = 1.2  # of the logarithm of focal lengths that are tried, and of shifts in shares of the image
+_NOTICEABLE = 0.02  # relative changes of a lens that are worth a word
+_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """message  what is wrong with the poses or the lens, in words
+    axes     the value of --axes that mends it, "" for none
+    share    of the pairs that agree once it is undone; `miss` their median in pixels of an image of 640 pixels
+    is_lens  whether the lens is wrong, not the poses
+    """
+
+    message: str
+    axes: str
+    share: float
+    miss: float
+    is_lens: bool = False
+
+
+def explain(
+    poses: Float, read: Float, own: str, names: Sequence[str], order: Sequence[int], evidence: Evidence
+) -> Explanation | None:
+    """The mistake that, undone, brings poses (N, 4, 4) into agreement with the images; None if none does.
+
+    read   (N, 4, 4) the poses by the format's `own` camera axes ("opencv" or "opengl"), before --axes
+    names  of the frames; `order` their indices one after the other in time
+    """
+    rays, focal = evidence.rays(), evidence.focal()
+    given = misses(poses, evidence, rays, focal)
+    found = [lens] if (lens := _lens_explanation(poses, evidence)) is not None else []
+    tried = []
+    for message, axes, undone in (*_conventions(read, own), *_orders(poses, names, order)):
+        valid = np.isfinite(undone[evidence.frames]).all(axis=(1, 2, 3))
+        if np.count_nonzero(valid) >= max(6, len(evidence) // 3):
+            left = misses(np.nan_to_num(undone), evidence, rays, focal)[valid]
+            tried.append(Explanation(message, axes, float(np.mean(left < AGREES)), float(np.median(left))))
+    best = max((t.share for t in tried), default=0.0)
+    least = min((t.miss for t in tried if t.share >= best - 0.03), default=0.0)
+    found += [t for t in tried if t.share >= best - 0.03 and t.miss < 1.5 * least + 0.1][:1]
+    before, share = float(np.median(given)), float(np.mean(given < AGREES))
+    good = [f for f in found if f.share >= max(_WELL, share) and f.miss < _BETTER * before]
+    return min((f for f in good if f.is_lens or f.share > share + 0.2), key=lambda f: f.miss, default=None)
+
+
+def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
+    for axes in CHOICES:
+        if axes != "auto":
+            yield _words(axes, own), axes, reread(poses, own, axes)
+    # The rotation alone is wrong, in the direction and the axes in which a format may hold it.
+    for change, words in (
+        (lambda r: np.swapaxes(r, 1, 2), "their rotations are transposed (rows and columns are exchanged)"),
+        (partial(_requaternioned, turn=1), "their quaternions are in another order (x y z w in place of w x y z)"),
+        (partial(_requaternioned, turn=-1), "their quaternions are in another order (w x y z in place of x y z w)"),
+    ):
+        yield words, "", _rotated(poses, change)
+        yield words, "", _rotated(poses @ _GL, change) @ _GL
+        yield words, "", _inverted(_rotated(_inverted(poses), change))
+    turn, place = poses[:, :3, :3], poses[:, :3, 3]
+    mixed = "their positions and rotations are of opposite directions (camera to world and world to camera)"
+    for moved in (
+        np.swapaxes(turn, 1, 2) @ -place[..., None],
+        turn @ -place[..., None],
+        turn @ -(place * (1, -1, -1))[..., None],
+    ):
+        yield mixed, "", _placed(poses, moved[..., 0])
+    for axis, name in enumerate("xyz"):
+        yield f"their positions are mirrored along {name}", "", _placed(poses, place * (1 - 2 * (np.arange(3) == axis)))
+    for sign in (1, -1):
+        swapped = place[:, [0, 2, 1]] * (1, sign, -sign)
+        yield "the y and z axes of their positions are exchanged", "", _placed(poses, swapped)
+    for angle, turned in ((180, [[-1, 0], [0, -1]]), (90, [[0, -1], [1, 0]]), (270, [[0, 1], [-1, 0]])):
+        yield f"the images are turned by {angle} degrees", "", _viewed(poses, np.array(turned, np.float64))
+    for mirror in (np.diag([-1.0, 1.0]), np.diag([1.0, -1.0])):
+        yield "the images or the world are mirrored (left-handed)", "", _viewed(poses, mirror)
+
+
+def _words(axes: Axes, own: str) -> str:
+    name, _, opposite = axes.partition("-")
+    parts = []
+    if opposite:
+        parts.append("they are in the opposite direction (camera to world exchanged with world to camera)")
+    if name != own or not opposite:
+        parts.append(f"they have {DESCRIPTIONS[name]}")
+    return " and ".join(parts)
+
+
+def _orders(poses: Float, names: Sequence[str], order: Sequence[int]) -> Iterator[tuple[str, str, Float]]:
+    index = np.array(order)
+    by_text = sorted(order, key=lambda i: names[i])
+    by_number = sorted(order, key=lambda i: [int(w) if w.isdigit() else w for w in re.split(r"(\d+)", names[i])])
+    missing = np.full_like(poses, np.nan)
+    yield "they are in reverse order", "", _assigned(missing, index, poses[index[::-1]])
+    if by_text != by_number:
+        words = "their order is that of the numbers and the images' that of the letters (2 after 10), or the reverse"
+        yield words, "", _assigned(missing, np.array(by_number), poses[by_text])
+        yield words, "", _assigned(missing, np.array(by_text), poses[by_number])
+    for shift in range(1, min(_SHIFTS, len(order) - 1) + 1):
+        plural = "s" if shift > 1 else ""
+        words = f"there is a time offset: the pose of each image is listed {shift} frame{plural} %s"
+        yield words % "later", "", _assigned(missing, index[:-shift], poses[index[shift:]])
+        yield words % "earlier", "", _assigned(missing, index[shift:], poses[index[:-shift]])
+
+
+def _assigned(poses: Float, rows: NDArray[np.int64], values: Float) -> Float:
+    result = poses.copy()
+    result[rows] = values
+    return result
+
+
+def _rotated(poses: Float, change: Callable[[Float], Float]) -> Float:
+    result = poses.copy()
+    result[:, :3, :3] = change(poses[:, :3, :3])
+    return result
+
+
+def _placed(poses: Float, positions: Float) -> Float:
+    result = poses.copy()
+    result[:, :3, 3] = positions
+    return result
+
+
+def _viewed(poses: Float, image: Float) -> Float:
+    """Poses of cameras whose images are turned or mirrored by `image` (2, 2)."""
+    turned = np.eye(4)
+    turned[:2, :2] = image
+    return poses @ turned
+
+
+def _inverted(poses: Float) -> Float:
+    back = np.swapaxes(poses[:, :3, :3], 1, 2)
+    return _placed(_rotated(poses, lambda _: back), -(back @ poses[:, :3, 3, None])[..., 0])
+
+
+def _requaternioned(rotations: Float, turn: int) -> Float:
+    """Rotations (N, 3, 3) whose quaternions x y z w are moved on by `turn` places."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(np.roll(Rotation.from_matrix(rotations).as_quat(), turn, axis=1)).as_matrix())
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What is done to a lens: focal lengths times `focal` (x, y), the principal point moved by `middle` (shares of
+    width and height), distortion times `distortion`."""
+
+    focal: tuple[float, float] = (1.0, 1.0)
+    middle: tuple[float, float] = (0.0, 0.0)
+    distortion: float = 1.0
+
+    def of(self, lens: Lens) -> Lens:
+        (fx, fy), (cx, cy) = lens.focal, lens.principal_point
+        fx, fy = fx * self.focal[0], fy * self.focal[1]
+        cx, cy = cx + self.middle[0] * lens.width, cy + self.middle[1] * lens.height
+        head = (fx, fy, cx, cy) if len(lens.params) - len(lens.distortion) == 4 else (np.sqrt(fx * fy), cx, cy)
+        return replace(lens, params=(*head, *(k * self.distortion for k in lens.distortion)))
+
+
+def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
+    """The lens that fits the images best by the given poses, if it fits much better than the given one."""
+    from scipy.optimize import minimize
+
+    rows = np.zeros(len(evidence), bool)
+    rows[np.unique(np.linspace(0, len(evidence) - 1, min(_PAIRS, len(evidence))).astype(int))] = True
+    sample = evidence.only(rows)
+
+    def left(change: _Change) -> Float:
+        kinds = [change.of(lens) for lens in sample.kinds]
+        return misses(poses, sample, sample.rays(kinds), sample.focal(kinds))
+
+    def cost(change: _Change) -> float:
+        return float(np.mean(np.log1p(left(change))))
+
+    factors = np.exp(np.linspace(-1, 1, 27))
+    start = min(factors, key=lambda f: cost(_Change((f, f))))
+
+    def fitted(parameters: Callable[[Float], _Change], first: Sequence[float], steps: Sequence[float]) -> _Change:
+        simplex = np.array([first, *(np.array(first) + np.diag(steps))])
+        options = {"initial_simplex": simplex, "maxiter": 40 * len(first), "xatol": 1e-3, "fatol": 1e-3}
+        bounds = [(-_WIDEST, _WIDEST)] * len(first)
+        found = minimize(lambda v: cost(parameters(v)), first, method="Nelder-Mead", bounds=bounds, options=options)
+        return parameters(found.x)
+
+    lens = sample.kinds[0]
+    (fx, fy), (cx, cy) = lens.focal, lens.principal_point
+    options = [fitted(lambda v: _Change((np.exp(v[0]), np.exp(v[0]))), [np.log(start)], [0.05])]
+    if lens.is_distorted:
+        options += [_Change(distortion=-1.0), _Change(distortion=0.0)]
+    options += [
+        _Change((fy / fx, fx / fy)),
+        _Change(middle=((cy - cx) / lens.width, (cx - cy) / lens.height)),
+        fitted(lambda v: _Change(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
+        fitted(lambda v: _Change((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.1, 0.1]),
+        fitted(
+            lambda v: _Change((np.exp(v[0]), np.exp(v[0])), (v[1], v[2])), [np.log(start), 0.0, 0.0], [0.1, 0.1, 0.1]
+        ),
+    ]
+    costs = [cost(option) for option in options]
+    simplest = next(o for o, c in zip(options, costs, strict=True) if c < 1.2 * min(costs) + 0.03)
+    after = left(simplest)
+    words = _lens_words(lens, simplest)
+    return Explanation(words, "", float(np.mean(after < AGREES)), float(np.median(after)), True) if words else None
+
+
+def _lens_words(lens: Lens, change: _Change) -> str:
+    fitting, parts = change.of(lens), []
+    (fx, fy), (cx, cy) = lens.focal, lens.principal_point
+    (gx, gy), (dx, dy) = fitting.focal, fitting.principal_point
+    if change.distortion != 1:
+        parts.append(
+            "the distortion has the wrong sign"
+            if change.distortion < 0
+            else "the images are undistorted already, but the lens has distortion"
+        )
+    elif abs(gx / fy - 1) + abs(gy / fx - 1) < 1e-6 and abs(fx / fy - 1) > _NOTICEABLE:
+        parts.append(f"the focal lengths of x and y are exchanged: {gx:.4g} and {gy:.4g} fit")
+    elif abs(np.log(gx / fx)) > _NOTICEABLE or abs(np.log(gy / fy)) > _NOTICEABLE:
+        ratio = float(np.sqrt(gx * gy / (fx * fy)))
+        off = f"{1 / ratio:.3g} times too long" if ratio < 1 else f"{ratio:.3g} times too short"
+        alike = abs(np.log(gx / fx) - np.log(gy / fy)) < _NOTICEABLE
+        parts.append(
+            f"the focal length is {off}: {gx:.4g} pixels fit the images, not {fx:.4g}"
+            if alike
+            else f"the focal lengths are wrong: {gx:.4g} and {gy:.4g} pixels fit the images, not {fx:.4g} and {fy:.4g}"
+        )
+    if max(abs(dx - cx) / lens.width, abs(dy - cy) / lens.height) > _NOTICEABLE:
+        parts.append(f"the principal point is wrong: ({dx:.4g}, {dy:.4g}) fits the images, not ({cx:.4g}, {cy:.4g})")
+    return " and ".join(parts)
