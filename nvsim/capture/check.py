@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
+from nvsim.capture.depth_images import check_depths, report_depths
 from nvsim.capture.far_frames import check_far_frames
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.formats import read_raw
@@ -16,6 +17,7 @@ from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_
 from nvsim.capture.image_folder import looked_for_in
 from nvsim.capture.images import decode
 from nvsim.capture.left_out import without
+from nvsim.capture.masks import check_masks
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import report_absent_image
 from nvsim.capture.summary import Summary, summary_of
@@ -69,6 +71,7 @@ def check(
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return Report(path, "", _sorted(findings))
     _check_images(raw, findings)
+    raw = check_depths(check_masks(raw, findings), findings)
     capture = None
     if any(f.camera_to_world is not None for f in raw.frames):
         capture = _check_geometry(raw, scale, camera_height, alignment, findings)
@@ -121,6 +124,7 @@ def _check_geometry(
             "the import asks for it: --camera-height METRES above the floor, or --scale METRES per unit",
         )
     capture = apply(raw, alignment)
+    report_depths(capture, findings)
     if not capture.frames:
         return capture
     where = {f.name: f.where for f in raw.frames}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nvsim.capture import colmap, kapture, multi_capture, nerfstudio
 from nvsim.capture.findings import Findings, shown
+from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
@@ -138,7 +139,7 @@ def _settled(raw: RawCapture, findings: Findings) -> RawCapture:
                 "the image is listed twice", f"{frame.where} and {seen[frame.name].where}", "its pose is ambiguous"
             )
         seen.setdefault(frame.name, frame)
-    return raw
+    return with_masks_beside(raw)
 
 
 def _listed(parts: list[str]) -> str:

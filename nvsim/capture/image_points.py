@@ -37,7 +37,7 @@ def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
     def features(index: int) -> Features | None:
         raw = usable[index]
         assert raw.lens is not None and raw.camera_to_world is not None
-        frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp)
+        frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp, raw.mask)
         intrinsics = frame.intrinsics.within(_SIZE)
         try:
             image = read_image(frame, intrinsics)
