@@ -14,7 +14,12 @@ from nvsim.capture.summary import Summary
 
 _MARGIN = 14  # pixels around the trajectory
 _BAR = 22  # pixels under it, for the scale
-_CLOUDS = {"lidar": "of a scanner", "sfm": "features of the images", "images": "depth of the images"}
+_CLOUDS = {
+    "lidar": "of a scanner",
+    "sfm": "features of the images",
+    "images": "depth of the images",
+    "depth": "depth images",
+}
 
 
 class TrajectoryMap(QWidget):

@@ -1,8 +1,8 @@
 """From the frame of the files to the aligned one: z up by the smallest rotation about the origin, scale kept apart.
 
 Up comes from the cameras (people and robots hold them level on average) and is refined by the dominant floor plane of
-the cloud, or where no cloud shows a floor, of depth images or of what the images show themselves. A capture whose up is within 2 degrees of
-z is not touched.
+the cloud, or if it shows no floor, of depth images or of what the images show themselves. A capture whose up is within
+2 degrees of z is not touched.
 
 The scale is known when the user gives it, when the source claims metres and its cameras are at a height above the
 floor that a user or a robot can have, or when the user gives that height.

@@ -50,8 +50,8 @@ def check_outliers(capture: Capture, where: Mapping[str, str], findings: Finding
 
 
 def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
-    """Whether the cloud lies where the cameras look; otherwise an error finding. Without a cloud and depth images it is a
-    warning, and True."""
+    """Whether the cloud lies where the cameras look; otherwise an error finding. Without a cloud it is True, and a
+    warning unless depth images make one."""
     cloud = capture.cloud
     place = capture.source.name
     if capture.has_measured_depth and (cloud is None or not len(cloud.points)):

@@ -82,7 +82,8 @@ def _fault(frame: RawFrame) -> str:
         return str(error).replace(str(frame.mask.path), "the mask").rstrip(".")
     if frame.lens is not None and not _fits(usable, frame.lens.width, frame.lens.height):
         height, width = usable.shape
-        return f"the mask is {width}x{height} pixels, which does not fit an image of {frame.lens.width}x{frame.lens.height}"
+        image = f"{frame.lens.width}x{frame.lens.height}"
+        return f"the mask is {width}x{height} pixels, which does not fit an image of {image}"
     return "" if usable.any() else "the mask ignores the whole image"
 
 

@@ -80,7 +80,9 @@ def _read(path: Path, findings: Findings) -> RawCapture:
             cloud = read_cloud(_resolve(path.parent, listed), findings, kind="lidar" if metric else "sfm")
     except InputError as error:
         findings.error(str(error).rstrip("."), f"{path.name}, ply_file_path", "there would be no floor to measure")
-    return RawCapture(path, "instant-ngp" if ngp else "nerfstudio", tuple(read), cloud, metric, (), tuple(with_unit_of_floats(depths)))
+    return RawCapture(
+        path, "instant-ngp" if ngp else "nerfstudio", tuple(read), cloud, metric, (), tuple(with_unit_of_floats(depths))
+    )
 
 
 def _is_metric(tree: Tree, frames: list[Tree]) -> bool:

@@ -15,9 +15,9 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.cells import near_places
 from nvsim.geometry.lens import Lens
 
-CloudKind = Literal["lidar", "sfm", "images"]
-"""Where a cloud comes from: a scanner; features of images, which say nothing of bare walls; or the depth of images,
-which is as dense as a scan and noisier."""
+CloudKind = Literal["lidar", "sfm", "images", "depth"]
+"""Where a cloud comes from: a scanner; features of images, which say nothing of bare walls; the estimated depth of
+images, which is as dense as a scan and noisier; or the depth images of a depth camera."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     from nvsim.capture.summary import Summary
 
 _PLACES = 3
-_WHERE_FROM = {"lidar": "of a scanner", "sfm": "of features of the images", "images": "of the depth of the images"}
+_WHERE_FROM = {
+    "lidar": "of a scanner",
+    "sfm": "of features of the images",
+    "images": "of the depth of the images",
+    "depth": "of depth images",
+}
 
 
 @dataclass(frozen=True)
