@@ -177,9 +177,10 @@ class FramesInPhases:
 
     def _show(self, out: Path, index: int) -> None:
         found = self._confirmed("labelled", index)
-        if index in self._measured:  # the other views are no worse; few may show the place
+        if index in self._measured:  # others count how often they agree, but make it no more exact
+            own, _ = self.maps["labelled"](index)
             kept = found.through <= found.views + 1
-            found = replace(found, inverse=np.where(kept, found.inverse, 0).astype(np.float32))
+            found = replace(found, inverse=np.where(kept, own, 0).astype(np.float32))
         write_draft(out / "shown", index, found.inverse, found.views.astype(np.float32))
 
     def _finish(self, out: Path, index: int) -> None:
